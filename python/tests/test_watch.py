@@ -68,10 +68,28 @@ def test_missing_sensors_are_told(watched):
         findings(watched, silent)
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda time_s, log: log.update(p_a_1_pa=np.where(time_s > 4, np.nan, log["p_a_1_pa"])), "value: p_a_1 in 2"),
+        (lambda time_s, log: log.update({k: v[abs(time_s - 3) > 0.2] for k, v in log.items()}), "without a sample"),
+        (lambda time_s, log: log.update(time_s=np.where(time_s > 4, time_s - 3, time_s)), "clock set back"),
+    ],
+    ids=["a sensor lost midway", "a gap", "a clock set back"],
+)
+def test_what_the_command_line_tells_of_a_log_is_a_warning(watched, change, words):
+    columns = dict(watched[2])
+    change(columns["time_s"], columns)
+    with pytest.warns(UserWarning, match=words):
+        findings(watched, columns)
+
+
 def test_masked_readings_are_missing_ones(watched):
     columns = dict(watched[2])
     mask = np.arange(len(columns["time_s"])) % 50 > 25
     bad = np.where(mask, 0.0, columns["p_a_1_pa"])
-    masked = findings(watched, {**columns, "p_a_1_pa": np.ma.MaskedArray(bad, mask=mask)})
-    missing = findings(watched, {**columns, "p_a_1_pa": np.where(mask, np.nan, bad)})
+    with pytest.warns(UserWarning, match="samples without a value: p_a_1"):
+        masked = findings(watched, {**columns, "p_a_1_pa": np.ma.MaskedArray(bad, mask=mask)})
+    with pytest.warns(UserWarning, match="samples without a value: p_a_1"):
+        missing = findings(watched, {**columns, "p_a_1_pa": np.where(mask, np.nan, bad)})
     assert masked == missing

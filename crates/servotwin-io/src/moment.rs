@@ -1,4 +1,5 @@
-//! Dates and times in readable form: `2026-11-21T08:15:02.5`, `21.11.2026 08:15`, `21-Nov-2026 8:15:02 AM`, `08:15:02`.
+//! Dates and times in readable form: `2026-11-21T08:15:02.5`, `20261121T081502.5`, `21.11.2026 08:15`,
+//! `21-Nov-2026 8:15:02 AM`, `08:15:02`, `325:08:15:02.5` with the day of the year, `15:02.5` in minutes.
 //!
 //! A [`Clock`] decides by the first time of a log what all of its times mean.
 
@@ -70,16 +71,26 @@ pub struct Moment {
     pub zone_s: Option<f64>,
     /// Whether the text has a date.
     pub has_date: bool,
+    /// After this time the clock begins anew, s: a day, an hour for minutes, or a year for its days.
+    turn_s: f64,
 }
 
 impl Moment {
     /// Reads a text; `None` if it is no time. The forms `11/21/2026` and `21-11-2026` are rejected, because the order
     /// of month and day is not known ([`refusal`]).
     pub fn read(text: &str) -> Option<Self> {
-        let (day, time) = split(short(text)?);
-        let (seconds, zone_s) = time.map_or(Some((0.0, None)), time_of_day)?;
-        let days = day.map_or(Some(0.0), date)?;
-        Some(Moment { clock_s: DAY_S * days + seconds, zone_s, has_date: day.is_some() })
+        let text = short(text)?;
+        let plain = extended(text);
+        let (day, time) = split(plain.as_deref().unwrap_or(text));
+        let (days, (seconds, zone_s), turn_s) = match (day_of_year(text), minutes(text)) {
+            (Some((days, time)), _) => (days, time_of_day(time)?, 365.0 * DAY_S),
+            (None, Some(seconds)) => (0.0, (seconds, None), 3600.0),
+            (None, None) => {
+                (day.map_or(Some(0.0), date)?, time.map_or(Some((0.0, None)), time_of_day)?, DAY_S)
+            }
+        };
+        let has_date = day.is_some();
+        Some(Moment { clock_s: DAY_S * days + seconds, zone_s, has_date, turn_s })
     }
 
     /// The same time on another clock; unchanged if this text has no zone.
@@ -108,7 +119,8 @@ impl Clock {
         let moment = Moment::read(text)?;
         let zone_s = *self.zone_s.get_or_insert(moment.zone_s);
         let time_s = zone_s.map_or(moment.clock_s, |zone_s| moment.on_clock(zone_s));
-        self.last = if moment.has_date { time_s } else { time_s + self.turns(time_s, DAY_S) };
+        self.last =
+            if moment.has_date { time_s } else { time_s + self.turns(time_s, moment.turn_s) };
         Some(self.last)
     }
 
@@ -171,6 +183,35 @@ pub fn refusal(text: &str) -> Option<&'static str> {
 fn short(text: &str) -> Option<&str> {
     const LONGEST: usize = 64;
     Some(text.trim()).filter(|text| text.len() <= LONGEST)
+}
+
+/// A date without separators in the usual form: `20261121T081502.5Z` becomes `2026-11-21T08:15:02.5Z`.
+fn extended(text: &str) -> Option<String> {
+    let (day, time) = text.split_once(['T', ' '])?;
+    let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let (hours, rest) = (time.get(..2)?, time.get(4..)?);
+    let is_basic = day.len() == 8 && is_digits(day) && time.get(..6).is_some_and(is_digits);
+    is_basic.then(|| {
+        format!("{}-{}-{}T{hours}:{}:{rest}", &day[..4], &day[4..6], &day[6..], &time[2..4])
+    })
+}
+
+/// The days before the day of an unknown year, and the time of day: `325:08:15:02.5`.
+fn day_of_year(text: &str) -> Option<(f64, &str)> {
+    let (day, time) = text.split_once(':').filter(|(day, _)| day.len() == 3)?;
+    let day =
+        number(day).filter(|day| (1..=366).contains(day) && time.matches(':').count() == 2)?;
+    Some(((day - 1) as f64, time))
+}
+
+/// The seconds of a time in minutes and seconds: the fraction shows that the second number is one of seconds.
+fn minutes(text: &str) -> Option<f64> {
+    let (minutes, seconds) = text.split_once(':')?;
+    let seconds = seconds.replace(',', ".");
+    let (whole, _) = seconds.split_once('.').filter(|(whole, _)| whole.len() == 2)?;
+    let minutes = number(minutes).filter(|_| (1..=3).contains(&minutes.len()))?;
+    let sound = number(whole).is_some_and(|whole| whole < 60);
+    sound.then(|| Some(60.0 * minutes as f64 + seconds.parse::<f64>().ok()?))?
 }
 
 /// The date and the time of day of a text.
@@ -237,8 +278,16 @@ fn time_of_day(text: &str) -> Option<(f64, Option<f64>)> {
         Some(_) => return None,
         None => 0.0,
     };
+    // Some loggers write a colon before the milliseconds or microseconds.
+    let fraction = match parts.next() {
+        Some(text) if matches!(text.len(), 3 | 6) && seconds.fract() == 0.0 => {
+            number(text)? as f64 / f64::powi(10.0, text.len() as i32)
+        }
+        Some(_) => return None,
+        None => 0.0,
+    };
     let sound = hours <= 24 && minutes < 60 && seconds < 61.0 && parts.next().is_none();
-    sound.then(|| ((3600 * hours + 60 * minutes) as f64 + seconds, zone_s))
+    sound.then(|| ((3600 * hours + 60 * minutes) as f64 + seconds + fraction, zone_s))
 }
 
 /// The time without its zone, and the zone in seconds east of UTC.

@@ -187,6 +187,11 @@ impl NamedUnit {
         }
     }
 
+    /// The SI unit of a dimension.
+    pub fn of_si(unit: Unit) -> &'static NamedUnit {
+        exactly(word(unit)).expect("every unit of the model has a row")
+    }
+
     /// Whether it is the SI unit itself.
     pub fn is_si(&self) -> bool {
         self.symbol == word(self.unit)
@@ -289,17 +294,112 @@ pub fn typed(unit: Unit) -> Option<&'static NamedUnit> {
     of_logs(unit).next()
 }
 
-/// The unit of a column whose values are `ratio` times the expected SI values, with its number per SI unit.
-pub fn other(unit: Unit, ratio: f64) -> Option<(f64, &'static str)> {
-    let near = |row: &NamedUnit| (ratio * row.si).ln().abs();
-    let best = of_logs(unit).min_by(|a, b| near(a).total_cmp(&near(b)))?;
-    (near(best) < 0.35).then_some((1.0 / best.si, best.spoken))
+/// Units whose numbers differ by less than this factor are not told apart from a faulty sensor.
+const LEAST_FACTOR: f64 = 2.4;
+/// Largest error of the ratio between a unit and the declared one, as a share of its logarithm, and in all.
+const RATIO_ERROR: (f64, f64) = (0.15, 0.35);
+/// Units whose logarithms differ by less than this cannot be told apart: bar, kgf/cm² and atm. Largest error of a ratio
+/// between two units of which none is declared.
+const SAME: f64 = 0.05;
+
+/// Numbers in one unit that were read in another.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Misread {
+    /// The unit that they are in. The likeliest comes first; the others cannot be told apart from it.
+    pub actual: Vec<&'static NamedUnit>,
+    /// The unit that they were taken for.
+    pub read_as: &'static NamedUnit,
 }
 
-/// The most usual unit in which a value lies within an SI range, with its number per SI unit.
-pub fn within(unit: Unit, value: f64, range: (f64, f64)) -> Option<(f64, &'static str)> {
+impl Misread {
+    fn new(actual: &'static NamedUnit, read_as: &'static NamedUnit) -> Self {
+        let is_same = |row: &&NamedUnit| *row != actual && (row.si / actual.si).ln().abs() < SAME;
+        let actual = std::iter::once(actual).chain(rows(actual.unit).filter(is_same)).collect();
+        Misread { actual, read_as }
+    }
+
+    /// What the values must be multiplied with.
+    pub fn factor(&self) -> f64 {
+        self.actual[0].si / self.read_as.si
+    }
+
+    /// `to be in mm, not m` or, where nobody declared the second unit, `to be inches read as mm`, with what to do.
+    pub fn in_words(&self, declared: &NamedUnit) -> (String, String) {
+        let actual: Vec<&str> = self.actual.iter().map(|unit| unit.spoken).collect();
+        let (actual, read_as) = (actual.join(" or "), self.read_as.spoken);
+        match self.read_as == declared {
+            true => (
+                format!("to be in {actual}, not {read_as}"),
+                "give the unit in a map file, which --make-map writes".into(),
+            ),
+            false => (
+                format!("to be {actual} read as {read_as}"),
+                format!("factor = {} in a map file undoes it", rounded(self.factor())),
+            ),
+        }
+    }
+}
+
+/// Six digits, without the rounding of a division.
+fn rounded(factor: f64) -> f64 {
+    format!("{factor:.5e}").parse().unwrap_or(factor)
+}
+
+/// How a column may have been misread whose values, in the `declared` unit, are `ratio` times what is expected; `None`
+/// if no unit fits, or if a faulty sensor might show the ratio.
+pub fn misread(declared: &'static NamedUnit, ratio: f64) -> Option<Misread> {
+    let nearest = |all: Vec<Misread>, most: fn(f64) -> f64| {
+        let error = |misread: &Misread| (ratio * misread.factor()).ln().abs();
+        let fits = all.into_iter().filter(|misread| {
+            let factor = misread.factor().ln().abs();
+            factor > LEAST_FACTOR.ln() && error(misread) < most(factor)
+        });
+        fits.min_by(|a, b| error(a).total_cmp(&error(b)))
+    };
+    let wide = |factor: f64| (RATIO_ERROR.0 * factor).min(RATIO_ERROR.1);
+    let unusual = || rows(declared.unit).map(|row| Misread::new(row, declared)).collect();
+    let of_declared = |row| Misread::new(row, declared);
+    nearest(usual_rows(declared.unit).map(of_declared).collect(), wide)
+        .or_else(|| nearest(unusual(), wide))
+        .or_else(|| nearest(pairs(declared.unit), |_| SAME))
+}
+
+/// The ways in which a column may have been misread, those with the `declared` unit first.
+pub fn misreadings(declared: &'static NamedUnit) -> Vec<Misread> {
+    let mut found: Vec<Misread> = vec![];
+    let of_declared = usual_rows(declared.unit).map(|row| Misread::new(row, declared));
+    for misread in of_declared.chain(pairs(declared.unit)) {
+        let is_same = |other: &Misread| (other.factor() / misread.factor()).ln().abs() < SAME;
+        if misread.factor().ln().abs() > LEAST_FACTOR.ln() && !found.iter().any(is_same) {
+            found.push(misread);
+        }
+    }
+    found
+}
+
+/// All pairs of usual units of a dimension.
+fn pairs(unit: Unit) -> Vec<Misread> {
+    usual_rows(unit)
+        .flat_map(|row| usual_rows(unit).map(move |other| Misread::new(row, other)))
+        .collect()
+}
+
+/// The units of a dimension whose zero is that of SI.
+fn rows(unit: Unit) -> impl Iterator<Item = &'static NamedUnit> {
+    TABLE.iter().filter(move |row| row.unit == unit && row.is_proportional())
+}
+
+fn usual_rows(unit: Unit) -> impl Iterator<Item = &'static NamedUnit> {
+    rows(unit).filter(|row| row.is_usual || row.is_si())
+}
+
+/// The most usual unit in which a value lies within an SI range, if it is outside as long as it is read in the
+/// `declared` unit.
+pub fn within(declared: &NamedUnit, si: f64, range: (f64, f64)) -> Option<&'static NamedUnit> {
+    let value = (si - declared.offset) / declared.si;
     let is_inside = |row: &&NamedUnit| (range.0..=range.1).contains(&(value * row.si));
-    of_logs(unit).find(is_inside).map(|row| (1.0 / row.si, row.spoken))
+    let usual = TABLE.iter().filter(|row| row.unit == declared.unit);
+    usual.filter(|row| row.is_usual || row.is_si()).find(|row| *row != declared && is_inside(row))
 }
 
 /// How numbers for a unit may be written, for messages: SI first.

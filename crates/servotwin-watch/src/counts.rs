@@ -181,6 +181,14 @@ impl WatchCounts {
         checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what)
     }
 
+    /// The kinds that were met, each with how often and where first.
+    pub fn met_in_words(&self) -> Vec<String> {
+        let met = self.met().map(|(kind, tally)| {
+            format!("{} ({}, first {})", kind.words().1, tally.count, self.place(tally))
+        });
+        met.collect()
+    }
+
     /// Counts one occurrence of a kind.
     pub fn note(&mut self, kind: Irregularity, place: u64) {
         self.note_with(kind, place, &"");

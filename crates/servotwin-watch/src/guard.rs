@@ -4,16 +4,18 @@
 //! first minute beside the twin, and [`unjudged`] explains a log in which nothing was judged.
 
 use super::counts::{Irregularity, WatchCounts};
-use super::map::{Map, MapError, Trust, guess, other_raster};
+use super::map::{Guess, Map, MapError, Trust, guess, other_raster};
+use super::plausibility::Plausibility;
 use super::source::{LogColumn, Source, SourceError};
 use super::{Observer, Watch, WatchError};
+use servotwin::beside::InputMistake;
 use servotwin::fit::RecordError;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::units;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_io::sanitize;
 use servotwin_io::table::TableError;
+use servotwin_io::{moment, sanitize};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How much of a log is tried before it is judged, s.
@@ -64,11 +66,33 @@ pub fn plan(
     if guess.sensors.len() == study.system.sensors.len() {
         return Err(foreign(log, columns, study, is_study_named));
     }
+    require_no_counter(log, &guess, study)?;
     let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
     let map = map.map_err(IntakeError::Map)?;
     let (warnings, notes) = guess.remarks();
     require(log, columns, &map, study)?;
     Ok(LogPlan { map, warnings, notes })
+}
+
+/// Checks that the times of a guessed map do not count rows at a rate that nobody knows.
+///
+/// # Errors
+/// They do.
+pub(crate) fn require_no_counter(
+    log: &str,
+    guess: &Guess,
+    study: &Study,
+) -> Result<(), IntakeError> {
+    let Some(name) = &guess.counter else { return Ok(()) };
+    Err(refused(
+        log,
+        format!(
+            "'{}' counts rows or milliseconds and has no unit: below [time] of a map file, which --make-map writes, \
+             rate_hz = {} instead of column counts rows, and unit = \"ms\" reads milliseconds",
+            sanitize::text(name),
+            moment::rounded(1.0 / study.sample_period_s)
+        ),
+    ))
 }
 
 /// Checks that a map has the study's command, and that its columns have one time. Without the command, the twin would
@@ -149,18 +173,53 @@ pub fn foreign(
     refused(log, reason)
 }
 
-/// Reads the first minute of a log beside the twin, and returns what contradicts the map, as sentences. Open the source
-/// again, and make another observer, to watch the log.
+/// Opens a log with a map, and makes a new observer for it.
+pub type Open<'o, E> =
+    dyn FnMut(&Map) -> Result<(Box<dyn Source + 'o>, Box<dyn Observer + 'o>), E> + 'o;
+
+/// The result of a trial.
+pub struct Trial {
+    /// What contradicts the map, as sentences.
+    pub contradictions: Vec<String>,
+    /// The offset of the log's clock from UTC, s, if its dates have one.
+    pub zone_s: Option<f64>,
+}
+
+/// Reads the first minute of a log beside the twin. If the twin does not follow, it is tried whether it does with the
+/// command in another unit, or exchanged with a sensor.
 ///
 /// # Errors
 /// The source cannot be read.
-pub fn trial(
+pub fn trial<E: From<WatchError>>(
+    open: &mut Open<E>,
+    map: &Map,
+    study: &Study,
+    period_s: f64,
+) -> Result<Trial, E> {
+    let system = &study.system;
+    let (mut source, mut observer) = open(map)?;
+    let (evidence, counts) = first_minute(&mut *source, map, &mut *observer, period_s)?;
+    let zone_s = source.zone_s();
+    let mut rerun = |mistake: &InputMistake| {
+        let Some(map) = map.without_mistake(study.command_input, mistake) else { return Ok(None) };
+        let (mut source, mut observer) = open(&map)?;
+        let (evidence, _) = first_minute(&mut *source, &map, &mut *observer, period_s)?;
+        Ok::<_, E>(Some(evidence.beside().clone()))
+    };
+    let mistake = evidence.input_mistake(system, map, study.command_input, &mut rerun)?;
+    let contradictions = match mistake {
+        Some(mistake) => vec![mistake],
+        None => evidence.contradictions(system, map, &counts),
+    };
+    Ok(Trial { contradictions, zone_s })
+}
+
+fn first_minute(
     source: &mut dyn Source,
     map: &Map,
     observer: &mut dyn Observer,
-    system: &System,
     period_s: f64,
-) -> Result<Vec<String>, WatchError> {
+) -> Result<(Plausibility, WatchCounts), WatchError> {
     let (stop, mut calls) = (AtomicBool::new(false), 0.0);
     let mut watch = Watch::new(source, map, observer, period_s);
     watch.run(&stop, &mut |_, _| {
@@ -168,7 +227,7 @@ pub fn trial(
         calls += 1000.0;
         stop.store(calls * period_s > TRIAL_S, Ordering::Relaxed);
     })?;
-    Ok(watch.plausibility().contradictions(system, map, watch.counts()))
+    Ok((watch.plausibility().clone(), watch.counts().clone()))
 }
 
 /// The range of each input of the system that the diagnoser accepts.
@@ -186,17 +245,30 @@ pub fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
     sensors.map(|sensor| sensor.id.as_str()).collect()
 }
 
+/// Reports channels without a value in some of the samples.
+pub fn lost_in_words(map: &Map, counts: &WatchCounts) -> Option<String> {
+    let lost = counts.missing.iter().enumerate().filter(|(_, count)| **count > 0);
+    let lost: Vec<String> =
+        lost.map(|(channel, count)| format!("{} in {count}", map.id(channel))).collect();
+    (!lost.is_empty()).then(|| format!("samples without a value: {}", lost.join(", ")))
+}
+
 /// Why a log gave no sample.
 pub fn nothing(map: &Map, counts: &WatchCounts) -> String {
     let timeless = counts.of(Irregularity::NoTime);
     match counts.frames {
         0 => "nothing stands below the names of its columns".to_owned(),
         frames if timeless.count == frames => {
-            let remedy = match (timeless.detail.contains("': "), map.wanted().dates) {
+            let text = timeless.detail.trim_matches('\'');
+            let is_time = moment::seconds(text).is_some() && !map.wanted().dates;
+            let remedy = match (timeless.detail.contains("': "), is_time) {
                 (true, _) => "",
-                (_, true) => "; dates are written as 2026-11-21T08:15:02.5",
+                (_, true) => {
+                    "; unit = \"date\" below [time] in a map file reads it, and --make-map writes it"
+                }
                 (_, false) => {
-                    "; a date needs unit = \"date\" below [time] in a map file, which --make-map writes"
+                    "; write times as numbers, 08:15:02.5 or 2026-11-21T08:15:02.5; or rate_hz with the rate of the log \
+                     instead of column below [time] of a map file counts rows"
                 }
             };
             format!("no row has a time ({}){remedy}", counts.place(timeless))

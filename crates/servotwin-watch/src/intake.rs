@@ -12,7 +12,7 @@ use super::plausibility::coarse_in_words;
 use super::sequencer::Stamped;
 use super::source::{Address, LogRow, Read, Source, SourceError};
 use super::span::LogSpan;
-use servotwin::fit::{RecordError, TIME_UNIT};
+use servotwin::fit::{RecordError, TIME_UNIT, unit_key};
 use servotwin::recording::with_suffix;
 use servotwin::study::Study;
 use servotwin_io::moment;
@@ -32,8 +32,8 @@ pub struct Whole {
     pub table: Table,
     /// The counts of rows and irregularities.
     pub counts: WatchCounts,
-    /// Columns without a known unit; they are read as SI.
-    pub assumed: Vec<String>,
+    /// What may be wrong with a map that was made from the names of the columns.
+    pub warnings: Vec<String>,
 }
 
 /// Whether a file may be a log, judged by its extension.
@@ -57,8 +57,8 @@ pub fn read(
     match map {
         Some(map) => read_mapped(&address, map, span, study, vec![]),
         None => {
-            let (map, assumed) = guessed(&address, study)?;
-            read_mapped(&address, &map, span, study, assumed)
+            let (map, warnings) = guessed(&address, study)?;
+            read_mapped(&address, &map, span, study, warnings)
         }
     }
 }
@@ -83,7 +83,7 @@ fn read_mapped(
     map: &Map,
     span: LogSpan,
     study: &Study,
-    assumed: Vec<String>,
+    warnings: Vec<String>,
 ) -> Result<Whole, IntakeError> {
     let (log, source) = (address.to_string(), open(address, map, span)?);
     if map.wanted().columns.is_empty() {
@@ -96,11 +96,11 @@ fn read_mapped(
     let end = |sample: Option<&Stamped>| sample.map_or((0, f64::NAN), |s| (s.place, s.time_s));
     match coarse_in_words(&counts, [end(samples.first()), end(samples.last())], map) {
         Some(reason) => Err(IntakeError::Refused { log, reason }),
-        None => Ok(Whole { table: table(&samples, &counts, map, study)?, counts, assumed }),
+        None => Ok(Whole { table: table(&samples, &counts, map, study)?, counts, warnings }),
     }
 }
 
-/// A map guessed from the column names, and the columns without a unit.
+/// A map guessed from the column names, and what may be wrong with it.
 fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), IntakeError> {
     let guess = guess(&address.columns()?, study, Trust::Certain);
     if guess.sensors.len() == study.system.sensors.len() {
@@ -109,8 +109,10 @@ fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), Intak
     if !guess.time {
         return Err(IntakeError::Record(RecordError::NoTime));
     }
+    guard::require_no_counter(&address.to_string(), &guess, study)?;
     let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
-    Ok((map.map_err(IntakeError::Map)?, guess.assumed))
+    let (warnings, _) = guess.remarks();
+    Ok((map.map_err(IntakeError::Map)?, warnings))
 }
 
 /// Reads all samples, ordered by time.
@@ -202,9 +204,10 @@ fn table(
     let times_s: Vec<f64> = samples.iter().map(|sample| sample.time_s).collect();
     let network = study.system.network();
     let inputs = network.inputs.iter().map(|input| input.unit);
-    let units = inputs.chain(study.system.sensors.iter().map(|sensor| sensor.unit));
+    let dimensions = inputs.chain(study.system.sensors.iter().map(|sensor| sensor.unit));
+    let mut units = vec![];
     let mut columns = vec![Column::new(TIME, "s", times_s.clone())];
-    for (channel, unit) in units.enumerate() {
+    for (channel, unit) in dimensions.enumerate() {
         let values = match (map.is_column(channel), map.constant(channel)) {
             (true, _) => {
                 let of = |sample: &Stamped| sample.values[channel];
@@ -215,7 +218,9 @@ fn table(
             (false, Some(value)) if !map.is_default(channel) => vec![value; samples.len()],
             (false, _) => continue,
         };
-        columns.push(Column::new(with_suffix(map.id(channel), unit), unit.symbol(), values));
+        let name = with_suffix(map.id(channel), unit);
+        units.push((unit_key(&name), map.unit(channel).symbol));
+        columns.push(Column::new(name, unit.symbol(), values));
     }
     let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
     let counted = match &*counts.counted {
@@ -224,6 +229,7 @@ fn table(
         _ => "line",
     };
     let table = Table::from_columns(columns)?.with_metadata(TIME_UNIT, unit_s.to_string());
+    let table = units.into_iter().fold(table, |table, (key, unit)| table.with_metadata(key, unit));
     Ok(table.with_places(counted, samples.iter().map(|sample| sample.place)))
 }
 

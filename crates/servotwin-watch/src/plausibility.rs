@@ -8,9 +8,9 @@
 use super::counts::{Irregularity, WatchCounts};
 use super::map::{LARGEST_RATE_HZ, Map};
 use super::sequencer::Stamped;
-use servotwin::beside::{self, Comparisons, Spread, TwinComparison};
-use servotwin::system::{Sensor, System};
-use servotwin::units;
+use servotwin::beside::{self, Comparisons, InputMistake, SensorColumn, Spread};
+use servotwin::system::System;
+use servotwin::units::{self, NamedUnit};
 use servotwin_io::document::{NumberWithUnit, Quantities};
 use servotwin_io::moment::{self, rounded};
 use servotwin_model::spec::Unit;
@@ -23,10 +23,6 @@ const SLOW: f64 = 1.5;
 const FAST: f64 = 0.02;
 /// Columns with fewer values are not judged.
 const LEAST_VALUES: u64 = 20;
-/// A twin signal below this share of its sensor's scale gives no evidence about the unit.
-const LEAST_SHARE: f64 = 0.01;
-/// A column in another unit leaves at most this share of the twin's variance unexplained.
-const OTHER_UNIT: f64 = 0.25;
 /// More rows than this share, and at least as many as the witnesses of a clock, with the time of another row are no
 /// accident.
 pub(crate) const MOST_COARSE: f64 = 0.01;
@@ -114,13 +110,20 @@ impl Plausibility {
         counts: &WatchCounts,
     ) -> Vec<String> {
         let network = system.network();
-        let inputs = network.inputs.iter().map(|input| (input.unit, f64::INFINITY));
-        let sensors = system.sensors.iter().map(|sensor| (sensor.unit, sensor.scale));
-        let signals = inputs.chain(sensors).enumerate();
-        let columns = self.columns.iter().zip(signals);
-        let columns = columns.filter_map(|(column, (channel, (unit, scale)))| {
-            let beside = channel.checked_sub(map.inputs()).map(|sensor| self.beside.of(sensor));
-            column.sentence(map.id(channel), unit, scale, beside)
+        let inputs = network.inputs.iter().map(|input| input.unit);
+        let units = inputs.chain(system.sensors.iter().map(|sensor| sensor.unit)).enumerate();
+        let sensors = columns(system, map);
+        let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
+        let columns = self.columns.iter().zip(units);
+        let claimed = self.beside.other_units(&sensors);
+        let is_claimed = |sensor: usize| claimed.iter().any(|other| other.sensor == sensor);
+        let columns = columns.filter_map(|(column, (channel, unit))| {
+            let sensor = channel.checked_sub(map.inputs()).filter(|&sensor| !is_claimed(sensor));
+            let beside = sensor.and_then(|s| self.beside.unit_beside(s, &sensors[s]));
+            let looks_like = beside.as_ref().map(|other| other.misread.actual[0]);
+            column
+                .outside_in_words(map, channel, unit, looks_like)
+                .or_else(|| beside::other_units_in_words(&sensors, &names, beside.as_slice()))
         });
         let mut all = self.contradictions(system, map, counts);
         all.extend(self.pace(period_s).into_iter().chain(columns));
@@ -133,72 +136,27 @@ impl Plausibility {
 
     /// What contradicts the map beyond doubt, as sentences.
     pub fn contradictions(&self, system: &System, map: &Map, counts: &WatchCounts) -> Vec<String> {
-        let sensors: Vec<&Sensor> = system.sensors.iter().collect();
-        let id = |sensor: usize| sensors[sensor].id.as_str();
-        let coarse = coarse_in_words(counts, self.ends, map);
-        let mut found: Vec<String> = coarse.into_iter().chain(self.other_units(system)).collect();
-        if let Some((sign, low)) = self.beside.without_atmosphere(&sensors) {
-            let names: Vec<&str> = low.into_iter().map(id).collect();
-            found.push(beside::atmosphere_in_words(sign, &names));
-        }
-        let pairs = self.beside.exchanged(&sensors);
-        let pairs: Vec<_> = pairs.into_iter().map(|(a, b)| (id(a), id(b))).collect();
-        found.extend(match (self.signs(system), pairs.is_empty()) {
-            (Some(turned), _) => Some(turned),
-            (None, false) => Some(beside::exchanged_in_words(&pairs)),
-            (None, true) => self.turned_pressures(system),
-        });
-        found
+        let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
+        let found = self.beside.mistakes(&columns(system, map), &names);
+        coarse_in_words(counts, self.ends, map).into_iter().chain(found).collect()
     }
 
-    /// Reports positions that move against the twin. If most do, the command has the wrong sign. A pressure has no
-    /// sign: one that moves against its twin is another's, or belongs to a command of the wrong sign.
-    fn signs(&self, system: &System) -> Option<String> {
-        let signs = self.moving(system, |unit| unit != Unit::Pascal);
-        let turned: Vec<&str> = signs.iter().filter(|(is, _)| *is).map(|(_, id)| *id).collect();
-        let (ids, verb) = (turned.join(", "), if turned.len() == 1 { "moves" } else { "move" });
-        match turned.len() {
-            0 => None,
-            most if most > 1 && 2 * most > signs.len() => Some(format!(
-                "{ids} {verb} against the twin: the sign of the command seems to be wrong"
-            )),
-            _ => Some(format!(
-                "{ids} {verb} against the twin: the sign seems to be wrong, factor = -1 in the map turns it"
-            )),
-        }
+    /// The sensors beside the twin.
+    pub(super) fn beside(&self) -> &Comparisons {
+        &self.beside
     }
 
-    /// Reports pressures that move against the twin although nothing else does.
-    fn turned_pressures(&self, system: &System) -> Option<String> {
-        let signs = self.moving(system, |unit| unit == Unit::Pascal);
-        let turned: Vec<&str> = signs.iter().filter(|(is, _)| *is).map(|(_, id)| *id).collect();
-        let advice = "a pressure has no sign, so look at which column it is";
-        (!turned.is_empty())
-            .then(|| format!("{}: moving against the twin; {advice}", turned.join(", ")))
-    }
-
-    /// The sensors that move, each with whether it moves against the twin.
-    fn moving<'s>(&self, system: &'s System, is_of: fn(Unit) -> bool) -> Vec<(bool, &'s str)> {
-        let sensors = system.sensors.iter().enumerate();
-        let moving = sensors.filter(|(place, sensor)| {
-            is_of(sensor.unit) && self.beside.of(*place).moves(sensor.scale)
-        });
-        moving.map(|(place, sensor)| (self.beside.of(place).is_turned(), &*sensor.id)).collect()
-    }
-
-    /// Reports sensors whose motion another unit explains.
-    fn other_units(&self, system: &System) -> Option<String> {
-        let other = |(place, sensor): (usize, &Sensor)| {
-            let beside = self.beside.of(place);
-            let (factor, unit) = unit_beside(beside, sensor.unit, sensor.scale)?;
-            let left = beside.variance(1.0 / factor) / beside.twin.variance();
-            let is_explained = beside.moves(sensor.scale) && left < OTHER_UNIT;
-            is_explained.then(|| format!("{} seems to be in {unit}", sensor.id))
-        };
-        let found: Vec<String> = system.sensors.iter().enumerate().filter_map(other).collect();
-        let remedy = "give its unit in a map file, which --make-map writes";
-        (!found.is_empty())
-            .then(|| format!("{}, which the twin's motion confirms: {remedy}", found.join(", ")))
+    /// Reports a mistake of the column of an input; see [`Comparisons::input_mistake`].
+    pub(super) fn input_mistake<E>(
+        &self,
+        system: &System,
+        map: &Map,
+        input: usize,
+        rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
+    ) -> Result<Option<String>, E> {
+        let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
+        let input = (map.id(input), map.unit(input));
+        self.beside.input_mistake(input, &columns(system, map), &names, rerun)
     }
 
     fn pace(&self, period_s: f64) -> Option<String> {
@@ -236,51 +194,36 @@ impl Column {
         }
     }
 
-    fn sentence(
+    /// Says that most values are outside of the accepted range, with a unit in which they would be inside.
+    fn outside_in_words(
         &self,
-        id: &str,
+        map: &Map,
+        channel: usize,
         unit: Unit,
-        scale: f64,
-        beside: Option<&TwinComparison>,
+        looks_like: Option<&'static NamedUnit>,
     ) -> Option<String> {
         let Column { range: (low, high), outside, largest, .. } = *self;
-        let values = self.values.count;
-        if values < LEAST_VALUES {
+        let (id, values) = (map.id(channel), self.values.count);
+        if values < LEAST_VALUES || 2 * outside <= values {
             return None;
         }
-        let is_outside = 2 * outside > values;
         // The range decides where the twin is missing or too small.
-        let within = || is_outside.then(|| units::within(unit, largest, self.range)).flatten();
-        let has_twin = beside.is_some_and(|beside| shows_unit(beside, scale));
-        let looks_like = match beside.filter(|_| has_twin) {
-            Some(beside) => unit_beside(beside, unit, scale),
-            None => within(),
-        };
-        let seems = |unit| format!("seems to be in {unit}");
-        if is_outside {
-            let range = Quantities(rounded(low), rounded(high), unit.symbol());
-            let largest = NumberWithUnit(rounded(largest), unit.symbol());
-            let seems =
-                looks_like.map_or(String::new(), |(_, unit)| format!(" and {}", seems(unit)));
-            return Some(format!(
-                "{id} is outside of what is believed ({range}) in {outside} of {values} values, up to {largest}{seems}"
-            ));
-        }
-        let (factor, unit_of_log) = looks_like?;
-        let twin = format!("{factor:.1e} times what the twin shows in {}", unit.symbol());
-        Some(format!("{id} {}: it is {twin}", seems(unit_of_log)))
+        let within = || units::within(map.unit(channel), largest, self.range);
+        let seems = looks_like.or_else(within);
+        let seems =
+            seems.map_or(String::new(), |unit| format!(" and seems to be in {}", unit.spoken));
+        let range = Quantities(rounded(low), rounded(high), unit.symbol());
+        let largest = NumberWithUnit(rounded(largest), unit.symbol());
+        Some(format!(
+            "{id} is outside of what is believed ({range}) in {outside} of {values} values, up to {largest}{seems}"
+        ))
     }
 }
 
-/// Whether the twin's values are large enough to tell the unit of a sensor.
-fn shows_unit(beside: &TwinComparison, scale: f64) -> bool {
-    beside.twin.count >= LEAST_VALUES && beside.twin.mean_square().sqrt() > LEAST_SHARE * scale
-}
-
-/// The unit in which a sensor agrees with its twin, with its number per SI unit.
-fn unit_beside(beside: &TwinComparison, unit: Unit, scale: f64) -> Option<(f64, &'static str)> {
-    let ratio = (beside.own.mean_square() / beside.twin.mean_square()).sqrt();
-    shows_unit(beside, scale).then(|| units::other(unit, ratio)).flatten()
+/// The sensors of a system as a map reads them.
+fn columns<'s>(system: &'s System, map: &Map) -> Vec<SensorColumn<'s>> {
+    let column = |sensor| SensorColumn::new(system, sensor, map.unit(map.inputs() + sensor));
+    (0..system.sensors.len()).map(column).collect()
 }
 
 /// Says that times have too few digits, and what to do; `None` for a few rows with the time of another. `ends` are the

@@ -1,9 +1,11 @@
 //! A table in memory that is watched as a whole, with the guards of a log.
 
 use super::guard::{self, IntakeError, LogPlan};
+use super::map::Map;
 use super::sink::{Sample, Sink, SinkError};
+use super::source::Source;
 use super::source::table::{TableRows, table_columns};
-use super::{End, Finding, Watch, WatchError};
+use super::{End, Finding, Observer, Watch, WatchError};
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::flight::watcher::Watcher;
 use servotwin::study::Study;
@@ -61,12 +63,15 @@ pub fn watch_table(
         return Err(TableWatchError::Unjudged(reason.into()));
     }
     let rows = || TableRows::of_table(NAME, table, map.wanted()).map_err(WatchError::from);
-    let mut tried = Watcher::new(study, diagnoser.clone())?;
-    let doubts = guard::trial(&mut rows()?, &map, &mut tried, system, period_s)?;
+    let observer = || Watcher::new(study, diagnoser.clone());
+    let mut open = |_: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), TableWatchError> {
+        Ok((Box::new(rows()?), Box::new(observer()?)))
+    };
+    let doubts = guard::trial(&mut open, &map, study, period_s)?.contradictions;
     if !doubts.is_empty() {
         return Err(TableWatchError::Unjudged(doubts.join("; ")));
     }
-    let (mut rows, mut observer) = (rows()?, Watcher::new(study, diagnoser.clone())?);
+    let (mut rows, mut observer) = (rows()?, observer()?);
     let mut changes = Changes(vec![]);
     let mut watch = Watch::new(&mut rows, &map, &mut observer, period_s);
     watch.accept_ranges(&guard::accepted_ranges(diagnoser, system));
@@ -93,7 +98,10 @@ pub fn watch_table(
             without.dedup();
             let lacking = format!("the diagnosis does without {}", without.join(", "));
             let lacking = Some(lacking).filter(|_| !without.is_empty());
-            let warnings = warnings.into_iter().chain(lacking).chain(doubts).collect();
+            let met = counts.met_in_words();
+            let lost = guard::lost_in_words(&map, &counts);
+            let warnings = warnings.into_iter().chain(lacking).chain(met).chain(lost);
+            let warnings = warnings.chain(doubts).collect();
             return Ok(TableFindings { changes: changes.0, warnings });
         }
     };

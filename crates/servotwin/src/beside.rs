@@ -1,11 +1,13 @@
-//! Compares sensors with their twins: factors, signs, exchanged pairs, and pressures without the atmosphere.
+//! Compares sensors with their twins: units, signs, exchanged columns, and pressures without the atmosphere.
 //!
 //! These are mistakes of columns, not faults of the actuator. Each one is claimed only if it explains the difference
 //! almost completely; a fault of a sensor or of a component leaves more.
 
-use crate::system::Sensor;
+use crate::moment::rounded;
+use crate::system::imperfection::Imperfection;
+use crate::system::{Sensor, System};
 use servotwin_model::spec::Unit;
-use servotwin_system::units::ATMOSPHERE_PA;
+use servotwin_system::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 
 /// Largest share of the difference that a mistake may leave unexplained.
 const UNEXPLAINED: f64 = 0.05;
@@ -13,10 +15,28 @@ const UNEXPLAINED: f64 = 0.05;
 const LEAST_SAMPLES: u64 = 20;
 /// A difference or a motion below this share of a sensor's scale is no evidence.
 const LEAST_SHARE: f64 = 0.01;
+/// A difference below this many deviations of a sensor is noise.
+const CLEAR_DEVIATIONS: f64 = 3.0;
+/// A sensor takes the place of another one only if this shortens the distances to their twins by this share.
+const BETTER: f64 = 0.2;
+/// A column in another unit leaves at most this share of the twin's variance unexplained.
+const OTHER_UNIT: f64 = 0.25;
+/// With a smaller share of unexplained motion, the column of the command is right.
+const LEAST_UNEXPLAINED: f64 = 0.01;
+/// Nor is its unit wrong if positions move as far as their twins, up to this logarithm. Beyond, the logarithm may be too
+/// large by a share.
+const LEAST_RATIO: f64 = 0.4;
+const RATIO_ERROR: f64 = 0.3;
+/// Below this factor, and at most this share.
+const SMALL_FACTOR: f64 = 5.0;
+const UNEXPLAINED_BY_SMALL: f64 = 0.01;
 /// Signals that stand still are exchanged only if they differ by more than this share of a scale.
 const CLEAR_SHARE: f64 = 0.5;
 /// Largest error of an offset that counts as one atmosphere.
 const NEARLY: f64 = 0.25;
+/// The same for some of the pressures, whose difference is otherwise noise up to this many deviations.
+const EXACTLY: f64 = 0.1;
+const CLEAR_NOISE: f64 = 1.5;
 
 /// Running sums of values.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -84,6 +104,12 @@ impl TwinComparison {
         (factor * factor * own - 2.0 * factor * covariance + twin).max(0.0)
     }
 
+    /// The gain of the sensor beside the twin: the slope of the regression.
+    fn gain(&self) -> f64 {
+        let (own, twin) = (self.own.variance(), self.twin.variance());
+        0.5 * (own + twin - self.variance(1.0)) / twin
+    }
+
     /// The mean square of sensor minus twin.
     fn misfit(&self) -> f64 {
         self.variance(1.0) + self.offset().powi(2)
@@ -97,6 +123,61 @@ impl TwinComparison {
     /// Whether a flipped sign explains the difference: sensor plus twin hardly vary.
     pub fn is_turned(&self) -> bool {
         self.variance(-1.0) < UNEXPLAINED * self.variance(1.0)
+    }
+}
+
+/// A sensor, as a log has it.
+#[derive(Clone, Copy)]
+pub struct SensorColumn<'s> {
+    /// The sensor of the system.
+    pub sensor: &'s Sensor,
+    /// The standard deviation of its noise, SI.
+    pub deviation: f64,
+    /// The unit in which the log is read.
+    pub unit: &'static NamedUnit,
+}
+
+impl<'s> SensorColumn<'s> {
+    /// A sensor of a system, read in `unit`.
+    pub fn new(system: &'s System, sensor: usize, unit: &'static NamedUnit) -> Self {
+        let deviation = Imperfection::of(system, sensor).deviation();
+        SensorColumn { sensor: &system.sensors[sensor], deviation, unit }
+    }
+}
+
+/// A sensor whose values agree with the twin in another unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OtherUnit {
+    /// The index of the sensor.
+    pub sensor: usize,
+    /// Its values are this many times those of the twin.
+    pub ratio: f64,
+    /// How it was read.
+    pub misread: Misread,
+}
+
+/// A mistake of the column of an input, by which the twin flies something else than the actuator.
+#[derive(Debug, Clone, PartialEq)]
+pub enum InputMistake {
+    /// It is in another unit.
+    Unit(Misread),
+    /// It is exchanged with the column of this sensor.
+    Exchanged(usize),
+}
+
+impl InputMistake {
+    /// Says which mistake it is, given the names of the input and of the sensors.
+    fn in_words(&self, input: &str, declared: &NamedUnit, names: &[&str]) -> String {
+        match self {
+            Self::Unit(misread) => {
+                let (seems, remedy) = misread.in_words(declared);
+                format!("{input} seems {seems}: the twin then follows the sensors; {remedy}")
+            }
+            Self::Exchanged(sensor) => format!(
+                "{input} and {} look exchanged: the twin follows the sensors the other way round",
+                names[*sensor]
+            ),
+        }
     }
 }
 
@@ -129,67 +210,320 @@ impl Comparisons {
         &self.cells[sensor * self.width + twin]
     }
 
-    /// Pairs of sensors that follow each other's twin instead of their own. A command of the wrong sign does the same
-    /// to the chambers of a cylinder, so look at the signs first.
-    pub fn exchanged(&self, sensors: &[&Sensor]) -> Vec<(usize, usize)> {
-        let is_exchanged = |&(one, other): &(usize, usize)| {
-            let cells = [(one, one), (other, other), (one, other), (other, one)];
-            if cells.iter().any(|&(own, twin)| self.at(own, twin).own.count < LEAST_SAMPLES) {
-                return false;
+    /// Groups of sensors that follow each other's twins instead of their own: each follows that of the next, and the
+    /// last that of the first.
+    pub fn exchanged(&self, columns: &[SensorColumn]) -> Vec<Vec<usize>> {
+        let twins = self.nearest_twins(columns);
+        let mut groups: Vec<Vec<usize>> = vec![];
+        for first in 0..self.width {
+            if twins[first] == first || groups.iter().flatten().any(|&sensor| sensor == first) {
+                continue;
             }
-            let moves = |sensor: usize| self.of(sensor).moves(sensors[sensor].scale);
-            let parts = |of: fn(&TwinComparison) -> f64| {
-                cells.map(|(own, twin)| of(self.at(own, twin)) / sensors[twin].scale.powi(2))
-            };
-            let explains = |[a, b, c, d]: [f64; 4]| c + d < UNEXPLAINED * (a + b);
-            let whole = parts(TwinComparison::misfit);
-            let least = whole[0].min(whole[1]).sqrt();
-            // A fault may shift two chambers until each shows the level of the other, but not their motions.
-            let is_clear = match moves(one) || moves(other) {
-                true => least > LEAST_SHARE && explains(parts(|cell| cell.variance(1.0))),
-                false => least > CLEAR_SHARE,
-            };
-            explains(whole) && is_clear
-        };
-        let pairs = (0..self.width).flat_map(|one| (one + 1..self.width).map(move |o| (one, o)));
-        pairs.filter(|&(a, b)| sensors[a].unit == sensors[b].unit).filter(is_exchanged).collect()
+            let next = |&sensor: &usize| Some(twins[sensor]).filter(|&next| next != first);
+            let group: Vec<usize> = std::iter::successors(Some(first), next).collect();
+            if self.is_exchanged(columns, &group) {
+                groups.push(group);
+            }
+        }
+        groups
     }
 
-    /// The pressures that are all one atmosphere below (`-1.0`) or above (`1.0`) their twins.
-    pub fn without_atmosphere(&self, sensors: &[&Sensor]) -> Option<(f64, Vec<usize>)> {
-        let is_steady = |&sensor: &usize| {
-            let own = self.of(sensor);
-            let is_pressure = sensors[sensor].unit == Unit::Pascal;
-            is_pressure
-                && own.own.count >= LEAST_SAMPLES
-                && own.variance(1.0).sqrt() < ATMOSPHERE_PA
+    /// The twin that each sensor follows: two sensors of one unit exchange their twins as long as this shortens the
+    /// distances. It undoes every permutation, because distances obey the triangle inequality.
+    fn nearest_twins(&self, columns: &[SensorColumn]) -> Vec<usize> {
+        let mut twins: Vec<usize> = (0..self.width).collect();
+        let distance = |sensor: usize, twin: usize| {
+            self.at(sensor, twin).misfit().sqrt() / columns[twin].sensor.scale
         };
-        let steady: Vec<usize> = (0..self.width).filter(is_steady).collect();
-        let sign = self.of(*steady.first()?).offset().signum();
-        let is_one = |&sensor: &usize| {
-            (sign * self.of(sensor).offset() / ATMOSPHERE_PA - 1.0).abs() < NEARLY
+        let has_values = |sensor: usize| self.of(sensor).own.count >= LEAST_SAMPLES;
+        let pairs = (0..self.width).flat_map(|one| (one + 1..self.width).map(move |o| (one, o)));
+        let is_alike = |&(one, other): &(usize, usize)| {
+            let units = [one, other].map(|sensor| columns[sensor].sensor.unit);
+            units[0] == units[1] && has_values(one) && has_values(other)
         };
-        (steady.len() > 1 && steady.iter().all(is_one)).then_some((sign, steady))
+        let pairs: Vec<(usize, usize)> = pairs.filter(is_alike).collect();
+        loop {
+            let gain = |&(one, other): &(usize, usize)| {
+                let now = distance(one, twins[one]) + distance(other, twins[other]);
+                let then = distance(one, twins[other]) + distance(other, twins[one]);
+                (now - then > BETTER * now).then_some((now - then, (one, other)))
+            };
+            let best = pairs.iter().filter_map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((_, (one, other))) = best else { return twins };
+            twins.swap(one, other);
+        }
+    }
+
+    /// Whether an exchange explains almost all of what sensors differ from their twins.
+    fn is_exchanged(&self, columns: &[SensorColumn], group: &[usize]) -> bool {
+        let scale = |sensor: usize| columns[sensor].sensor.scale;
+        let twins = || group.iter().cycle().skip(1);
+        let explains = |of: fn(&TwinComparison) -> f64| {
+            // Noise is explained by nothing.
+            let part = |(&sensor, &twin): (&usize, &usize)| {
+                let noise = columns[twin].deviation.powi(2);
+                (of(self.at(sensor, twin)) - noise).max(0.0) / scale(twin).powi(2)
+            };
+            let now: f64 = group.iter().zip(group).map(part).sum();
+            let then: f64 = group.iter().zip(twins()).map(part).sum();
+            then < UNEXPLAINED * now
+        };
+        let is_clear = |least: &dyn Fn(usize) -> f64| {
+            group.iter().all(|&sensor| self.of(sensor).misfit().sqrt() > least(sensor))
+        };
+        // A fault may shift two chambers until each shows the level of the other, but not their motions.
+        let moves = group.iter().any(|&sensor| self.of(sensor).moves(scale(sensor)));
+        explains(TwinComparison::misfit)
+            && match moves {
+                true => {
+                    is_clear(&|sensor| CLEAR_DEVIATIONS * columns[sensor].deviation)
+                        && explains(|cell| cell.variance(1.0))
+                }
+                false => is_clear(&|sensor| CLEAR_SHARE * scale(sensor)),
+            }
+    }
+
+    /// Whether a sensor follows its twin; `None` if the twin does not move.
+    fn follows(&self, sensor: usize, columns: &[SensorColumn]) -> Option<bool> {
+        let own = self.of(sensor);
+        let moves = own.moves(columns[sensor].sensor.scale);
+        moves.then(|| own.variance(1.0) < OTHER_UNIT * own.twin.variance())
+    }
+
+    /// The unit that would explain the ratio between a sensor and its twin.
+    pub fn unit_beside(&self, sensor: usize, column: &SensorColumn) -> Option<OtherUnit> {
+        let beside = self.of(sensor);
+        let shows_unit = beside.own.count >= LEAST_SAMPLES
+            && beside.twin.mean_square().sqrt() > LEAST_SHARE * column.sensor.scale;
+        let ratio = (beside.own.mean_square() / beside.twin.mean_square()).sqrt();
+        let misread = shows_unit.then(|| units::misread(column.unit, ratio)).flatten()?;
+        Some(OtherUnit { sensor, ratio, misread })
+    }
+
+    /// The sensors that are in another unit: their motions agree with those of the twin in that unit. Signals that stand
+    /// still have no motion, so that the other sensors must follow their twins.
+    pub fn other_units(&self, columns: &[SensorColumn]) -> Vec<OtherUnit> {
+        let beside = columns.iter().enumerate();
+        let mut found: Vec<OtherUnit> =
+            beside.filter_map(|(sensor, column)| self.unit_beside(sensor, column)).collect();
+        let is_found = |sensor: usize| found.iter().any(|other| other.sensor == sensor);
+        let others = (0..self.width).filter(|&sensor| !is_found(sensor));
+        let others: Vec<bool> = others.filter_map(|sensor| self.follows(sensor, columns)).collect();
+        let is_healthy = !others.is_empty() && !others.contains(&false);
+        found.retain(|other| {
+            let (beside, column) = (self.of(other.sensor), columns[other.sensor]);
+            let factor = other.misread.factor();
+            let left = beside.variance(factor) / beside.twin.variance();
+            match (beside.moves(column.sensor.scale), factor.ln().abs() < SMALL_FACTOR.ln()) {
+                (true, false) => left < OTHER_UNIT,
+                // A fault of the actuator may move a sensor two or three times as far.
+                (true, true) => left < UNEXPLAINED_BY_SMALL && is_healthy,
+                (false, _) => is_healthy,
+            }
+        });
+        found
+    }
+
+    /// The pressures that are one atmosphere below (`-1.0`) or, if they are read as gauge pressures, above (`1.0`) their
+    /// twins: all, or some beside others that agree with theirs.
+    pub fn without_atmosphere(&self, columns: &[SensorColumn]) -> Option<(f64, Vec<usize>)> {
+        let is_pressure = |sensor: &usize| {
+            columns[*sensor].sensor.unit == Unit::Pascal
+                && self.of(*sensor).own.count >= LEAST_SAMPLES
+        };
+        let pressures: Vec<usize> = (0..self.width).filter(is_pressure).collect();
+        let is_steady = |sensor: usize| self.of(sensor).variance(1.0).sqrt() < ATMOSPHERE_PA;
+        let steady: Vec<usize> = pressures.iter().copied().filter(|&s| is_steady(s)).collect();
+        let atmospheres = |sensor: usize| self.of(sensor).offset() / ATMOSPHERE_PA;
+        let sign = if steady.iter().any(|&s| atmospheres(s) > 1.0 - NEARLY) { 1.0 } else { -1.0 };
+        let error = |sensor: usize| (sign * atmospheres(sensor) - 1.0).abs();
+        if steady.len() > 1 && steady.iter().all(|&sensor| error(sensor) < NEARLY) {
+            return Some((sign, steady));
+        }
+        // A single offset may be a fault, so that it must be one atmosphere and nothing else.
+        let most = |of_mean_pa: f64| (EXACTLY + 3.0 * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
+        // A gain that is too low by a few per cent shifts the level, and shrinks the motion.
+        let is_gain = |own: &TwinComparison| {
+            let of_gain = (own.gain() - 1.0) * own.twin.mean() / own.offset();
+            (of_gain - 1.0).abs() < 0.5
+        };
+        let is_low = |&sensor: &usize| {
+            let (own, column) = (self.of(sensor), &columns[sensor]);
+            column.unit.is_proportional() == (sign < 0.0)
+                && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
+                && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
+                && !(own.moves(column.sensor.scale) && is_gain(own))
+        };
+        let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
+        let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;
+        (!low.is_empty() && others.iter().all(agrees)).then_some((sign, low))
+    }
+
+    /// The shares of the motions of the positions that the twin does not explain, from the smallest to the largest.
+    fn unexplained(&self, columns: &[SensorColumn]) -> Vec<f64> {
+        let share = |(sensor, column): (usize, &SensorColumn)| {
+            let beside = self.of(sensor);
+            let most = beside.own.variance().max(beside.twin.variance());
+            let least = (LEAST_SHARE * column.sensor.scale).powi(2);
+            let has_evidence = beside.own.count >= LEAST_SAMPLES && most > least;
+            (has_evidence && column.sensor.unit != Unit::Pascal)
+                .then(|| beside.variance(1.0) / most)
+        };
+        let mut shares: Vec<f64> = columns.iter().enumerate().filter_map(share).collect();
+        shares.sort_by(f64::total_cmp);
+        shares
+    }
+
+    /// The mistakes that an input may have, by how far the positions move beside their twins. A twin whose command is
+    /// too large may reach its limits, and the sensors then seem less small than they are.
+    fn likely_mistakes(
+        &self,
+        declared: &'static NamedUnit,
+        columns: &[SensorColumn],
+    ) -> Vec<InputMistake> {
+        let positions = columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
+        let sensors = positions.map(|(sensor, _)| sensor);
+        let moves = |&sensor: &usize| self.of(sensor).moves(columns[sensor].sensor.scale);
+        let ratio = |sensor: usize| {
+            let beside = self.of(sensor);
+            0.5 * (beside.own.variance() / beside.twin.variance()).ln()
+        };
+        let ratios = sensors.clone().filter(moves).map(ratio);
+        let farthest = ratios.max_by(|a, b| a.abs().total_cmp(&b.abs()));
+        let is_likely = |misread: &Misread| {
+            let factor = misread.factor().ln();
+            farthest
+                .is_none_or(|ratio| ratio.abs() > LEAST_RATIO && factor / ratio > 1.0 - RATIO_ERROR)
+        };
+        let units = units::misreadings(declared).into_iter().filter(is_likely);
+        units.map(InputMistake::Unit).chain(sensors.map(InputMistake::Exchanged)).collect()
+    }
+
+    /// Reports a mistake of the column of an input: with it the twin follows the sensors, which it does not without.
+    /// `rerun` compares the sensors with the twin of a log with the mistake undone; `None` if that is impossible.
+    ///
+    /// # Errors
+    /// What `rerun` reports.
+    pub fn input_mistake<E>(
+        &self,
+        (input, declared): (&str, &'static NamedUnit),
+        columns: &[SensorColumn],
+        names: &[&str],
+        rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
+    ) -> Result<Option<String>, E> {
+        let left = self.unexplained(columns);
+        // A wrong command moves the twins of all sensors, a mistake or a fault of one sensor does not.
+        if left.first().is_none_or(|least| *least < LEAST_UNEXPLAINED) {
+            return Ok(None);
+        }
+        for mistake in self.likely_mistakes(declared, columns) {
+            let Some(undone) = rerun(&mistake)? else { continue };
+            let then = undone.unexplained(columns);
+            let is_explained = then.len() == left.len()
+                && then.iter().zip(&left).all(|(then, now)| *then < UNEXPLAINED * now);
+            if is_explained {
+                return Ok(Some(mistake.in_words(input, declared, names)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// All mistakes of columns, as sentences with these names of the sensors.
+    pub fn mistakes(&self, columns: &[SensorColumn], names: &[&str]) -> Vec<String> {
+        let units = other_units_in_words(columns, names, &self.other_units(columns));
+        let low = self.without_atmosphere(columns);
+        let named = |group: &[usize]| group.iter().map(|&s| names[s]).collect::<Vec<_>>();
+        let low = low.map(|(sign, low)| atmosphere_in_words(sign, &named(&low)));
+        // A command of the wrong sign exchanges chambers, too.
+        let turned = self.turned_positions(columns, names).or_else(|| {
+            let groups: Vec<_> = self.exchanged(columns).iter().map(|g| named(g)).collect();
+            match groups.is_empty() {
+                false => Some(exchanged_in_words(&groups)),
+                true => self.turned_pressures(columns, names),
+            }
+        });
+        [units, low, turned].into_iter().flatten().collect()
+    }
+
+    /// Reports positions that move against the twin. If most do, the command has the wrong sign.
+    fn turned_positions(&self, columns: &[SensorColumn], names: &[&str]) -> Option<String> {
+        let (turned, moving) = self.turned(columns, names, |unit| unit != Unit::Pascal);
+        let verb = if turned.len() == 1 { "moves" } else { "move" };
+        let seems = match turned.len() {
+            0 => return None,
+            most if most > 1 && 2 * most > moving => "the sign of the command seems to be wrong",
+            _ => "the sign seems to be wrong, factor = -1 in the map turns it",
+        };
+        Some(format!("{} {verb} against the twin: {seems}", turned.join(", ")))
+    }
+
+    /// Reports pressures that move against the twin although nothing else does. A pressure has no sign: one that moves
+    /// against its twin is another's, or belongs to a command of the wrong sign.
+    fn turned_pressures(&self, columns: &[SensorColumn], names: &[&str]) -> Option<String> {
+        let (turned, _) = self.turned(columns, names, |unit| unit == Unit::Pascal);
+        let advice = "a pressure has no sign, so look at which column it is";
+        (!turned.is_empty())
+            .then(|| format!("{}: moving against the twin; {advice}", turned.join(", ")))
+    }
+
+    /// The names of the moving sensors that move against the twin, and how many move.
+    fn turned<'n>(
+        &self,
+        columns: &[SensorColumn],
+        names: &[&'n str],
+        is_of: fn(Unit) -> bool,
+    ) -> (Vec<&'n str>, usize) {
+        let is_moving = |sensor: &usize| {
+            let own = columns[*sensor].sensor;
+            is_of(own.unit) && self.of(*sensor).moves(own.scale)
+        };
+        let moving: Vec<usize> = (0..self.width).filter(is_moving).collect();
+        let turned = moving.iter().filter(|&&sensor| self.of(sensor).is_turned());
+        (turned.map(|&sensor| names[sensor]).collect(), moving.len())
     }
 }
 
 /// Says which sensors look exchanged.
-pub fn exchanged_in_words(pairs: &[(&str, &str)]) -> String {
-    let each: Vec<String> =
-        pairs.iter().map(|(one, other)| format!("{one} and {other} look exchanged")).collect();
-    format!("{}: each follows the twin of the other", each.join(", "))
+fn exchanged_in_words(groups: &[Vec<&str>]) -> String {
+    let listed = |group: &Vec<&str>| match &group[..] {
+        [all @ .., last] => format!("{} and {last} look exchanged", all.join(", ")),
+        [] => String::new(),
+    };
+    let each: Vec<String> = groups.iter().map(listed).collect();
+    match groups.iter().all(|group| group.len() == 2) {
+        true => format!("{}: each follows the twin of the other", each.join(", ")),
+        false => format!("{}: each follows the twin of the next", each.join("; ")),
+    }
+}
+
+/// Says which sensors seem to be in another unit; `None` if there are none.
+pub fn other_units_in_words(
+    columns: &[SensorColumn],
+    names: &[&str],
+    found: &[OtherUnit],
+) -> Option<String> {
+    let each = |other: &OtherUnit| {
+        let (seems, remedy) = other.misread.in_words(columns[other.sensor].unit);
+        let (name, ratio) = (names[other.sensor], rounded(other.ratio));
+        (format!("{name} seems {seems}: it is {ratio} times what the twin shows"), remedy)
+    };
+    let (each, mut remedies): (Vec<String>, Vec<String>) = found.iter().map(each).unzip();
+    remedies.dedup();
+    (!each.is_empty()).then(|| format!("{}; {}", each.join(", "), remedies.join(", ")))
 }
 
 /// Says that pressures are not absolute, or are taken for gauge pressures.
-pub fn atmosphere_in_words(sign: f64, names: &[&str]) -> String {
+fn atmosphere_in_words(sign: f64, names: &[&str]) -> String {
+    let (are, they) = match names.len() {
+        1 => ("is", "it seems"),
+        _ => ("are all", "they seem"),
+    };
     let (where_is, what) = match sign < 0.0 {
-        true => {
-            ("below", "they seem to be gauge pressures; give them a unit with a g (barg, psig)")
-        }
-        false => ("above", "they seem to be absolute; give them a unit without a g (bar, psi)"),
+        true => ("below", "gauge; give the unit with a g (barg, psig) in a map file"),
+        false => ("above", "absolute; give the unit without a g (bar, psi) in a map file"),
     };
     let names = names.join(", ");
     format!(
-        "{names} are all one atmosphere {where_is} the twin, whose pressures are absolute: {what}"
+        "{names} {are} one atmosphere {where_is} the twin, whose pressures are absolute: {they} to be {what}"
     )
 }

@@ -45,7 +45,6 @@ use crate::failure::Failure;
 use crate::out;
 use servotwin::document::counted;
 use servotwin::job::{Folder, Hold, Kept};
-use servotwin::sanitize;
 use servotwin::study::{Setting, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
@@ -213,14 +212,10 @@ fn read_log(
     let whole = intake::read(path, map, span, study);
     let whole = whole.map_err(|error| Failure::of_intake(&name, error))?;
     let counts = &whole.counts;
-    if !whole.assumed.is_empty() {
-        note(global, &format!("{name}: SI is assumed in {}", sanitize::list(&whole.assumed)));
+    for warning in &whole.warnings {
+        note(global, &format!("{name}: {warning}"));
     }
-    let met = counts.met().map(|(kind, tally)| {
-        let (words, place) = (kind.words().1, counts.place(tally));
-        format!("{words} ({}, first {place})", tally.count)
-    });
-    let met: Vec<String> = met.collect();
+    let met = counts.met_in_words();
     if !met.is_empty() {
         let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
         let met = met.join("; ");

@@ -117,8 +117,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let path = input.model.clone().unwrap_or_else(usual_diagnoser);
     warn_of_lacking(&map, &needed(&diagnoser, system), global);
     if !address.is_live() && !options.resume {
-        let mut trial = observer(&study, (&path, diagnoser.clone()))?;
-        input.try_log(&address, &map, &mut trial, system, global)?;
+        input.try_log(&address, &map, &study, (&path, &diagnoser), global)?;
     }
     let mut observer = observer(&study, (&path, diagnoser.clone()))?;
     let watchdog = watchdog(options, period_s)?;
@@ -260,7 +259,7 @@ impl Setup<'_> {
         let output = match global {
             Global { json: true, .. } => format!("{}\n", totals.json(&signals)),
             Global { quiet: true, .. } => String::new(),
-            _ => text + "\n" + &totals.text(&signals),
+            _ => text + "\n" + &totals.text(map),
         };
         let counts = &totals.counts;
         if end == End::Complete && counts.judged == 0 && !options.resume {

@@ -24,6 +24,11 @@ fn times_of_many_writers() {
         ("21-Nov-2026 08:15:02", 1_795_248_902.0),
         ("Nov 21, 2026 8:15:02 a.m.", 1_795_248_902.0),
         ("12:00:01 PM", 43_201.0),
+        ("20261121T081502.5", 1_795_248_902.5),
+        ("20261121T081502Z", 1_795_248_902.0),
+        ("08:15:02:250", 29_702.25),
+        ("59:52.25", 3592.25),
+        ("002:08:15:02.5", 86_400.0 + 29_702.5),
     ];
     for (text, expected) in cases {
         assert_eq!(seconds(text), Some(expected), "{text}");
@@ -42,6 +47,11 @@ fn times_of_many_writers() {
         "13:00 PM",
         "0:15 AM",
         "21-11-2026",
+        "20261321T081502",
+        "20261121081502",
+        "08:15:02:25",
+        "59:72.25",
+        "400:08:15:02.5",
     ] {
         assert_eq!(seconds(text), None, "{text}");
     }
@@ -81,6 +91,10 @@ fn a_time_of_day_goes_on_behind_midnight() {
     let mut clock = Clock::default();
     let numbers = [86_399.99, 0.0, 0.01].map(|value| clock.number(value, DAY_S));
     assert_eq!(numbers, [86_399.99, 86_400.0, 86_400.01]);
+    // Minutes begin anew behind an hour.
+    let mut clock = Clock::default();
+    let times = ["59:59.990", "00:00.000", "00:00.010"].map(|text| clock.read(text).unwrap());
+    assert_eq!(times, [3599.99, 3600.0, 3600.01]);
     // A clock that is set back stays set back.
     let mut clock = Clock::default();
     let numbers = [50_000.0, 0.0, 1.8e9, 0.0].map(|value| clock.number(value, DAY_S));

@@ -15,7 +15,7 @@ use crate::source::frame::base;
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
 use servotwin::system::System;
-use servotwin::units;
+use servotwin::units::{self, NamedUnit};
 use servotwin_diagnosis::features::Quantity;
 use servotwin_io::moment;
 use servotwin_io::sanitize;
@@ -42,8 +42,10 @@ pub struct Guess {
     pub inputs: Vec<String>,
     /// The sensors that the log lacks.
     pub sensors: Vec<String>,
-    /// Columns with an unknown unit, assumed to be SI.
+    /// Columns without a unit, with the one that is assumed: `p_a in Pa`.
     pub assumed: Vec<String>,
+    /// The time column, if it may count rows and contradicts the rate of the study as any unit of time.
+    pub counter: Option<String>,
     /// Inputs and sensors with a likely column: `x_p_1 (XRAM1)`.
     pub likely: Vec<String>,
     /// Units that contradict the numbers of a column, as sentences.
@@ -60,6 +62,9 @@ const BEHIND: u32 = 90;
 const NUMBERED: u32 = 50;
 /// The lowest score that counts as likely.
 const LIKELY: u32 = 6;
+
+/// Rates that differ by less than this share are the same.
+const SAME_RATE: f64 = 0.01;
 
 /// Pressures below this share of the sensor range are unlikely to be in Pa.
 const LEAST_SHARE: f64 = 1e-3;
@@ -107,6 +112,7 @@ pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
         inputs: vec![],
         sensors: vec![],
         assumed: vec![],
+        counter: None,
         likely: vec![],
         doubts: vec![],
         unused: vec![],
@@ -382,13 +388,16 @@ impl Guess {
             }
             (false, None, Some(unknown)) => format!("unit = {}{UNKNOWN}", quoted(unknown)),
             (false, None, None) => {
-                self.assumed.push(column.name.clone());
                 let (unit, remark) = match fitting {
                     Some((unit, step_s)) => {
                         (days_since(unit, column), format!("the samples are then {step_s} s apart"))
                     }
                     None => ("s", "the name has none. Or ms, us, ns, date".into()),
                 };
+                self.assumed.push(format!("{} in {unit}", column.name));
+                let is_rate =
+                    fitting.is_some_and(|(_, step_s)| (step_s / period_s - 1.0).abs() < SAME_RATE);
+                self.counter = (column.counts_rows() && !is_rate).then(|| column.name.clone());
                 format!("unit = \"{unit}\"  # assumed: {remark}")
             }
         };
@@ -425,7 +434,7 @@ impl Guess {
         }
         if !self.assumed.is_empty() {
             let assumed = sanitize::list(&self.assumed);
-            warnings.push(format!("no unit is given for {assumed}: look at what is assumed"));
+            warnings.push(format!("no unit is given, so that this is assumed: {assumed}"));
         }
         warnings.extend(self.doubts.iter().cloned());
         if let Some(name) = self.unused.iter().find(|name| base(name) != *name) {
@@ -494,7 +503,7 @@ impl Guess {
             self.likely.push(format!("{} ({})", target.id, sanitize::text(name)));
         }
         if unit.is_none() && target.unit != Unit::None {
-            self.assumed.push(name.clone());
+            self.assumed.push(format!("{name} in {word}"));
             remarks.push("unit assumed".into());
         }
         if let Some(doubt) = candidate.doubt(target, unit) {
@@ -516,7 +525,8 @@ impl Candidate<'_> {
     /// fit.
     fn doubt(&self, target: &Target, unit: Option<Named>) -> Option<String> {
         let known = unit.and_then(|(_, text)| units::find(text));
-        let (factor, offset) = known.map_or((1.0, 0.0), |unit| (unit.si, unit.offset));
+        let declared = known.unwrap_or_else(|| NamedUnit::of_si(target.unit));
+        let (factor, offset) = (declared.si, declared.offset);
         let (low, high) = target.range;
         let head = &self.column.head;
         let is_outside = |value: &&f64| !(low..=high).contains(&(**value * factor + offset));
@@ -537,7 +547,7 @@ impl Candidate<'_> {
             (false, true) => "reaches only",
             (false, false) => return None,
         };
-        let (_, fitting) = units::within(target.unit, largest, target.range)?;
+        let fitting = units::within(declared, largest * factor + offset, target.range)?.spoken;
         let unit = unit.map_or(units::word(target.unit), |(_, text)| text);
         Some(format!("{how} {largest} as {unit}: it would fit as {fitting}"))
     }

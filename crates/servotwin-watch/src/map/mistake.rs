@@ -22,6 +22,9 @@ pub enum Mistake {
     /// Both or neither of two alternative keys.
     #[error("{place} needs either '{}' or '{}'", .keys.0, .keys.1)]
     OneOf { place: String, keys: (&'static str, &'static str) },
+    /// Two sensors have one column.
+    #[error("'{other}' and '{id}' have the same column '{column}'")]
+    SameColumn { column: String, id: String, other: String },
     /// No sensor has a column.
     #[error("no sensor has a column: there is nothing to watch")]
     NoSensor,
@@ -39,7 +42,7 @@ impl Explained for Mistake {
             Mistake::UnknownUnit { known, .. } | Mistake::WrongUnit { known, .. } => {
                 Some(format!("known: {}", known.join(", ")))
             }
-            Mistake::OneOf { .. } => None,
+            Mistake::OneOf { .. } | Mistake::SameColumn { .. } => None,
             Mistake::NoSensor => Some("write: [sensors] and NAME = { column = \"…\" }".into()),
         }
     }

@@ -15,7 +15,9 @@ pub(crate) use times::other_raster;
 
 use super::sequencer::{SequencerRules, Stamped};
 use super::source::{LogRow, SourceError, Wanted};
+use servotwin::beside::InputMistake;
 use servotwin::system::System;
+use servotwin::units::NamedUnit;
 use servotwin_io::document::{Collector, Diagnostic, TextSpan, write_mistakes};
 use servotwin_io::files::{self, FileError};
 use servotwin_io::nearest::nearest;
@@ -54,6 +56,8 @@ enum Time {
 struct Channel {
     id: String,
     from: Origin,
+    /// The unit in which its column is read.
+    unit: &'static NamedUnit,
     /// How long a value replaces missing values after it, s.
     hold_s: f64,
     /// Its physical range, SI; values outside become missing.
@@ -210,6 +214,34 @@ impl Map {
     /// The physical range of a channel, SI.
     pub fn possible(&self, channel: usize) -> (f64, f64) {
         self.channels[channel].possible
+    }
+
+    /// The map with a mistake of the column of an input undone; `None` if the log has no such column.
+    pub(crate) fn without_mistake(&self, input: usize, mistake: &InputMistake) -> Option<Self> {
+        let mut map = self.clone();
+        let Origin::Column { place, factor, .. } = &mut map.channels[input].from else {
+            return None;
+        };
+        match mistake {
+            InputMistake::Unit(misread) => *factor *= misread.factor(),
+            InputMistake::Exchanged(sensor) => {
+                let Origin::Column { place: other, .. } = self.channels[self.inputs + *sensor].from
+                else {
+                    return None;
+                };
+                let own = std::mem::replace(place, other);
+                if let Origin::Column { place, .. } = &mut map.channels[self.inputs + *sensor].from
+                {
+                    *place = own;
+                }
+            }
+        }
+        Some(map)
+    }
+
+    /// The unit in which the column of a channel is read.
+    pub fn unit(&self, channel: usize) -> &'static NamedUnit {
+        self.channels[channel].unit
     }
 
     /// The id of a channel.

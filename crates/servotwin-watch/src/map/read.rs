@@ -5,7 +5,7 @@ use crate::sequencer::SequencerRules;
 use crate::source::frame::numbered;
 use crate::source::{DATE, Wanted};
 use servotwin::system::System;
-use servotwin::units;
+use servotwin::units::{self, NamedUnit};
 use servotwin_io::document::{self, Collector, Entry, TextSpan, entries};
 use servotwin_io::moment;
 use servotwin_io::nearest::nearest;
@@ -46,13 +46,17 @@ const SAMPLES: [&str; 4] = ["columns", "wait_s", "longest_gap_s", "witnesses"];
 
 impl<'s> Reader<'s> {
     fn new(system: &'s System) -> Self {
-        let channel =
-            |id: &String, from, possible| Channel { id: id.clone(), from, hold_s: 0.0, possible };
-        let inputs = system.network().inputs.iter().enumerate();
-        let inputs = inputs
-            .map(|(n, i)| channel(&i.id, Origin::Default(i.default), system.accepted_range(n)));
-        let sensors = system.sensors.iter().enumerate();
-        let sensors = sensors.map(|(n, s)| channel(&s.id, Origin::Nothing, system.readable(n)));
+        let channel = |id: &String, unit, from, possible| {
+            let (id, unit) = (id.clone(), NamedUnit::of_si(unit));
+            Channel { id, from, unit, hold_s: 0.0, possible }
+        };
+        let inputs = system.network().inputs.iter().enumerate().map(|(n, input)| {
+            let from = Origin::Default(input.default);
+            channel(&input.id, input.unit, from, system.accepted_range(n))
+        });
+        let sensors = system.sensors.iter().enumerate().map(|(n, sensor)| {
+            channel(&sensor.id, sensor.unit, Origin::Nothing, system.readable(n))
+        });
         let channels: Vec<Channel> = inputs.chain(sensors).collect();
         let inputs = system.network().inputs.len();
         Reader {
@@ -205,7 +209,9 @@ impl<'s> Reader<'s> {
             None => self.system.network().inputs[index].unit,
             Some(sensor) => self.system.sensors[sensor].unit,
         };
-        let (si, zero) = self.unit(entries, id, unit);
+        let named = self.unit(entries, id, unit);
+        let (si, zero) = named.to(unit).unwrap_or((1.0, 0.0));
+        self.channels[index].unit = named;
         let all = (-1e300, 1e300);
         let factor = self.number(entries, "factor", all, "before the unit").unwrap_or(1.0);
         let shift = self.number(entries, "offset", all, "behind the factor").unwrap_or(0.0);
@@ -215,6 +221,15 @@ impl<'s> Reader<'s> {
         match (get(entries, "column"), get(entries, "value")) {
             (Some(column), None) => {
                 let place = self.column(column);
+                let is_taken = |channel: &&Channel| matches!(channel.from, Origin::Column { place: other, .. } if other == place);
+                // One sensor may also give the pressure that is an input.
+                if index >= self.inputs
+                    && let Some(other) = self.channels[self.inputs..].iter().find(is_taken)
+                {
+                    let (column, other) = (self.wanted.names[place].clone(), other.id.clone());
+                    let id = id.to_owned();
+                    self.mistakes.note(at, Mistake::SameColumn { column, id, other });
+                }
                 let (factor, offset) = (factor * si, shift * si + zero);
                 self.channels[index].from = Origin::Column { place, factor, offset };
             }
@@ -229,13 +244,14 @@ impl<'s> Reader<'s> {
         }
     }
 
-    /// Factor and offset from the named unit to SI.
-    fn unit(&mut self, entries: &[Entry], id: &str, unit: Unit) -> (f64, f64) {
-        let Some((entry, word)) = self.text(entries, "unit") else { return (1.0, 0.0) };
+    /// The named unit of the dimension of `unit`; SI without one.
+    fn unit(&mut self, entries: &[Entry], id: &str, unit: Unit) -> &'static NamedUnit {
+        let si = NamedUnit::of_si(unit);
+        let Some((entry, word)) = self.text(entries, "unit") else { return si };
         let (word, known) = (word.to_owned(), units::spellings(unit));
         let found = units::find(&word);
-        if let Some(factors) = found.and_then(|row| row.to(unit)) {
-            return factors;
+        if let Some(row) = found.filter(|row| row.to(unit).is_some()) {
+            return row;
         }
         match found {
             Some(_) => {
@@ -246,7 +262,7 @@ impl<'s> Reader<'s> {
                 self.mistakes.note(&entry.value_at(), Mistake::UnknownUnit { word, known });
             }
         }
-        (1.0, 0.0)
+        si
     }
 
     fn samples(&mut self, entries: &[Entry]) {

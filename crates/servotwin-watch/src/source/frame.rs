@@ -99,7 +99,7 @@ impl Frames {
     /// Creates a parser for the wanted columns.
     pub fn new(wanted: &Wanted) -> Self {
         let places = wanted.names.iter().cloned().zip(0..).collect();
-        let (numbers, clock) = (Numbers::new(true), RefCell::default());
+        let (numbers, clock) = (Numbers::new(false), RefCell::default());
         Frames { wanted: wanted.clone(), places, header: None, numbers, clock }
     }
 
@@ -142,11 +142,17 @@ impl Frames {
     /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
     pub fn add(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
         let before = row.bad;
-        let parsed = walk(prefix, text, &mut Filler { frames: self, row }).or_else(|error| {
+        let filled = || vec![false; self.places.len()];
+        let mut filler = Filler { frames: self, row, filled: filled(), twice: None };
+        let parsed = walk(prefix, text, &mut filler).or_else(|error| {
             let Some(plain) = without_special_numbers(text) else { return Err(error) };
-            row.bad = before;
-            walk(prefix, &plain, &mut Filler { frames: self, row })
+            (filler.row.bad, filler.filled) = (before, filled());
+            walk(prefix, &plain, &mut filler)
         });
+        if let Some(twice) = filler.twice {
+            let key = sanitize::text(&self.wanted.names[twice]);
+            return Err(Flaw::BadObject { cause: format!("the key '{key}' is there twice") });
+        }
         parsed.map_err(|error| match error.is_eof() {
             true => Flaw::CutShort,
             false if text.starts_with(b"{") && error.to_string().starts_with("trailing char") => {
@@ -239,7 +245,7 @@ impl Frames {
         let chosen: Option<Vec<usize>> = self.wanted.names.iter().map(place).collect();
         if let Some(chosen) = chosen {
             let (cells, named) = (names.len(), named(names));
-            self.numbers = Numbers::new(separator != b',');
+            self.numbers = Numbers::new(separator == b',');
             self.header = Some(Header { separator, cells, named, chosen });
         }
     }
@@ -414,11 +420,25 @@ impl<'l> Iterator for Cells<'l> {
 struct Filler<'f> {
     frames: &'f Frames,
     row: &'f mut LogRow,
+    /// The columns that the object has given so far, and one that it gives twice.
+    filled: Vec<bool>,
+    twice: Option<usize>,
+}
+
+impl Filler<'_> {
+    /// The place of a wanted value.
+    fn place(&mut self, path: &str) -> Option<usize> {
+        let place = *self.frames.places.get(path)?;
+        if std::mem::replace(&mut self.filled[place], true) {
+            self.twice = Some(place);
+        }
+        Some(place)
+    }
 }
 
 impl Leaves for Filler<'_> {
     fn number(&mut self, path: &str, value: f64) {
-        let Some(&place) = self.frames.places.get(path) else { return };
+        let Some(place) = self.place(path) else { return };
         match value.is_finite() {
             true => self.row.values[place] = value,
             false => self.row.note_bad(Bad { column: place, text: value.to_string() }),
@@ -431,7 +451,7 @@ impl Leaves for Filler<'_> {
 
     /// A text may be a number or a known word.
     fn text(&mut self, path: &str, text: &str) {
-        let Some(&place) = self.frames.places.get(path) else { return };
+        let Some(place) = self.place(path) else { return };
         let words = || self.frames.number_of_words(place, text);
         match text.parse().ok().or_else(words).filter(|value: &f64| value.is_finite()) {
             Some(value) => self.row.values[place] = value,

@@ -81,6 +81,13 @@ impl LogColumn {
         grows.then(|| steps.get(steps.len() / 2).copied()).flatten()
     }
 
+    /// Whether its numbers are whole and grow by one from row to row.
+    pub fn counts_rows(&self) -> bool {
+        self.head.len() > 2
+            && self.head[0].fract() == 0.0
+            && self.head.windows(2).all(|pair| pair[1] - pair[0] == 1.0)
+    }
+
     fn push(&mut self, value: f64) {
         if self.head.len() < HEAD && value.is_finite() {
             self.head.push(value);
@@ -116,7 +123,7 @@ pub(super) struct Sheet {
 impl Sheet {
     pub(super) fn new(names: Vec<String>, separator: u8) -> Self {
         let columns = names.into_iter().map(LogColumn::named).collect();
-        Sheet { columns, numbers: Numbers::new(separator != b','), rows: 0 }
+        Sheet { columns, numbers: Numbers::new(separator == b','), rows: 0 }
     }
 
     /// Adds a line below the header: units, values, or neither.

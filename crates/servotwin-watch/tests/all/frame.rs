@@ -52,6 +52,20 @@ fn columns_without_a_header_are_named_by_the_map() {
 }
 
 #[test]
+fn an_object_with_a_key_twice_is_refused() {
+    let mut frames = Frames::new(&wanted(&["t", "m.p"]));
+    for line in [
+        r#"{"t": 1, "m": {"p": 2, "p": 3}}"#,
+        r#"{"t": 1, "m.p": NaN, "m": {"p": 2}, "m": {"p": 3}}"#,
+    ] {
+        let Read::Flawed(flaw) = read(&mut frames, line).0 else { panic!("{line}") };
+        assert_eq!(flaw.to_string(), "the key 'm.p' is there twice");
+    }
+    let line = r#"{"t": 1, "x": 1, "x": 2, "m": {"p": 2}}"#;
+    assert_eq!(read(&mut frames, line), (Read::Row, vec![1.0, 2.0], 0), "of no interest");
+}
+
+#[test]
 fn objects_are_read_with_what_is_in_them() {
     let mut frames = Frames::new(&wanted(&["t", "m.p", "v.1"]));
     let line = r#"{"t": 1.25, "m": {"p": "3e5", "q": [1]}, "v": [1, 2.5], "t2": "x"}"#;

@@ -2,17 +2,20 @@
 
 use crate::folder::Folder;
 use servotwin::fit::FitRecord;
+use servotwin::flight::watcher::Watcher;
 use servotwin::prelude::Simulation;
 use servotwin::study::Study;
-use servotwin::table::Table;
+use servotwin::table::{Column, Table};
 use servotwin_watch::guard::{self, IntakeError, LogPlan};
 use servotwin_watch::intake::{self, Whole};
 use servotwin_watch::map::{Map, Trust, guess};
+use servotwin_watch::shipped;
 use servotwin_watch::source::table::{TableRows, table_columns};
 use servotwin_watch::source::{Address, LogColumn, Source};
 use servotwin_watch::span::LogSpan;
-use servotwin_watch::{Finding, Observation, Observer};
+use servotwin_watch::{Finding, Observation, Observer, WatchError};
 use std::fmt::Write as _;
+use std::sync::Arc;
 
 fn press() -> Study {
     Study::read("press_axis").unwrap()
@@ -72,10 +75,21 @@ fn tried(study: &Study, folder: &Folder, text: &str) -> Result<LogPlan, String> 
     let log = Address::File(folder.write("log.csv", text));
     let columns = log.columns().map_err(|error| error.to_string())?;
     let plan = guard::plan("log.csv", &columns, study, true).map_err(|error| error.to_string())?;
-    let mut source = log.open(plan.map.wanted()).map_err(|error| error.to_string())?;
-    let mut twin = Replayed::new(study, &healthy(study));
-    let found = guard::trial(&mut *source, &plan.map, &mut twin, &study.system, 0.01).unwrap();
+    let twin = healthy(study);
+    let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), WatchError> {
+        Ok((log.open(map.wanted())?, Box::new(Replayed::new(study, &twin))))
+    };
+    let found = guard::trial(&mut open, &plan.map, study, 0.01).unwrap().contradictions;
     if found.is_empty() { Ok(plan) } else { Err(found.join("; ")) }
+}
+
+/// What the trial says of a table beside a recorded twin.
+fn tried_table(study: &Study, map: &Map, table: &Table, twin: &Table) -> Vec<String> {
+    let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), WatchError> {
+        let rows = TableRows::of_table("log", table, map.wanted())?;
+        Ok((Box::new(rows), Box::new(Replayed::new(study, twin))))
+    };
+    guard::trial(&mut open, map, study, 0.01).unwrap().contradictions
 }
 
 /// A table as CSV, every number as `cell` writes it: its column, row and value.
@@ -116,12 +130,12 @@ fn a_log_that_contradicts_its_map_is_refused_before_it_is_judged() {
         (renamed("p_a_pa", "p_b_pa"), vec!["p_a and p_b look exchanged"]),
         (renamed("p_a_pa", "p_s_pa"), vec!["p_a and p_s look exchanged"]),
         (gauge.clone(), vec!["p_a, p_b, p_s are all one atmosphere below the twin", "barg"]),
-        (millimetres, vec!["x_p seems to be in mm, which the twin's motion confirms"]),
+        (millimetres, vec!["x_p seems to be in mm, not m: it is 1000 times"]),
         (coarse, vec!["have the time of another and other values", "rate_hz = 100 instead"]),
     ] {
         let told = tried(&study, &folder, &log).err().unwrap_or_default();
         assert!(parts.iter().all(|part| told.contains(part)), "{parts:?}: {told}");
-        assert!(!told.contains("factor"), "{told}");
+        assert!(!told.contains("sign"), "{told}");
     }
     // The same gauge pressures, said to be such.
     let said = gauge.replacen("p_a_pa", "p_a [Pag]", 1).replacen("p_b_pa", "p_b [Pa(g)]", 1);
@@ -277,6 +291,18 @@ fn what_a_time_means_is_decided_once_from_its_text() {
     assert_eq!(east, date + 54_000.0, "on the clock of the log");
     let excel = begin(&|k| format!("{:.10}", 46_347.625 + f64::from(k) / 8_640_000.0));
     assert!((excel - date - 54_000.0).abs() < 1e-4, "{excel}");
+    assert_eq!(begin(&|k| format!("{:02}:{}", k / 6000 + 7, &clock(k, 0)[6..])), 420.0, "minutes");
+    let basic = |k| format!("20261121T{}", clock(k, 54_000).replacen(':', "", 2));
+    assert_eq!(begin(&basic), date + 54_000.0);
+    let told = timed(&folder, |k| k.to_string()).unwrap_err().to_string();
+    for part in ["'Time' counts rows or milliseconds", "rate_hz = 100 instead of column"] {
+        assert!(told.contains(part), "{told}");
+    }
+    let told = timed(&folder, |k| format!("row {k}")).unwrap_err().to_string();
+    assert!(
+        told.contains("write times as numbers, 08:15:02.5") && !told.contains("unit"),
+        "{told}"
+    );
     let told = timed(&folder, |k| format!("11/21/2026 {}", clock(k, 54_000))).unwrap_err();
     let told = told.to_string();
     assert!(
@@ -388,10 +414,7 @@ fn a_table_in_memory_is_a_log_like_its_file() {
         }
     };
     assert_eq!(read(&mut rows), read(&mut *lines));
-    let mut again = TableRows::of_table("the table", &table, plan.map.wanted()).unwrap();
-    let mut twin = Replayed::new(&study, &table);
-    let found = guard::trial(&mut again, &plan.map, &mut twin, &study.system, 0.01).unwrap();
-    assert_eq!(found, Vec::<String>::new());
+    assert_eq!(tried_table(&study, &plan.map, &table, &table), Vec::<String>::new());
 }
 
 #[test]
@@ -434,7 +457,62 @@ fn a_second_time_is_one_only_with_a_raster_of_its_own() {
     }
 }
 
-/// What the trial says of each fault of a study's system, at three intensities.
+#[test]
+fn a_mistake_of_the_column_of_the_command_is_undone_by_the_twin() {
+    let study = Study::default();
+    let diagnoser = Arc::new(shipped::diagnoser(&study).unwrap());
+    let command = "noise:rms=4deg,bandwidth=1Hz,limit=15deg,seed=7";
+    let simulation = Simulation::new(&study.system).input("command", command).noise(3);
+    let healthy = simulation.run().unwrap().table().unwrap();
+    let tried = |table: &Table, unit: &str| {
+        let columns = table_columns(table);
+        let guess = guess(&columns, &study, Trust::Certain).text;
+        let text = guess.replace(
+            "command = { column = \"command_rad\", unit = \"rad\" }",
+            &format!("command = {{ column = \"command_rad\", unit = \"{unit}\" }}"),
+        );
+        let map = Map::parse(&text, "map", &study.system).unwrap();
+        let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), WatchError> {
+            let rows = TableRows::of_table("log", table, map.wanted())?;
+            let watcher = Watcher::new(&study, diagnoser.clone()).unwrap();
+            Ok((Box::new(rows), Box::new(watcher)))
+        };
+        guard::trial(&mut open, &map, &study, 0.01).unwrap().contradictions.join("; ")
+    };
+    let changed = |change: &dyn Fn(&str) -> Vec<f64>| {
+        let columns = healthy.columns().iter().map(|column| {
+            Column::new(column.name.clone(), column.unit.clone(), change(&column.name))
+        });
+        Table::from_columns(columns.collect()).unwrap()
+    };
+    let of = |name: &str| healthy.f64(name).unwrap().into_owned();
+    let scaled = |scaled: &str, factor: f64| {
+        changed(&|name| match name == scaled {
+            true => of(name).into_iter().map(|value| value * factor).collect(),
+            false => of(name),
+        })
+    };
+    assert_eq!(tried(&healthy, "rad"), "");
+    let said = tried(&healthy, "deg");
+    assert!(said.starts_with("command seems to be in rad, not degrees: the twin then"), "{said}");
+    let said = tried(&scaled("command_rad", 1f64.to_degrees()), "rad");
+    assert!(said.starts_with("command seems to be in degrees, not rad"), "{said}");
+    let exchanged = changed(&|name| match name {
+        "command_rad" => of("x_p_1_m"),
+        "x_p_1_m" => of("command_rad"),
+        name => of(name),
+    });
+    let said = tried(&exchanged, "rad");
+    assert!(said.starts_with("command and x_p_1 look exchanged"), "{said}");
+    // Nor is the gain of a faulty sensor a mistake of the command.
+    for gain in [0.5, 0.8, 1.2] {
+        assert_eq!(tried(&scaled("x_p_1_m", gain), "rad"), "", "{gain}");
+    }
+}
+
+const INTENSITIES: [f64; 7] = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
+
+/// What the trial says of each fault of a study's system, at several intensities.
 fn contradicted_by_faults(study: &Study, command: &str) -> Vec<String> {
     let simulation = Simulation::new(&study.system).input("command", command).noise(3);
     let twin = simulation.run().unwrap().table().unwrap();
@@ -442,12 +520,12 @@ fn contradicted_by_faults(study: &Study, command: &str) -> Vec<String> {
     let mut found = vec![];
     for fault in study.system.fault_list() {
         // A fault may end a simulation.
-        let Ok(runs) = simulation.run_sweep(&fault.id, &[0.1, 0.5, 1.0]) else { continue };
-        for table in (0..3).filter_map(|run| runs.table_of_run(run).ok()) {
-            let mut rows = TableRows::of_table("log", &table, plan.map.wanted()).unwrap();
-            let mut observer = Replayed::new(study, &twin);
-            let said = guard::trial(&mut rows, &plan.map, &mut observer, &study.system, 0.01);
-            found.extend(said.unwrap().iter().map(|text| format!("{}: {text}", fault.id)));
+        let Ok(runs) = simulation.run_sweep(&fault.id, &INTENSITIES) else {
+            continue;
+        };
+        for table in (0..INTENSITIES.len()).filter_map(|run| runs.table_of_run(run).ok()) {
+            let said = tried_table(study, &plan.map, &table, &twin);
+            found.extend(said.iter().map(|text| format!("{}: {text}", fault.id)));
         }
     }
     found

@@ -195,6 +195,10 @@ wait_s = -1
     ] {
         assert!(error.contains(expected), "{expected}\n---\n{error}");
     }
+    let one = "[sensors]\np_a = { column = \"p\" }\np_b = { column = \"p\" }\n";
+    let one = format!("format = 1\n[time]\nrate_hz = 10\n{one}");
+    let error = Map::parse(&one, "m", &system).unwrap_err().to_string();
+    assert!(error.contains("m:6:1: 'p_a' and 'p_b' have the same column 'p'"), "{error}");
     let error = Map::parse("format = 1\n[time]\nrate_hz = 10\n", "m", &system).unwrap_err();
     assert!(error.to_string().contains("nothing to watch"), "{error}");
 }
@@ -238,7 +242,7 @@ fn columns_are_found_by_their_names() {
 
     let rig = ["Time [ms]", "Command (deg)", "PA1 [bar]", "p_B1 / bar", "xv2", "oil \"level\""];
     let found = guess(&columns(&rig.map(String::from)), &study, Trust::Certain);
-    assert_eq!(found.assumed, ["xv2"]);
+    assert_eq!(found.assumed, ["xv2 in m"]);
     assert_eq!(found.unused, ["oil \"level\""]);
     assert!(found.text.contains("p_a_1 = { column = \"PA1 [bar]\", unit = \"bar\" }"));
     assert!(found.text.contains("x_v_1 = { column = \"?\""), "{}", found.text);

@@ -139,6 +139,7 @@ impl Fit<'_> {
             sensors: rig.sensors.clone(),
             // J does not depend on the measured values.
             measured: vec![0.0; samples * rig.sensors.len()],
+            units: Vec::new(),
             left_out: Vec::new(),
         };
         let own = Fit {

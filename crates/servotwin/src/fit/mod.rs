@@ -41,15 +41,17 @@ mod write;
 pub use finding::{FitFinding, SensorFit};
 pub use knowledge::{FitKnowledge, Knowledge};
 pub use onset::FoundOnset;
-pub use record::{FitRecord, LeftOut, RecordError, TIME_UNIT};
+pub use record::{FitRecord, LeftOut, RecordError, TIME_UNIT, unit_key};
 pub use suspects::Suspect;
 pub use unknown::Unknown;
 pub use verdict::FitVerdict;
 
+use crate::beside::InputMistake;
 use crate::ensemble::processors;
 use crate::study::Study;
 use crate::system::System;
 use crate::system::imperfection::Imperfection;
+use plausible::ComparedRecord;
 use servotwin_model::solver::{self, SolverSettings};
 use std::fmt;
 use std::sync::atomic::AtomicBool;
@@ -241,18 +243,46 @@ impl<'s> Fit<'s> {
             return Err(FitError::NoRecord);
         }
         for record in &self.records {
-            let nominal = vec![0.0; self.unknowns.len()];
-            let run = self.run(record, 1, |_| self.variant(&nominal, &record.inputs))?;
-            let residuals = run.into_iter().next().expect("one run")?;
-            let (deviations, first) = (self.deviations(record), self.first_sample(record));
-            if let Err(error) =
-                plausible::check(self.system, record, &deviations, first, &residuals)
+            let compared = self.beside_nominal(record)?;
+            let mistake = self.input_mistake(record, &compared)?;
+            if let Err(error) = mistake.map_or_else(|| compared.check(self.system), Err)
                 && !self.is_rather_a_fault(record, &error)?
             {
                 return Err(FitError::Record { name: record.name.clone(), error });
             }
         }
         Ok(())
+    }
+
+    /// A record beside its nominal twin.
+    fn beside_nominal<'r>(&'r self, record: &'r FitRecord) -> Result<ComparedRecord<'r>, FitError> {
+        let nominal = vec![0.0; self.unknowns.len()];
+        let run = self.run(record, 1, |_| self.variant(&nominal, &record.inputs))?;
+        let residuals = run.into_iter().next().expect("one run")?;
+        let (deviations, first) = (self.deviations(record), self.first_sample(record));
+        Ok(ComparedRecord::new(self.system, record, &deviations, first, &residuals))
+    }
+
+    /// A mistake of the column of an input that varies.
+    fn input_mistake(
+        &self,
+        record: &FitRecord,
+        compared: &ComparedRecord,
+    ) -> Result<Option<RecordError>, FitError> {
+        for input in record.varying(self.system) {
+            let mut rerun = |mistake: &InputMistake| {
+                let undone = record.without_mistake(self.system, input, mistake);
+                match self.beside_nominal(&undone) {
+                    Ok(compared) => Ok(Some(compared.into_comparisons())),
+                    Err(FitError::Cancelled) => Err(FitError::Cancelled),
+                    Err(_) => Ok(None),
+                }
+            };
+            if let Some(found) = compared.input_mistake(self.system, input, &mut rerun)? {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
     }
 
     /// The standard deviation of a sample of each sensor of a record.

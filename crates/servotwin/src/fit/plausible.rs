@@ -2,11 +2,9 @@
 //! that disagree. The nominal twin is the reference; differences of a few percent are left to the fit.
 
 use super::record::{FitRecord, LeftOut, RecordError};
-use crate::beside::{self, Comparisons};
+use crate::beside::{Comparisons, InputMistake, SensorColumn};
 use crate::recording::with_suffix;
-use crate::system::{Sensor, System};
-use crate::units;
-use servotwin_model::spec::Unit;
+use crate::system::System;
 
 /// A sensor moves if it leaves its mean by this many of its deviations.
 const MOVES: f64 = 5.0;
@@ -18,8 +16,6 @@ const LEAST_LAG: f64 = 3.0;
 const LONGEST_LAG_S: f64 = 3.0;
 /// Length of the windows at the beginning and the end in which the lag is measured, s.
 const LAG_WINDOW_S: f64 = 5.0;
-/// The largest ratio of two factors for the same unit, as a logarithm.
-const ALIKE: f64 = 0.7;
 /// The fraction of the squared difference that a shift must remove to count as its cause.
 const EXPLAINED: f64 = 0.8;
 
@@ -30,27 +26,31 @@ struct Pair<'r> {
     deviation: f64,
     measured: Vec<f64>,
     twin: Vec<f64>,
-    mean_measured: f64,
-    mean_twin: f64,
     sd_measured: f64,
     sd_twin: f64,
     record: &'r FitRecord,
 }
 
-/// Compares a record with the nominal twin, given the residuals of its samples from `first` on.
-///
-/// # Errors
-/// The first mistake that the record shows.
-pub(super) fn check(
-    system: &System,
-    record: &FitRecord,
-    deviations: &[f64],
+/// The sensors of a record beside those of its nominal twin.
+pub(super) struct ComparedRecord<'r> {
+    pairs: Vec<Pair<'r>>,
+    /// Every sensor beside the twin of every sensor.
+    beside: Comparisons,
+    columns: Vec<SensorColumn<'r>>,
     first: usize,
-    residuals: &[f64],
-) -> Result<(), RecordError> {
-    let width = record.sensors.len();
-    let pairs: Vec<Pair> = (0..width)
-        .map(|place| {
+}
+
+impl<'r> ComparedRecord<'r> {
+    /// Compares a record with a twin, given the residuals of its samples from `first` on.
+    pub fn new(
+        system: &'r System,
+        record: &'r FitRecord,
+        deviations: &[f64],
+        first: usize,
+        residuals: &[f64],
+    ) -> Self {
+        let width = record.sensors.len();
+        let pair = |place: usize| {
             let of = |all: &[f64]| -> Vec<f64> {
                 all.iter().skip(place).step_by(width).copied().collect()
             };
@@ -67,84 +67,82 @@ pub(super) fn check(
                 column: with_suffix(&known.id, known.unit),
                 sensor,
                 deviation,
-                mean_measured: mean(&measured),
-                mean_twin: mean(&twin),
                 sd_measured: sd(&measured),
                 sd_twin: sd(&twin),
                 measured,
                 twin,
                 record,
             }
-        })
-        .collect();
-    let beside = compare(&pairs);
-    let turned: Vec<bool> = (0..width).map(|sensor| beside.of(sensor).is_turned()).collect();
-    mistaken(system, &pairs, &beside, &turned)?;
-    for pair in &pairs {
-        pair.unit(system)?;
-        pair.possible(system, first)?;
-    }
-    for pair in &pairs {
-        pair.stuck(system, first)?;
-    }
-    let moving: Vec<&Pair> = pairs.iter().filter(|pair| pair.is_moving()).collect();
-    let most = |of: fn(&Pair) -> f64| pairs.iter().map(|p| of(p) / p.deviation).fold(0.0, f64::max);
-    if most(|p| p.sd_twin) < MOVES || most(|p| p.sd_measured) < MOVES {
-        let what = format!("no sensor leaves its mean by {MOVES} times its noise");
-        return Err(RecordError::NoMotion { what });
-    }
-    // Signs come before lags: a signal with the wrong sign also looks late by half a wave.
-    if pairs.iter().zip(&turned).any(|(pair, turned)| *turned && pair.is_moving()) {
-        signs(&moving)?;
-    }
-    lag(&moving)
-}
-
-/// Every sensor beside the twin of every sensor.
-fn compare(pairs: &[Pair]) -> Comparisons {
-    let mut beside = Comparisons::new(pairs.len());
-    for sample in 0..pairs.first().map_or(0, |pair| pair.measured.len()) {
-        let measured: Vec<f64> = pairs.iter().map(|pair| pair.measured[sample]).collect();
-        let twin: Vec<f64> = pairs.iter().map(|pair| pair.twin[sample]).collect();
-        beside.take(&measured, &twin);
-    }
-    beside
-}
-
-/// Reports exchanged sensors, and pressures that are not absolute. If a position moves against the twin, the command may
-/// have the wrong sign, which exchanges the chambers, too.
-fn mistaken(
-    system: &System,
-    pairs: &[Pair],
-    beside: &Comparisons,
-    turned: &[bool],
-) -> Result<(), RecordError> {
-    let sensors: Vec<&Sensor> = pairs.iter().map(|pair| &system.sensors[pair.sensor]).collect();
-    let name = |sensor: usize| pairs[sensor].column.as_str();
-    let is_turned = |sensor: usize| {
-        turned[sensor] && sensors[sensor].unit != Unit::Pascal && pairs[sensor].is_moving()
-    };
-    if !(0..pairs.len()).any(is_turned) {
-        let exchanged = beside.exchanged(&sensors);
-        let names: Vec<_> = exchanged.into_iter().map(|(a, b)| (name(a), name(b))).collect();
-        if !names.is_empty() {
-            return Err(RecordError::Mistaken(beside::exchanged_in_words(&names)));
+        };
+        let pairs: Vec<Pair> = (0..width).map(pair).collect();
+        let mut beside = Comparisons::new(width);
+        for sample in 0..pairs.first().map_or(0, |pair| pair.measured.len()) {
+            let measured: Vec<f64> = pairs.iter().map(|pair| pair.measured[sample]).collect();
+            let twin: Vec<f64> = pairs.iter().map(|pair| pair.twin[sample]).collect();
+            beside.take(&measured, &twin);
         }
+        let inputs = system.network().inputs.len();
+        let column = |(place, pair): (usize, &Pair)| {
+            let si = system.sensors[pair.sensor].unit;
+            SensorColumn::new(system, pair.sensor, record.unit(inputs + place, si))
+        };
+        let columns = pairs.iter().enumerate().map(column).collect();
+        ComparedRecord { pairs, beside, columns, first }
     }
-    match beside.without_atmosphere(&sensors) {
-        Some((sign, low)) => {
-            let names: Vec<&str> = low.into_iter().map(name).collect();
-            Err(RecordError::Mistaken(beside::atmosphere_in_words(sign, &names)))
-        }
-        None => Ok(()),
-    }
-}
 
-/// Reports sensors that move against the twin.
-fn signs(moving: &[&Pair]) -> Result<(), RecordError> {
-    let against: Vec<&&Pair> = moving.iter().filter(|pair| pair.correlation() < -0.5).collect();
-    let columns = against.iter().map(|pair| pair.column.clone()).collect();
-    Err(RecordError::OtherSign { columns, all: against.len() == moving.len() && moving.len() > 1 })
+    /// Checks whether the record can belong to the system.
+    ///
+    /// # Errors
+    /// The first mistake that the record shows.
+    pub fn check(&self, system: &System) -> Result<(), RecordError> {
+        let Self { pairs, first, .. } = self;
+        let found = self.beside.mistakes(&self.columns, &self.names());
+        if !found.is_empty() {
+            return Err(RecordError::Mistaken(found.join("; ")));
+        }
+        for pair in pairs {
+            pair.possible(system, *first)?;
+        }
+        for pair in pairs {
+            pair.stuck(system, *first)?;
+        }
+        let moving: Vec<&Pair> = pairs.iter().filter(|pair| pair.is_moving()).collect();
+        let most =
+            |of: fn(&Pair) -> f64| pairs.iter().map(|p| of(p) / p.deviation).fold(0.0, f64::max);
+        if most(|p| p.sd_twin) < MOVES || most(|p| p.sd_measured) < MOVES {
+            let what = format!("no sensor leaves its mean by {MOVES} times its noise");
+            return Err(RecordError::NoMotion { what });
+        }
+        lag(&moving)
+    }
+
+    /// A mistake of the column of an input; see [`Comparisons::input_mistake`]. `rerun` compares the record with the
+    /// mistake undone, or gives nothing if that is impossible.
+    ///
+    /// # Errors
+    /// What `rerun` reports.
+    pub fn input_mistake<E>(
+        &self,
+        system: &System,
+        input: usize,
+        rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
+    ) -> Result<Option<RecordError>, E> {
+        let own = &system.network().inputs[input];
+        let Some(pair) = self.pairs.first() else { return Ok(None) };
+        let (name, unit) = (with_suffix(&own.id, own.unit), pair.record.unit(input, own.unit));
+        let found =
+            self.beside.input_mistake((&name, unit), &self.columns, &self.names(), rerun)?;
+        Ok(found.map(RecordError::Mistaken))
+    }
+
+    /// The comparisons of all sensors.
+    pub fn into_comparisons(self) -> Comparisons {
+        self.beside
+    }
+
+    fn names(&self) -> Vec<&str> {
+        self.pairs.iter().map(|pair| &*pair.column).collect()
+    }
 }
 
 /// Reports sensors that are late, or increasingly late. Only sensors whose difference a shift explains are used, the
@@ -174,12 +172,6 @@ impl Pair<'_> {
         self.sd_twin / self.deviation
     }
 
-    fn correlation(&self) -> f64 {
-        let products = self.measured.iter().zip(&self.twin);
-        let sum: f64 = products.map(|(m, t)| (m - self.mean_measured) * (t - self.mean_twin)).sum();
-        sum / (self.measured.len() as f64 * self.sd_measured * self.sd_twin).max(f64::MIN_POSITIVE)
-    }
-
     fn is_moving(&self) -> bool {
         self.sd_twin > MOVES * self.deviation
     }
@@ -197,29 +189,6 @@ impl Pair<'_> {
             range,
             unit: system.sensors[self.sensor].unit,
         }))
-    }
-
-    /// Reports another unit than the sensor's: all values, and their variation, have the same factor.
-    fn unit(&self, system: &System) -> Result<(), RecordError> {
-        let rms = |values: &[f64]| mean(&values.iter().map(|v| v * v).collect::<Vec<_>>()).sqrt();
-        let (measured, twin) = (rms(&self.measured), rms(&self.twin));
-        // Values near zero do not reveal the unit.
-        if twin < MOVES * self.deviation {
-            return Ok(());
-        }
-        let unit = system.sensors[self.sensor].unit;
-        let moves_alike = |factor: f64| {
-            !self.is_moving() || (self.sd_measured / self.sd_twin / factor).ln().abs() < ALIKE
-        };
-        match units::other(unit, measured / twin).filter(|(factor, _)| moves_alike(*factor)) {
-            Some((factor, looks_like)) => Err(RecordError::OtherUnit {
-                column: self.column.clone(),
-                unit,
-                factor,
-                looks_like,
-            }),
-            None => Ok(()),
-        }
     }
 
     fn stuck(&self, system: &System, first: usize) -> Result<(), RecordError> {

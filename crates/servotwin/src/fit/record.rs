@@ -12,19 +12,25 @@
 //! more than a twentieth of their difference. The interpolation is fourth order for smooth signals and does not
 //! overshoot at a step.
 
+use crate::beside::InputMistake;
 use crate::document::{NumberWithUnit, Quantities};
 use crate::moment::{self, Clock};
 use crate::recording::{self, with_suffix};
 use crate::sanitize;
 use crate::system::System;
 use crate::table::{Table, TableError};
-use crate::units;
+use crate::units::{self, Misread, NamedUnit};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::fmt;
 
 /// The metadata key of a table for the log's time unit, s.
 pub const TIME_UNIT: &str = "time_unit_s";
+
+/// The metadata key of a table for the unit in which a log gives a column.
+pub fn unit_key(column: &str) -> String {
+    format!("unit_of_log.{column}")
+}
 
 /// The accepted names of a time column.
 const TIMES: [&str; 3] = ["time_s", "time", "t"];
@@ -56,6 +62,8 @@ pub struct FitRecord {
     pub sensors: Vec<usize>,
     /// The sensor values, ordered by sample, then sensor; SI, NaN where missing.
     pub measured: Vec<f64>,
+    /// The units in which the log gives the inputs of the system, followed by the sensors of the record; empty for SI.
+    pub units: Vec<&'static NamedUnit>,
     /// Values that were left out as impossible.
     pub left_out: Vec<LeftOut>,
 }
@@ -124,8 +132,8 @@ pub enum RecordError {
     Impossible(LeftOut),
     /// Samples are not evenly spaced.
     #[error(
-        "samples are not even: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if only \
-         their times are inexact, rate_hz = {rate_hz} instead of column below [time] of a map file counts rows"
+        "the times jitter: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if the samples \
+         themselves are even, rate_hz = {rate_hz} instead of column below [time] of a map file counts rows"
     )]
     Uneven { place: String, time_s: f64, expected_s: f64, rate_hz: f64 },
     /// One step between samples differs from the others.
@@ -151,13 +159,7 @@ pub enum RecordError {
     /// An input is outside its range.
     #[error("{column} has {value} {}: allowed are {} … {}", .unit.symbol(), .range.0, .range.1)]
     Input { column: String, value: f64, range: (f64, f64), unit: Unit },
-    /// A column seems to be in another unit.
-    #[error("{column} seems to be in {looks_like}: it is {factor:.3e} times what the twin shows in {}; columns are in SI units", .unit.symbol())]
-    OtherUnit { column: String, unit: Unit, factor: f64, looks_like: &'static str },
-    /// A column moves against the twin.
-    #[error("{}", wrong_sign(.columns, *.all))]
-    OtherSign { columns: Vec<String>, all: bool },
-    /// Columns are exchanged, or pressures are not absolute.
+    /// Columns are exchanged, in another unit or of another sign, or pressures are not absolute.
     #[error("{0}")]
     Mistaken(String),
     /// A sensor holds the same value although it should move.
@@ -180,20 +182,6 @@ fn wrong_period(period_s: f64, likely: Option<(&str, f64)>) -> String {
         )
     });
     format!("{period_s} s between samples: allowed are {least} … {most} s{likely}")
-}
-
-fn wrong_sign(columns: &[String], all: bool) -> String {
-    let is_pressure = columns.iter().all(|column| column.ends_with("_pa"));
-    let columns = columns.join(", ");
-    match all {
-        false if is_pressure => format!(
-            "{columns} moves against the twin; a pressure has no sign, so look at which column it is"
-        ),
-        false => format!("{columns} moves against the twin: its sign seems to be wrong"),
-        true => format!(
-            "everything that moves ({columns}) moves against the twin: the sign of the command seems to be wrong"
-        ),
-    }
 }
 
 /// Describes a step between two samples, with its likely cause.
@@ -249,8 +237,8 @@ impl FitRecord {
             (0..samples).map(|k| signal.value(k as f64 * period_s)).collect()
         };
         let inputs = inputs.iter().map(|signal| smooth(period_s, &sampled(signal))).collect();
-        let left_out = Vec::new();
-        FitRecord { name: name.into(), period_s, inputs, sensors, measured, left_out }
+        let (name, units, left_out) = (name.into(), vec![], vec![]);
+        FitRecord { name, period_s, inputs, sensors, measured, units, left_out }
     }
 
     /// Reads a record from a table.
@@ -277,6 +265,10 @@ impl FitRecord {
             Ok(values)
         };
         let columns = sensors.iter().map(shown).collect::<Result<Vec<_>, RecordError>>()?;
+        let network = system.network();
+        let read = sensors.iter().map(|&s| (&system.sensors[s].id, system.sensors[s].unit));
+        let read = network.inputs.iter().map(|input| (&input.id, input.unit)).chain(read);
+        let units = read.map(|(id, unit)| log_unit(table, &with_suffix(id, unit), unit)).collect();
         let rows = 0..times_s.len();
         let measured = rows.flat_map(|row| columns.iter().map(move |column| column[row])).collect();
         let record = Self {
@@ -285,6 +277,7 @@ impl FitRecord {
             inputs: inputs(table, system, period_s)?,
             sensors,
             measured,
+            units,
             left_out,
         };
         let duration_s = record.duration_s();
@@ -301,6 +294,52 @@ impl FitRecord {
         lacking.map(|(_, sensor)| with_suffix(&sensor.id, sensor.unit)).collect()
     }
 
+    /// The unit in which the log gives an input of the system, or behind those a sensor of the record.
+    pub(super) fn unit(&self, channel: usize, si: Unit) -> &'static NamedUnit {
+        self.units.get(channel).copied().unwrap_or_else(|| NamedUnit::of_si(si))
+    }
+
+    /// The inputs with a unit that vary.
+    pub(super) fn varying(&self, system: &System) -> Vec<usize> {
+        let inputs = system.network().inputs.iter().zip(&self.inputs).enumerate();
+        let varies = inputs.filter(|(_, (input, signal))| {
+            let begin = signal.value(0.0);
+            let mut later = (1..self.samples()).map(|k| signal.value(k as f64 * self.period_s));
+            input.unit != Unit::None && later.any(|value| value != begin)
+        });
+        varies.map(|(input, _)| input).collect()
+    }
+
+    /// The record with a mistake of the column of an input undone.
+    pub(super) fn without_mistake(
+        &self,
+        system: &System,
+        input: usize,
+        mistake: &InputMistake,
+    ) -> Self {
+        let (mut record, inputs) = (self.clone(), &system.network().inputs);
+        let own = self.unit(input, inputs[input].unit);
+        let sampled = |k: usize| self.inputs[input].value(k as f64 * self.period_s);
+        let values: Vec<f64> = match mistake {
+            InputMistake::Unit(misread) => {
+                (0..self.samples()).map(|k| sampled(k) * misread.factor()).collect()
+            }
+            &InputMistake::Exchanged(place) => {
+                let si = system.sensors[self.sensors[place]].unit;
+                let other = self.unit(inputs.len() + place, si);
+                let mut values = vec![];
+                for (k, row) in record.measured.chunks_exact_mut(self.sensors.len()).enumerate() {
+                    let value = std::mem::replace(&mut row[place], sampled(k) * other.si / own.si);
+                    let last = values.last().copied().unwrap_or(0.0);
+                    values.push(if value.is_nan() { last } else { value * own.si / other.si });
+                }
+                values
+            }
+        };
+        record.inputs[input] = smooth(self.period_s, &values);
+        record
+    }
+
     /// Number of samples.
     pub fn samples(&self) -> usize {
         self.measured.len() / self.sensors.len().max(1)
@@ -310,6 +349,12 @@ impl FitRecord {
     pub fn duration_s(&self) -> f64 {
         self.samples().saturating_sub(1) as f64 * self.period_s
     }
+}
+
+/// The unit in which a log gives a column of a table, in SI otherwise.
+fn log_unit(table: &Table, column: &str, si: Unit) -> &'static NamedUnit {
+    let given = table.metadata.get(&unit_key(column)).and_then(|symbol| units::exactly(symbol));
+    given.unwrap_or_else(|| NamedUnit::of_si(si))
 }
 
 fn finite(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
@@ -371,10 +416,9 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     } else {
         period_s
     };
-    if let Some(leap) = find_leap(table, &times_s) {
-        return Err(leap);
-    }
-    if !(moment::PERIODS_S.0..=moment::PERIODS_S.1).contains(&period_s) {
+    let step_s = usual_step(&times_s);
+    if !moment::is_period(step_s) && step_s > 0.0 {
+        let period_s = step_s;
         let unit_s = table.metadata.get(TIME_UNIT).and_then(|text| text.parse::<f64>().ok());
         let likely = moment::likely_unit(
             period_s / unit_s.unwrap_or(1.0),
@@ -382,6 +426,9 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
             units::of_times(),
         );
         return Err(RecordError::Period { period_s, likely });
+    }
+    if let Some(leap) = find_leap(table, &times_s) {
+        return Err(leap);
     }
     for (row, &time_s) in times_s.iter().enumerate() {
         let expected_s = times_s[0] + row as f64 * period_s;
@@ -397,12 +444,24 @@ fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
     Ok((times_s, period_s))
 }
 
-/// The first step between samples that differs from the others.
+/// The median of the steps between samples, s.
+fn usual_step(times_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps[steps.len() / 2]
+}
+
+/// The first step between samples that differs from the others, unless the times jitter.
 fn find_leap(table: &Table, times_s: &[f64]) -> Option<RecordError> {
     let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let mut sorted = steps.clone();
-    sorted.sort_by(f64::total_cmp);
-    let period_s = sorted[sorted.len() / 2];
+    let period_s = usual_step(times_s);
+    // Short steps make up for the long ones where times jitter; behind missing samples there are none.
+    let count = |is_of: &dyn Fn(f64) -> bool| steps.iter().filter(|step| is_of(**step)).count();
+    let short = count(&|step| (0.0..(1.0 - LEAP) * period_s).contains(&step));
+    let long = count(&|step| step > (1.0 + LEAP) * period_s);
+    if short > 0 && 2 * short >= long && count(&|step| step < 0.0) == 0 {
+        return None;
+    }
     let row = steps.iter().position(|step| (step - period_s).abs() > LEAP * period_s)?;
     let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name))?;
     let is_dated =
@@ -443,7 +502,8 @@ fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise
             continue;
         };
         let values = finite(table, name)?;
-        check_input(name, &values, input.unit, input.default, network.input_range(place))?;
+        let declared = log_unit(table, name, input.unit);
+        check_input(name, &values, declared, input.default, network.input_range(place))?;
         varies |= values.iter().any(|value| *value != values[0]);
         signals.push(smooth(period_s, &values));
     }
@@ -459,24 +519,28 @@ fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise
 fn check_input(
     column: &str,
     values: &[f64],
-    unit: Unit,
+    declared: &'static NamedUnit,
     default: f64,
     range: (f64, f64),
 ) -> Result<(), RecordError> {
+    let unit = declared.unit;
     let largest = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    // An angle above 2 rad is likely in degrees; a boundary value is never far from its default.
-    let factor = if unit == Unit::Radian && largest > 2.0 {
-        Some(180.0 / std::f64::consts::PI)
-    } else {
-        None
+    // A boundary value is never far from its default.
+    let is_far = unit == Unit::Pascal && !(0.1..10.0).contains(&(largest / default.abs()));
+    let is_outside = |value: &&f64| !(range.0..=range.1).contains(*value);
+    let misread = match (is_far, values.iter().any(|value| is_outside(&value))) {
+        (true, _) => units::misread(declared, largest / default.abs()),
+        (false, true) => units::within(declared, largest, range)
+            .map(|unit| Misread { actual: vec![unit], read_as: declared }),
+        (false, false) => None,
     };
-    let ratio = largest / default.abs();
-    let factor =
-        factor.or(Some(ratio).filter(|ratio| unit == Unit::Pascal && !(0.1..10.0).contains(ratio)));
-    if let Some((factor, looks_like)) = factor.and_then(|factor| units::other(unit, factor)) {
-        return Err(RecordError::OtherUnit { column: column.into(), unit, factor, looks_like });
+    if let Some(misread) = misread {
+        let ((seems, remedy), symbol) = (misread.in_words(declared), unit.symbol());
+        let largest = moment::rounded(largest);
+        let reason = format!("{column} seems {seems}: it reaches {largest} {symbol}; {remedy}");
+        return Err(RecordError::Mistaken(reason));
     }
-    match values.iter().find(|value| !(range.0..=range.1).contains(*value)) {
+    match values.iter().find(is_outside) {
         Some(&value) => Err(RecordError::Input { column: column.into(), value, range, unit }),
         None => Ok(()),
     }

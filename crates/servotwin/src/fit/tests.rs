@@ -79,6 +79,7 @@ fn flown_as(
         inputs,
         sensors,
         measured,
+        units: vec![],
         left_out: vec![],
     }
 }
@@ -551,13 +552,21 @@ mod records {
         };
         let nan = of("p_a_pa", &|row, v| if row == 700 { f64::NAN } else { v });
         assert!(matches!(nan, E::NotFinite { .. }) && nan.to_string().contains("row 701"), "{nan}");
-        assert!(matches!(of("x_p_m", &|_, v| -v), E::OtherSign { all: false, .. }));
-        assert!(matches!(of("command_rad", &|_, v| -v), E::OtherSign { all: true, .. }));
-        assert!(matches!(of("p_s_pa", &|_, v| v * 1e-5), E::OtherUnit { looks_like: "bar", .. }));
-        assert!(matches!(of("x_v_m", &|_, v| v * 1e3), E::OtherUnit { looks_like: "mm", .. }));
+        assert!(
+            matches!(of("x_p_m", &|_, v| -v), E::Mistaken(said) if said.contains("the sign seems"))
+        );
+        assert!(
+            matches!(of("command_rad", &|_, v| -v), E::Mistaken(said) if said.contains("sign of the command"))
+        );
+        assert!(
+            matches!(of("p_s_pa", &|_, v| v * 1e-5), E::Mistaken(said) if said.contains("to be in bar"))
+        );
+        assert!(
+            matches!(of("x_v_m", &|_, v| v * 1e3), E::Mistaken(said) if said.contains("to be in mm"))
+        );
         assert!(matches!(
             of("command_rad", &|_, v| v.to_degrees()),
-            E::OtherUnit { looks_like: "degrees", .. }
+            E::Mistaken(said) if said.contains("to be in degrees")
         ));
         assert!(matches!(of("command_rad", &|_, _| 0.1), E::NoMotion { .. }));
         let held = record.measured[2];
@@ -570,6 +579,10 @@ mod records {
             of("time_s", &|row, v| if row > 900 { v + 0.002 } else { v }),
             E::Uneven { .. }
         ));
+        // Half of the steps are too long by as much as the others are too short.
+        let jitter = of("time_s", &|row, v| v + if row % 2 == 0 { 0.008 } else { 0.0 });
+        assert!(matches!(jitter, E::Uneven { .. }) && jitter.to_string().contains("rate_hz = 100"));
+        assert!(matches!(of("time_s", &|_, v| 1e3 * v), E::Period { likely: Some(("ms", _)), .. }));
         let short = Table::from_columns(
             good.columns()
                 .iter()

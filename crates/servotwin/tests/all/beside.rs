@@ -1,8 +1,8 @@
 //! Mistakes of columns that show beside the twin.
 
-use servotwin::beside::Comparisons;
+use servotwin::beside::{Comparisons, SensorColumn};
 use servotwin::system::{Sensor, System};
-use servotwin::units::ATMOSPHERE_PA;
+use servotwin::units::{self, ATMOSPHERE_PA, NamedUnit};
 use servotwin_model::spec::Unit;
 
 /// The sensors of the aileron after a motion, as `log` changes the twin's values.
@@ -25,49 +25,102 @@ fn after(log: impl Fn(usize, &mut [f64])) -> (System, Comparisons) {
     (system, found)
 }
 
-fn place(system: &System, id: &str) -> usize {
-    system.sensors.iter().position(|sensor| sensor.id == id).unwrap()
+/// The sensors of the aileron in SI; those that `other` names are read in its unit.
+fn columns<'s>(system: &'s System, other: &[(&str, &str)]) -> Vec<SensorColumn<'s>> {
+    let column = |(place, sensor): (usize, &Sensor)| {
+        let given = other.iter().find(|(id, _)| *id == sensor.id);
+        let unit =
+            given.map_or(NamedUnit::of_si(sensor.unit), |(_, unit)| units::exactly(unit).unwrap());
+        SensorColumn::new(system, place, unit)
+    };
+    system.sensors.iter().enumerate().map(column).collect()
+}
+
+/// All mistakes after a motion, for a log whose sensors of these ids are read in these units.
+fn told(other: &[(&str, &str)], log: impl Fn(usize, &mut [f64])) -> String {
+    let (system, found) = after(log);
+    let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
+    found.mistakes(&columns(&system, other), &names).join("; ")
+}
+
+fn place(id: &str) -> usize {
+    System::default().sensors.iter().position(|sensor| sensor.id == id).unwrap()
 }
 
 #[test]
-fn exchanged_columns_are_found_as_a_pair_and_a_healthy_log_has_none() {
-    let system = System::default();
-    let [a, b] = ["p_a_1", "p_b_1"].map(|id| place(&system, id));
-    let (system, found) = after(|_, values| values.swap(a, b));
-    let sensors: Vec<&Sensor> = system.sensors.iter().collect();
-    assert_eq!(found.exchanged(&sensors), [(a, b)]);
-    let (_, healthy) = after(|_, _| ());
-    assert_eq!(healthy.exchanged(&sensors), []);
-    assert_eq!(healthy.without_atmosphere(&sensors), None);
+fn exchanged_columns_are_found_in_pairs_and_cycles_and_a_healthy_log_has_none() {
+    let [a, b, x, y] = ["p_a_1", "p_b_1", "x_p_1", "x_p_3"].map(place);
+    let look = |log: &dyn Fn(&mut [f64])| told(&[], |_, values| log(values));
+    assert_eq!(look(&|_| ()), "");
+    let pair = "p_a_1 and p_b_1 look exchanged: each follows the twin of the other";
+    assert_eq!(look(&|values| values.swap(a, b)), pair);
+    assert!(look(&|values| values.swap(x, y)).contains("x_p_1 and x_p_3 look exchanged"));
+    let s = place("p_s_1");
+    let cycle =
+        look(&|values| (values[a], values[b], values[s]) = (values[b], values[s], values[a]));
+    assert_eq!(cycle, "p_a_1, p_b_1 and p_s_1 look exchanged: each follows the twin of the next");
     // A force fight that shifts each chamber to the level of the other is no exchange.
-    let (_, fight) = after(|_, values| {
+    let fight = look(&|values| {
         let apart = 0.03 * 2.5e7;
         values[a] += apart;
         values[b] -= apart;
     });
-    assert_eq!(fight.exchanged(&sensors), []);
+    assert_eq!(fight, "");
     // A leak that makes both chambers alike is no exchange.
-    let (_, leak) = after(|_, values| {
+    let leak = look(&|values| {
         let mean = 0.5 * (values[a] + values[b]);
         (values[a], values[b]) = (mean, mean);
     });
-    assert_eq!(leak.exchanged(&sensors), []);
+    assert_eq!(leak, "");
 }
 
 #[test]
-fn all_pressures_without_the_atmosphere_are_recognized_and_one_of_them_is_not_enough() {
-    let system = System::default();
-    let sensors: Vec<&Sensor> = system.sensors.iter().collect();
-    let pressures: Vec<usize> =
-        (0..sensors.len()).filter(|&s| sensors[s].unit == Unit::Pascal).collect();
-    for sign in [-1.0, 1.0] {
-        let (_, found) = after(|k, values| {
-            // Noise of a fifth of a bar.
-            let noise_pa = 2e4 * (k as f64 * 7.7).sin();
-            pressures.iter().for_each(|&p| values[p] += sign * ATMOSPHERE_PA + noise_pa);
+fn pressures_without_the_atmosphere_are_recognized_all_of_them_or_some() {
+    let pressures: Vec<usize> = {
+        let system = System::default();
+        (0..system.sensors.len()).filter(|&s| system.sensors[s].unit == Unit::Pascal).collect()
+    };
+    // Noise of a fifth of a bar.
+    let noise_pa = |k: usize| 2e4 * (k as f64 * 7.7).sin();
+    for (sign, where_is) in [(-1.0, "below"), (1.0, "above")] {
+        let all = told(&[], |k, values| {
+            pressures.iter().for_each(|&p| values[p] += sign * ATMOSPHERE_PA + noise_pa(k));
         });
-        assert_eq!(found.without_atmosphere(&sensors), Some((sign, pressures.clone())));
+        assert!(all.contains(&format!("are all one atmosphere {where_is} the twin")), "{all}");
     }
-    let (_, found) = after(|_, values| values[pressures[0]] -= ATMOSPHERE_PA);
-    assert_eq!(found.without_atmosphere(&sensors), None);
+    let one = |other: &[(&str, &str)], change_pa: f64| {
+        told(other, |k, values| values[pressures[0]] += change_pa + noise_pa(k))
+    };
+    assert!(one(&[], -ATMOSPHERE_PA).contains("p_a_1 is one atmosphere below the twin"));
+    // Only what is read as a gauge pressure can be too large by an atmosphere.
+    assert_eq!(one(&[], ATMOSPHERE_PA), "");
+    assert!(one(&[("p_a_1", "barg")], ATMOSPHERE_PA).contains("p_a_1 is one atmosphere above"));
+    // The bias of a sensor is no atmosphere.
+    assert_eq!(one(&[], -2.0 * ATMOSPHERE_PA), "");
+    assert_eq!(one(&[], -0.5 * ATMOSPHERE_PA), "");
+}
+
+#[test]
+fn a_ratio_of_units_is_told_and_the_gain_of_a_faulty_sensor_is_not() {
+    let of = |id: &str, unit: &str, factor: f64| {
+        let place = place(id);
+        told(&[(id, unit)], |_, values| values[place] *= factor)
+    };
+    for (id, unit, factor, parts) in [
+        ("x_p_1", "m", 1e3, ["to be in mm, not m", "1000 times"]),
+        ("x_p_1", "mm", 1.0 / 25.4, ["to be in inches, not mm", "0.0394 times"]),
+        ("x_p_1", "mm", 0.1, ["to be in cm, not mm", "0.1 times"]),
+        ("x_p_1", "m", 1.0 / 25.4, ["to be inches read as mm", "factor = 25.4"]),
+        ("x_p_1", "cm", 1.0 / 2.54, ["to be in inches, not cm", "0.394 times"]),
+        ("p_a_1", "psi", 1.0 / 14.5038, ["to be in bar or", "not psi"]),
+        ("p_a_1", "bar", 14.5038, ["to be in psi, not bar", "14.5 times"]),
+    ] {
+        let said = of(id, unit, factor);
+        assert!(parts.iter().all(|part| said.contains(part)), "{id} {unit} {factor}: {said}");
+    }
+    for gain in [0.45, 0.5, 0.8, 0.95, 0.99, 1.05, 1.2, 2.0] {
+        for (id, unit) in [("x_p_1", "mm"), ("p_a_1", "psi"), ("p_s_1", "bar"), ("x_v_1", "in")] {
+            assert_eq!(of(id, unit, gain), "", "{id} {unit} {gain}");
+        }
+    }
 }

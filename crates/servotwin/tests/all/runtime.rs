@@ -368,6 +368,7 @@ fn record() -> FitRecord {
         inputs: flown.inputs.iter().map(signal).collect(),
         sensors: study().measured[..flown.measured.len()].to_vec(),
         measured: samples.flat_map(sample).collect(),
+        units: vec![],
         left_out: vec![],
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::progress::Stages;
 use super::super::warn;
-use super::super::watch::input::{observer, usual_diagnoser, warn_of_lacking};
+use super::super::watch::input::{usual_diagnoser, warn_of_lacking};
 use super::{Options, diagnoser};
 use crate::failure::Failure;
 use crate::{Global, stop};
@@ -61,8 +61,7 @@ fn source<'s>(
         return Ok(Box::new(Stream::new(measured, rows, silence)));
     }
     let path = options.input.model.clone().unwrap_or_else(usual_diagnoser);
-    let mut trial = observer(study, (&path, diagnoser.clone()))?;
-    options.input.try_log(&address, &measured.map, &mut trial, &study.system, global)?;
+    options.input.try_log(&address, &measured.map, study, (&path, diagnoser), global)?;
     Ok(Box::new(log(&address, &measured, &mut *rows, global)?))
 }
 

@@ -9,9 +9,9 @@ use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
 use servotwin::moment;
 use servotwin::study::{Setting, Study};
-use servotwin::system::System;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_watch::guard::{self, LogPlan};
+use servotwin_watch::Observer;
+use servotwin_watch::guard::{self, LogPlan, Trial};
 use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::shipped;
@@ -95,23 +95,26 @@ impl InputOptions {
         &self,
         address: &Address,
         map: &Map,
-        observer: &mut Watcher,
-        system: &System,
+        study: &Study,
+        (path, diagnoser): (&Path, &Arc<Diagnoser>),
         global: Global,
     ) -> Result<(), Failure> {
-        let mut rows = self.rows(address, map)?;
-        let period_s = observer.period_s();
-        let doubts = guard::trial(&mut *rows, map, observer, system, period_s)?;
-        if let Some(zone_s) = rows.zone_s() {
+        let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), Failure> {
+            Ok((self.rows(address, map)?, Box::new(observer(study, (path, diagnoser.clone()))?)))
+        };
+        let Trial { contradictions, zone_s } =
+            guard::trial(&mut open, map, study, diagnoser.period_s)?;
+        if let Some(zone_s) = zone_s {
             let zone = moment::zone_in_words(zone_s);
             note(
                 global,
                 &format!("times are on the clock of the log, {zone}, and so are --from and --to"),
             );
         }
-        match doubts.is_empty() {
+        let (log, reason) = (address.to_string(), contradictions.join("; "));
+        match contradictions.is_empty() {
             true => Ok(()),
-            false => Err(Failure::NoSample { log: address.to_string(), reason: doubts.join("; ") }),
+            false => Err(Failure::NoSample { log, reason }),
         }
     }
 

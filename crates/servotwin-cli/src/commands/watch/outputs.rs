@@ -14,6 +14,8 @@ use servotwin::sanitize;
 use servotwin_watch::DiagnosisState;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::WatchCounts;
+use servotwin_watch::guard;
+use servotwin_watch::map::Map as LogMap;
 use servotwin_watch::sink::events::{Events, is_change};
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
@@ -297,16 +299,14 @@ impl Totals {
     }
 
     /// The totals as text.
-    pub fn text(&self, signals: &[&str]) -> String {
+    pub fn text(&self, map: &LogMap) -> String {
         let Totals { counts, silences, .. } = self;
         let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
         let judged = counts.judged;
         let mut text =
             format!("{frames} {counted}s became {samples} samples, {judged} of them judged\n");
-        let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
-        let missing: Vec<String> = missing.map(|(id, count)| format!("{id} in {count}")).collect();
-        if !missing.is_empty() {
-            text += &format!("samples without a value: {}\n", missing.join(", "));
+        if let Some(lost) = guard::lost_in_words(map, counts) {
+            text += &format!("{lost}\n");
         }
         if silences.source > 0 {
             let Silences { source, source_s, .. } = silences;

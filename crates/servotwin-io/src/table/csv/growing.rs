@@ -22,29 +22,36 @@ pub enum Refused {
     Contradiction(ColumnKind),
 }
 
-/// The number format. The first number with a point or a comma sets the decimal mark. With commas between cells it is
-/// the point. Groups of three digits are read where they can mean nothing else: `14,538,574.25`, `14 538 574`.
+/// The number format. The first number with a point or a comma sets the decimal mark. With commas between cells, a comma
+/// in a quoted number is that of groups if it can be: `"6,726"`, but not `"0,726"`. Groups of three digits are read where
+/// they can mean nothing else: `14,538,574.25`, `14 538 574`.
 pub struct Numbers {
-    may_be_comma: bool,
+    between_cells: bool,
     mark: Option<u8>,
     text: String,
 }
 
 impl Numbers {
-    /// `may_be_comma` allows a comma as the decimal mark.
-    pub fn new(may_be_comma: bool) -> Self {
-        let mark = (!may_be_comma).then_some(b'.');
-        Numbers { may_be_comma, mark, text: String::new() }
+    /// `between_cells` states whether commas stand between the cells.
+    pub fn new(between_cells: bool) -> Self {
+        Numbers { between_cells, mark: None, text: String::new() }
     }
 
     /// Whether the decimal mark is a comma.
     pub fn has_comma(&self) -> bool {
-        self.may_be_comma && self.mark == Some(b',')
+        self.mark == Some(b',')
     }
 
     /// Parses a number; `None` for any other text.
     pub fn real(&mut self, text: &str) -> Option<f64> {
         let mark = text.bytes().find(|byte| matches!(byte, b'.' | b','));
+        if mark == Some(b',')
+            && self.between_cells
+            && self.mark.is_none()
+            && let Some((value, _)) = self.ungrouped(text, Some(b'.'))
+        {
+            return Some(value);
+        }
         let value = match (mark, self.mark) {
             (Some(b'.'), Some(b'.') | None) => text.parse().ok(),
             (Some(b','), Some(b',') | None) => {
@@ -53,28 +60,30 @@ impl Numbers {
                 self.text.replacen(',', ".", 1).parse().ok()
             }
             (Some(_), _) => None,
-            (None, _) => return text.parse().ok().or_else(|| Some(self.ungrouped(text)?.0)),
+            (None, _) => {
+                return text.parse().ok().or_else(|| Some(self.ungrouped(text, self.mark)?.0));
+            }
         };
         let (value, mark) = match value {
             Some(value) => (value, mark),
-            None => self.ungrouped(text)?,
+            None => self.ungrouped(text, self.mark)?,
         };
         self.mark = mark.or(self.mark);
         Some(value)
     }
 
-    /// A number with groups of three digits, and its decimal mark.
-    fn ungrouped(&self, text: &str) -> Option<(f64, Option<u8>)> {
+    /// A number with groups of three digits, and its decimal mark; `known` is the mark of other numbers.
+    fn ungrouped(&self, text: &str, known: Option<u8>) -> Option<(f64, Option<u8>)> {
         let count = |mark: u8| text.bytes().filter(|byte| *byte == mark).count();
         let last = text.bytes().rfind(|byte| matches!(byte, b'.' | b','));
-        let decimal = match (count(b'.'), count(b','), self.mark) {
+        let decimal = match (count(b'.'), count(b','), known) {
             (1.., 1.., _) => last,
             (2.., 0, _) => Some(b','),
             (0, 2.., _) => Some(b'.'),
             // One mark is that of groups only if the other one is known to be the decimal mark.
             (_, _, mark) => mark.or(last),
         };
-        let other = |mark: u8| self.mark.is_some_and(|own| own != mark) || count(mark) > 1;
+        let other = |mark: u8| known.is_some_and(|own| own != mark) || count(mark) > 1;
         if decimal.is_some_and(other) {
             return None;
         }
@@ -84,6 +93,7 @@ impl Numbers {
         let groups: Vec<&str> = whole.trim_start_matches(['-', '+']).split(is_group).collect();
         let is_digits = |group: &&str| group.bytes().all(|byte| byte.is_ascii_digit());
         let is_grouped = groups.len() > 1
+            && groups[0] != "0"
             && (1..=3).contains(&groups[0].len())
             && groups[1..].iter().all(|group| group.len() == 3)
             && groups.iter().all(is_digits);

@@ -184,7 +184,7 @@ fn attempt(mut reader: impl BufRead, encoding: Encoding, mut known: Known) -> Re
         heads.push(if quoted { text } else { text.trim().to_owned() });
     }
     let names = column_names(heads)?;
-    let mut numbers = Numbers::new(dialect.separator != b',');
+    let mut numbers = Numbers::new(dialect.separator == b',');
     let column = |place| Growing::new(known.text.contains(&place));
     let mut columns: Vec<Growing> = (0..names.len()).map(column).collect();
     let (mut origin, mut rows) = (Origin::default(), 0);
