@@ -173,9 +173,11 @@ pub fn foreign(
     refused(log, reason)
 }
 
+/// A log, and who observes it.
+pub type Opened<'o> = (Box<dyn Source + 'o>, Box<dyn Observer + 'o>);
+
 /// Opens a log with a map, and makes a new observer for it.
-pub type Open<'o, E> =
-    dyn FnMut(&Map) -> Result<(Box<dyn Source + 'o>, Box<dyn Observer + 'o>), E> + 'o;
+pub type Open<'o, E> = dyn FnMut(&Map) -> Result<Opened<'o>, E> + 'o;
 
 /// The result of a trial.
 pub struct Trial {

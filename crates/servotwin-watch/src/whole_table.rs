@@ -1,11 +1,10 @@
 //! A table in memory that is watched as a whole, with the guards of a log.
 
-use super::guard::{self, IntakeError, LogPlan};
+use super::guard::{self, IntakeError, LogPlan, Opened};
 use super::map::Map;
 use super::sink::{Sample, Sink, SinkError};
-use super::source::Source;
 use super::source::table::{TableRows, table_columns};
-use super::{End, Finding, Observer, Watch, WatchError};
+use super::{End, Finding, Watch, WatchError};
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::flight::watcher::Watcher;
 use servotwin::study::Study;
@@ -64,7 +63,7 @@ pub fn watch_table(
     }
     let rows = || TableRows::of_table(NAME, table, map.wanted()).map_err(WatchError::from);
     let observer = || Watcher::new(study, diagnoser.clone());
-    let mut open = |_: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), TableWatchError> {
+    let mut open = |_: &Map| -> Result<Opened, TableWatchError> {
         Ok((Box::new(rows()?), Box::new(observer()?)))
     };
     let doubts = guard::trial(&mut open, &map, study, period_s)?.contradictions;

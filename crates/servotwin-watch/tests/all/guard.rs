@@ -6,7 +6,7 @@ use servotwin::flight::watcher::Watcher;
 use servotwin::prelude::Simulation;
 use servotwin::study::Study;
 use servotwin::table::{Column, Table};
-use servotwin_watch::guard::{self, IntakeError, LogPlan};
+use servotwin_watch::guard::{self, IntakeError, LogPlan, Opened};
 use servotwin_watch::intake::{self, Whole};
 use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::shipped;
@@ -76,7 +76,7 @@ fn tried(study: &Study, folder: &Folder, text: &str) -> Result<LogPlan, String> 
     let columns = log.columns().map_err(|error| error.to_string())?;
     let plan = guard::plan("log.csv", &columns, study, true).map_err(|error| error.to_string())?;
     let twin = healthy(study);
-    let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), WatchError> {
+    let mut open = |map: &Map| -> Result<Opened, WatchError> {
         Ok((log.open(map.wanted())?, Box::new(Replayed::new(study, &twin))))
     };
     let found = guard::trial(&mut open, &plan.map, study, 0.01).unwrap().contradictions;
@@ -85,7 +85,7 @@ fn tried(study: &Study, folder: &Folder, text: &str) -> Result<LogPlan, String> 
 
 /// What the trial says of a table beside a recorded twin.
 fn tried_table(study: &Study, map: &Map, table: &Table, twin: &Table) -> Vec<String> {
-    let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), WatchError> {
+    let mut open = |map: &Map| -> Result<Opened, WatchError> {
         let rows = TableRows::of_table("log", table, map.wanted())?;
         Ok((Box::new(rows), Box::new(Replayed::new(study, twin))))
     };
@@ -472,7 +472,7 @@ fn a_mistake_of_the_column_of_the_command_is_undone_by_the_twin() {
             &format!("command = {{ column = \"command_rad\", unit = \"{unit}\" }}"),
         );
         let map = Map::parse(&text, "map", &study.system).unwrap();
-        let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), WatchError> {
+        let mut open = |map: &Map| -> Result<Opened, WatchError> {
             let rows = TableRows::of_table("log", table, map.wanted())?;
             let watcher = Watcher::new(&study, diagnoser.clone()).unwrap();
             Ok((Box::new(rows), Box::new(watcher)))

@@ -10,8 +10,7 @@ use servotwin::job::{Folder, flights};
 use servotwin::moment;
 use servotwin::study::{Setting, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_watch::Observer;
-use servotwin_watch::guard::{self, LogPlan, Trial};
+use servotwin_watch::guard::{self, LogPlan, Opened, Trial};
 use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::shipped;
@@ -99,7 +98,7 @@ impl InputOptions {
         (path, diagnoser): (&Path, &Arc<Diagnoser>),
         global: Global,
     ) -> Result<(), Failure> {
-        let mut open = |map: &Map| -> Result<(Box<dyn Source>, Box<dyn Observer>), Failure> {
+        let mut open = |map: &Map| -> Result<Opened, Failure> {
             Ok((self.rows(address, map)?, Box::new(observer(study, (path, diagnoser.clone()))?)))
         };
         let Trial { contradictions, zone_s } =
