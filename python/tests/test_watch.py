@@ -71,7 +71,7 @@ def test_missing_sensors_are_told(watched):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda time_s, log: log.update(p_a_1_pa=np.where(time_s > 4, np.nan, log["p_a_1_pa"])), "value: p_a_1 in 2"),
+        (lambda time_s, log: log.update(p_a_1_pa=np.where(time_s > 4, np.nan, log["p_a_1_pa"])), "value: p_a_1 in 100"),
         (lambda time_s, log: log.update({k: v[abs(time_s - 3) > 0.2] for k, v in log.items()}), "without a sample"),
         (lambda time_s, log: log.update(time_s=np.where(time_s > 4, time_s - 3, time_s)), "clock set back"),
     ],

@@ -7,7 +7,7 @@ use super::counts::{Irregularity, WatchCounts};
 use super::map::{Guess, Map, MapError, Trust, guess, other_raster};
 use super::plausibility::Plausibility;
 use super::source::{LogColumn, Source, SourceError};
-use super::{Observer, Watch, WatchError};
+use super::{End, Observer, Watch, WatchError};
 use servotwin::beside::InputMistake;
 use servotwin::fit::RecordError;
 use servotwin::study::Study;
@@ -20,6 +20,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How much of a log is tried before it is judged, s.
 const TRIAL_S: f64 = 60.0;
+/// So often while nothing moves.
+const TRIALS: usize = 30;
 
 /// Why a log cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -187,7 +189,7 @@ pub struct Trial {
     pub zone_s: Option<f64>,
 }
 
-/// Reads the first minute of a log beside the twin. If the twin does not follow, it is tried whether it does with the
+/// Reads the first minute of a log with motion beside the twin. If the twin does not follow, it is tried whether it does with the
 /// command in another unit, or exchanged with a sensor.
 ///
 /// # Errors
@@ -200,12 +202,12 @@ pub fn trial<E: From<WatchError>>(
 ) -> Result<Trial, E> {
     let system = &study.system;
     let (mut source, mut observer) = open(map)?;
-    let (evidence, counts) = first_minute(&mut *source, map, &mut *observer, period_s)?;
+    let (evidence, counts) = first_motion(&mut *source, map, &mut *observer, study, period_s)?;
     let zone_s = source.zone_s();
     let mut rerun = |mistake: &InputMistake| {
         let Some(map) = map.without_mistake(study.command_input, mistake) else { return Ok(None) };
         let (mut source, mut observer) = open(&map)?;
-        let (evidence, _) = first_minute(&mut *source, &map, &mut *observer, period_s)?;
+        let (evidence, _) = first_motion(&mut *source, &map, &mut *observer, study, period_s)?;
         Ok::<_, E>(Some(evidence.beside().clone()))
     };
     let mistake = evidence.input_mistake(system, map, study.command_input, &mut rerun)?;
@@ -216,19 +218,26 @@ pub fn trial<E: From<WatchError>>(
     Ok(Trial { contradictions, zone_s })
 }
 
-fn first_minute(
+/// Reads minutes until something moves.
+fn first_motion(
     source: &mut dyn Source,
     map: &Map,
     observer: &mut dyn Observer,
+    study: &Study,
     period_s: f64,
 ) -> Result<(Plausibility, WatchCounts), WatchError> {
-    let (stop, mut calls) = (AtomicBool::new(false), 0.0);
     let mut watch = Watch::new(source, map, observer, period_s);
-    watch.run(&stop, &mut |_, _| {
-        // A watch of a log shows each thousand samples.
-        calls += 1000.0;
-        stop.store(calls * period_s > TRIAL_S, Ordering::Relaxed);
-    })?;
+    for _ in 0..TRIALS {
+        let (stop, mut calls) = (AtomicBool::new(false), 0.0);
+        let end = watch.run(&stop, &mut |_, _| {
+            // A watch of a log shows each thousand samples.
+            calls += 1000.0;
+            stop.store(calls * period_s > TRIAL_S, Ordering::Relaxed);
+        })?;
+        if end == End::Complete || watch.plausibility().moves(&study.system, map) {
+            break;
+        }
+    }
     Ok((watch.plausibility().clone(), watch.counts().clone()))
 }
 

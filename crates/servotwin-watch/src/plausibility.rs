@@ -146,6 +146,11 @@ impl Plausibility {
         &self.beside
     }
 
+    /// Whether a position or its twin moved.
+    pub(super) fn moves(&self, system: &System, map: &Map) -> bool {
+        self.beside.has_motion(&columns(system, map))
+    }
+
     /// Reports a mistake of the column of an input; see [`Comparisons::input_mistake`].
     pub(super) fn input_mistake<E>(
         &self,

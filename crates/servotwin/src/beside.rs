@@ -374,6 +374,11 @@ impl Comparisons {
         shares
     }
 
+    /// Whether a position or its twin moves.
+    pub fn has_motion(&self, columns: &[SensorColumn]) -> bool {
+        !self.unexplained(columns).is_empty()
+    }
+
     /// The mistakes that an input may have, by how far the positions move beside their twins. A twin whose command is
     /// too large may reach its limits, and the sensors then seem less small than they are.
     fn likely_mistakes(

@@ -497,6 +497,22 @@ fn a_mistake_of_the_column_of_the_command_is_undone_by_the_twin() {
     assert!(said.starts_with("command seems to be in rad, not degrees: the twin then"), "{said}");
     let said = tried(&scaled("command_rad", 1f64.to_degrees()), "rad");
     assert!(said.starts_with("command seems to be in degrees, not rad"), "{said}");
+    // Nor does a minute at rest before it hide the mistake.
+    let at_rest = 7000;
+    let late = changed(&|name| {
+        let (mut values, own) = (vec![], of(name));
+        match name {
+            "time_s" => values.extend((0..at_rest + own.len()).map(|k| 0.01 * k as f64)),
+            name => {
+                let begin = if name == "command_rad" { 0.0 } else { own[0] };
+                values.resize(at_rest, begin);
+                values.extend(own);
+            }
+        }
+        values
+    });
+    assert_eq!(tried(&late, "rad"), "");
+    assert!(tried(&late, "deg").starts_with("command seems to be in rad"));
     let exchanged = changed(&|name| match name {
         "command_rad" => of("x_p_1_m"),
         "x_p_1_m" => of("command_rad"),
