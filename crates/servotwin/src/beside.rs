@@ -37,6 +37,8 @@ const NEARLY: f64 = 0.25;
 /// The same for some of the pressures, whose difference is otherwise noise up to this many deviations.
 const EXACTLY: f64 = 0.1;
 const CLEAR_NOISE: f64 = 1.5;
+/// The standard errors of an estimate that are no accident.
+const SURE: f64 = 3.0;
 
 /// Running sums of values.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -341,18 +343,20 @@ impl Comparisons {
             return Some((sign, steady));
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
-        let most = |of_mean_pa: f64| (EXACTLY + 3.0 * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
+        let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
         // A gain that is too low by a few per cent shifts the level, and shrinks the motion.
-        let is_gain = |own: &TwinComparison| {
-            let of_gain = (own.gain() - 1.0) * own.twin.mean() / own.offset();
-            (of_gain - 1.0).abs() < 0.5
+        let is_gain = |own: &TwinComparison, deviation: f64| {
+            let too_low = own.gain() - 1.0;
+            let of_gain = too_low * own.twin.mean() / own.offset();
+            let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
+            (of_gain - 1.0).abs() < 0.5 && too_low.abs() > SURE * error
         };
         let is_low = |&sensor: &usize| {
             let (own, column) = (self.of(sensor), &columns[sensor]);
             column.unit.is_proportional() == (sign < 0.0)
                 && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
                 && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
-                && !(own.moves(column.sensor.scale) && is_gain(own))
+                && !(own.moves(column.sensor.scale) && is_gain(own, column.deviation))
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;
