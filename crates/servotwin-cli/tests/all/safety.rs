@@ -605,8 +605,8 @@ fn a_search_comes_nearer_to_an_error_than_as_many_random_flights() {
         let flown = table::read(Path::new(&out).join("safety/worst-case.csv")).unwrap();
         let (methods, margins) = (flown.text("method").unwrap(), flown.f64("margin").unwrap());
         let mean = |method: &str| {
-            let own = methods.iter().zip(margins).filter(|(name, _)| *name == method);
-            own.map(|(_, margin)| margin).sum::<f64>() / 192.0
+            let own = methods.iter().zip(margins.iter()).filter(|(name, _)| *name == method);
+            own.map(|(_, margin)| *margin).sum::<f64>() / 192.0
         };
         let [search, random] = ["search", "random"].map(mean);
         println!("mean margin {search:.3} by search, {random:.3} at random");
