@@ -143,7 +143,7 @@ fn studies_are_checked_with_their_places() {
     let output = servotwin(&["check", &wrong, "--json"]);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["mistakes"].as_array().unwrap().len(), 2);
-    assert_eq!(report["mistakes"][0]["line"], 17);
+    assert_eq!(report["mistakes"][0]["line"], 18);
 }
 
 #[test]

@@ -49,7 +49,7 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     }
     assert!(more.contains("outcomes-*.parquet") && more.contains("servotwin report"), "{more}");
     // Without a terminal, every stage has a line.
-    for stage in ["noise: flights to learn from …", "realistic: flights to be judged in …"] {
+    for stage in ["noise: flights to learn from …", "realistic: suite judge …"] {
         let noted = std::fs::read_to_string(folder.file("noted.txt")).unwrap();
         assert!(noted.lines().any(|line| line == stage), "{noted}");
     }

@@ -220,7 +220,7 @@ pub fn fly(
         stored.origin() == new.origin() && stored.environments <= suite.environments
     };
     let mut flown = stored.filter(is_begun).unwrap_or(new);
-    let what = format!("{}: {}", scenario.name(), suite.name);
+    let what = format!("{}: suite {}", scenario.name(), suite.name);
     let (from, mut written) = (flown.environments, flown.environments);
     let told = |done: usize, of: usize| {
         let before = from as f64 / suite.environments as f64;
