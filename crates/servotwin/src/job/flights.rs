@@ -50,7 +50,7 @@ pub struct FlightResults {
     pub other_plant: Option<FlightMetrics>,
     /// The same beside twins that are fitted to these plants.
     pub other_plant_fitted: Option<FittedPlants>,
-    /// The flights of [`MISSING_SENSORS`], one entry for each scenario and sensor.
+    /// The flights without each sensor in turn, one entry for each scenario and sensor.
     pub missing_sensors: Vec<FlightMetrics>,
     /// The flights of the study's own suites, one entry for each suite and scenario.
     pub own: Vec<FlightMetrics>,
