@@ -344,19 +344,20 @@ impl Comparisons {
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
         let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
-        // A gain that is too low by a few per cent shifts the level, and shrinks the motion.
-        let is_gain = |own: &TwinComparison, deviation: f64| {
-            let too_low = own.gain() - 1.0;
-            let of_gain = too_low * own.twin.mean() / own.offset();
+        // A gain that is too low by a few per cent shifts the level, and shrinks the motion: where there is motion, it
+        // must tell the two apart.
+        let is_shifted = |own: &TwinComparison, deviation: f64| {
             let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
-            (of_gain - 1.0).abs() < 0.5 && too_low.abs() > SURE * error
+            let too_high = own.gain() - 1.0;
+            let of_level = own.offset() / own.twin.mean();
+            too_high.abs() < SURE * error && (too_high - of_level).abs() > SURE * error
         };
         let is_low = |&sensor: &usize| {
             let (own, column) = (self.of(sensor), &columns[sensor]);
             column.unit.is_proportional() == (sign < 0.0)
                 && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
                 && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
-                && !(own.moves(column.sensor.scale) && is_gain(own, column.deviation))
+                && (!own.moves(column.sensor.scale) || is_shifted(own, column.deviation))
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;

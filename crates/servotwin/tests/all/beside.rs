@@ -98,6 +98,12 @@ fn pressures_without_the_atmosphere_are_recognized_all_of_them_or_some() {
     // The bias of a sensor is no atmosphere.
     assert_eq!(one(&[], -2.0 * ATMOSPHERE_PA), "");
     assert_eq!(one(&[], -0.5 * ATMOSPHERE_PA), "");
+    // Nor is a leak by which a chamber loses a bar and moves a little farther than its twin.
+    let leak = told(&[], |k, values| {
+        let wave = (0.05 * k as f64).sin();
+        values[pressures[0]] += 0.003 * 2.5e7 * wave - ATMOSPHERE_PA + noise_pa(k);
+    });
+    assert_eq!(leak, "");
 }
 
 #[test]
