@@ -123,10 +123,9 @@ pub fn flight_pieces(study: &Study, full: bool) -> Vec<(&'static str, String, Ve
         let judged = study.suites(full).filter(|suite| suite.purpose == Purpose::Test);
         for suite in learn.chain(judged).filter(|suite| of(suite)) {
             // Unseen faults are flown all together.
-            let mut counts = vec![0; if suite.is_unseen { 1 } else { suite.environments }];
-            if suite.is_unseen {
-                counts[0] = 1;
-            } else {
+            let mut counts = vec![1];
+            if !suite.is_unseen {
+                counts = vec![0; suite.environments];
                 let runs = plan::runs(study, suite, &(0..suite.environments));
                 runs.iter().for_each(|run| counts[run.environment] += 1);
             }

@@ -283,9 +283,7 @@ impl Failure {
             Failure::Job(
                 JobError::OtherResults { .. } | JobError::NoFlights | JobError::NoRun { .. },
             ) => 2,
-            Failure::Job(JobError::Evaluation(error) | JobError::Unreadable { error, .. }) => {
-                of_evaluation(error)
-            }
+            Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
             Failure::Job(_) => 3,
             Failure::Run(_)
             | Failure::Eigenvalues

@@ -137,7 +137,7 @@ pub static CHAPTERS: &[Chapter] = &[
         is_appendix: false,
         sections: &[
             Section { id: "flights", title: "The diagnosis at work", write: flights::write },
-            Section { id: "foreign", title: "Faults never trained on", write: foreign::write },
+            Section { id: "unseen", title: "Faults never trained on", write: unseen::write },
         ],
     },
     Chapter {

@@ -85,10 +85,10 @@ pub fn right(words: &Vocabulary) -> Vec<Measure> {
 }
 
 /// What the flights of a scenario show, over all faults and intensities, also those that no sensor shows.
-pub fn in_flight(merit: &FlightMetrics, words: &Vocabulary) -> Vec<(String, Rate)> {
+pub fn in_flight(metrics: &FlightMetrics, words: &Vocabulary) -> Vec<(String, Rate)> {
     let line = |measure: &&measure::Measure| {
-        let [sentence, _] = words.describe_measure(measure, &[merit.limit_s]);
-        (sentence, merit.rates.of(measure))
+        let [sentence, _] = words.describe_measure(measure, &[metrics.limit_s]);
+        (sentence, metrics.rates.of(measure))
     };
     measure::FIRST.iter().map(line).filter(|(_, rate)| rate.of > 0).collect()
 }

@@ -1,5 +1,5 @@
 //! The measured results of a study on one page: safety, detection and isolation of the campaign's variants, and the
-//! figures of merit of the flights. Each has its count and interval.
+//! figures of metrics of the flights. Each has its count and interval.
 //!
 //! The page contains nothing that depends on the machine, so the same study gives the same page everywhere.
 
@@ -197,10 +197,9 @@ Every opening is on record, also those without a result.\n";
 
 /// The measures of every scenario of the flights.
 fn all_scenarios(flights: &FlightResults, words: &Vocabulary) -> Vec<MeasuredFlights> {
-    let foreign =
-        |merit: &FlightMetrics| flights.foreign.iter().find(|f| f.setting == merit.setting);
-    let merits = flights.merits.iter().chain(&flights.other_plant);
-    merits.map(|merit| MeasuredFlights::new(merit, foreign(merit), words)).collect()
+    let judged = flights.judged().map(|own| (own, flights.unseen_in(&own.group.scenario)));
+    let others = flights.of_suite(OTHER_STRUCTURE).map(|own| (own, None));
+    judged.chain(others).map(|(own, unseen)| MeasuredFlights::new(own, unseen, words)).collect()
 }
 
 /// Trees, committee and training rows together, where a fault may stay not isolated.
@@ -289,17 +288,17 @@ fn protocols(evaluation: &Evaluation) -> Vec<Protocol> {
 
 impl MeasuredFlights {
     fn new(
-        merit: &FlightMetrics,
-        foreign: Option<&UnseenFaultMetrics>,
+        metrics: &FlightMetrics,
+        unseen: Option<&UnseenFaultMetrics>,
         words: &Vocabulary,
     ) -> Self {
-        let actions = merit.strong_classes.clone();
+        let actions = metrics.strong_classes.clone();
         MeasuredFlights {
-            scenario: merit.setting.clone(),
-            flights: merit.flights,
-            rates: of_flights(merit, foreign, words),
+            scenario: metrics.title(),
+            flights: metrics.flights,
+            rates: of_flights(metrics, unseen, words),
             actions,
-            healthy: merit.healthy.clone(),
+            healthy: metrics.healthy.clone(),
         }
     }
 
@@ -331,8 +330,8 @@ impl MeasuredFlights {
 
 /// The rates counted in flights.
 fn of_flights(
-    merit: &FlightMetrics,
-    foreign: Option<&UnseenFaultMetrics>,
+    metrics: &FlightMetrics,
+    unseen: Option<&UnseenFaultMetrics>,
     words: &Vocabulary,
 ) -> Vec<MeasuredRate> {
     let mut rates = vec![];
@@ -347,19 +346,19 @@ fn of_flights(
         }
     };
     for measure in measure::ALL {
-        let [sentence, faults] = words.describe_measure(measure, &[merit.limit_s]);
-        push(sentence, &faults, Some(merit.rates.of(measure)));
+        let [sentence, faults] = words.describe_measure(measure, &[metrics.limit_s]);
+        push(sentence, &faults, Some(metrics.rates.of(measure)));
     }
     let (unit, off) = (words.unit(), words.switched_off());
-    if merit.setting == OTHER_STRUCTURE {
-        let [flown, alarmed] = merit.healthy.flights;
+    if metrics.group.suite == OTHER_STRUCTURE {
+        let [flown, alarmed] = metrics.healthy.flights;
         let alarmed = counted(alarmed, flown);
         push(format!("{} with an alarm", words.run()), "healthy flights", alarmed);
     }
-    let Some(foreign) = foreign.filter(|_| words.has_off()) else { return rates };
-    let (count, of) = foreign.shutdowns_healthy();
+    let Some(unseen) = unseen.filter(|_| words.has_off()) else { return rates };
+    let (count, of) = unseen.shutdowns_healthy();
     push(format!("healthy {unit} {off}"), "faults unknown to training", counted(count, of));
-    for outcome in &foreign.outcomes {
+    for outcome in &unseen.outcomes {
         let count = outcome.shutdowns_behind_wrong_sensor;
         let measure = format!("healthy {unit} {off}: {}", outcome.title);
         push(

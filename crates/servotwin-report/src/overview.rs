@@ -1,4 +1,4 @@
-//! The first screen: figures of merit with their targets, the intensity at which each fault becomes detectable, and the
+//! The first screen: figures of metrics with their targets, the intensity at which each fault becomes detectable, and the
 //! faults that need attention. One tab for each scenario; the hardest is in front.
 
 use crate::Material;
@@ -20,7 +20,7 @@ const TARGET: f64 = 0.95;
 /// The maximum number of weak faults listed.
 const WEAKEST: usize = 5;
 
-/// The target of a figure of merit.
+/// The target of a figure of metrics.
 #[derive(Clone, Copy, PartialEq)]
 enum Target {
     /// The event should never happen.
@@ -29,7 +29,7 @@ enum Target {
     AtLeast(f64),
 }
 
-/// A figure of merit.
+/// A figure of metrics.
 struct Card {
     name: String,
     rate: Rate,
@@ -124,17 +124,17 @@ fn scenario(material: &Material, result: &SubjectResult, words: &Vocabulary) -> 
 
 /// The cards of the flights in a scenario; `None` without any.
 fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) -> Option<String> {
-    let merits = &material.flights?.merits;
-    let merit = merits.iter().find(|merit| merit.setting == result.subject.setting().name())?;
+    let scenario = result.subject.setting().name();
+    let metrics = material.flights?.judged().find(|metrics| metrics.group.scenario == scenario)?;
     let run = words.run();
-    let rates = lines::in_flight(merit, words).into_iter().map(|(title, rate)| {
+    let rates = lines::in_flight(metrics, words).into_iter().map(|(title, rate)| {
         let interval = format!("{:.2} … {:.2} %", 100.0 * rate.low, 100.0 * rate.high);
         let note = format!("{} of {} {run}s, {interval}", rate.count, rate.of);
         card("open", &format!("In {run}: {title}"), [&percent(rate.share), &note], None)
     });
     let mut cards: String = rates.collect();
-    if merit.healthy.hours > 0.0 {
-        let [value, limit, counts] = lines::alarms_per_hour(&merit.healthy);
+    if metrics.healthy.hours > 0.0 {
+        let [value, limit, counts] = lines::alarms_per_hour(&metrics.healthy);
         let note = format!("{limit}, {counts}");
         cards += &card("open", &format!("In {run}: false alarms"), [&value, &note], None);
     }

@@ -9,7 +9,7 @@ use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
 use servotwin::flight::band::BandMerit;
 use servotwin::flight::outcome::FlightOutcome;
 use servotwin::job::manifest::Manifest;
-use servotwin::job::outcomes::FlownSuite;
+use servotwin::job::outcomes::{Basis, FlownSuite};
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
 use servotwin::study::{Setting, Study};
@@ -177,10 +177,12 @@ fn healthy_run() -> FlownSuite {
         suite: "healthy".into(),
         scenario: "realistic".into(),
         seed: 3,
-        is_full: false,
         runs: String::new(),
-        diagnoser_sha256: String::new(),
-        study_sha256: String::new(),
+        basis: Basis {
+            is_full: false,
+            diagnoser_sha256: String::new(),
+            study_sha256: String::new(),
+        },
         environments: 500,
         calibration: None,
         outcomes: (0..500).map(flight).collect(),

@@ -85,7 +85,8 @@ pub(crate) fn false_shutdowns_per_h(
     };
     let evidence = format!(
         "shutdowns of healthy lanes: {} in {hours:.3} h of lanes, flights.json, scenario {}",
-        healthy.shutdowns, metrics.setting
+        healthy.shutdowns,
+        metrics.title()
     );
     (value, evidence)
 }

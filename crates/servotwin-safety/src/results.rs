@@ -117,8 +117,8 @@ impl StudyResultsFolder {
 
     /// The judged flights of the quoted scenario.
     pub fn flown(&self) -> Option<&FlightMetrics> {
-        let merits = &self.flights.as_ref()?.merits;
-        merits.iter().find(|merit| merit.setting == self.setting.name())
+        let mut judged = self.flights.as_ref()?.judged();
+        judged.find(|metrics| metrics.group.scenario == self.setting.name())
     }
 
     /// The judged flights, which the trees need.
@@ -133,7 +133,7 @@ impl StudyResultsFolder {
         self.flown().ok_or_else(|| SafetyError::NoScenario {
             path,
             given: self.setting.name().into(),
-            known: flights.merits.iter().map(|merit| merit.setting.clone()).collect(),
+            known: flights.judged().map(FlightMetrics::title).collect(),
         })
     }
 

@@ -17,9 +17,7 @@ use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::run::RunName;
 use servotwin::run::fitted_twins::CalibrationRecords;
-use servotwin::study::suites::{
-    JUDGE, MAX_ENVIRONMENTS, MISSING_SENSORS, OTHER_STRUCTURE_FITTED, UNSEEN,
-};
+use servotwin::study::suites::MAX_ENVIRONMENTS;
 use servotwin::study::{Purpose, Setting, Study, Suite};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
@@ -220,38 +218,27 @@ fn text(
     suites: &[String],
 ) -> Result<String, Failure> {
     let words = Vocabulary::of(study);
-    let is_asked = |suite: &str| suites.is_empty() || suites.iter().any(|name| name == suite);
-    let mut shown: Vec<&FlightMetrics> = vec![];
-    if is_asked(JUDGE) {
-        shown.extend(&results.merits);
-    }
-    let of_other = results.of_other_plants();
-    shown.extend(of_other.filter(|merit| is_asked(&merit.setting)));
-    let name_of = |merit: &FlightMetrics| {
-        merit.setting.split_once(',').map_or(merit.setting.clone(), |(name, _)| name.into())
+    let is_shown = |metrics: &&FlightMetrics| match suites.is_empty() {
+        true => metrics.group.missing.is_empty(),
+        false => suites.contains(&metrics.group.suite),
     };
-    shown.extend(results.own.iter().filter(|merit| is_asked(&name_of(merit))));
-    if suites.iter().any(|name| name == MISSING_SENSORS) {
-        shown.extend(&results.missing_sensors);
-    }
+    let mut shown = results.suites.iter().filter(is_shown).peekable();
     let mut out = String::new();
-    if !shown.is_empty() {
+    if shown.peek().is_some() {
         let run = words.run();
         let _ =
             writeln!(out, "summary, of all {run}s with a fault, whether a sensor shows it or not");
     }
-    shown.into_iter().for_each(|merit| scenario(&mut out, merit, &words));
-    if is_asked(OTHER_STRUCTURE_FITTED)
-        && let Some(fitted) = &results.other_plant_fitted
-    {
-        out += &fitted_plants(&fitted.calibration);
+    shown.for_each(|metrics| summary(&mut out, metrics, &words));
+    if suites.is_empty() {
+        let lines = results.left_out.iter();
+        let lines = lines.filter_map(|(scenario, own)| own.without_steady_state(scenario));
+        lines.for_each(|line| out += &format!("  {line}\n"));
     }
-    if suites.iter().any(|name| name == UNSEEN) {
-        for metrics in &results.foreign {
-            let _ = writeln!(out, "{}", metrics.setting);
-            for set in &metrics.sets {
-                let _ = writeln!(out, "  {}", challenge_line(set, &words));
-            }
+    for metrics in results.unseen.iter().filter(|metrics| suites.contains(&metrics.suite)) {
+        let _ = writeln!(out, "{}", metrics.scenario);
+        for set in &metrics.sets {
+            let _ = writeln!(out, "  {}", challenge_line(set, &words));
         }
     }
     let named = |flown: &&FlownSuite| suites.contains(&flown.suite);
@@ -264,20 +251,20 @@ fn text(
     )
 }
 
-/// What a scenario shows, over all faults and intensities.
-fn scenario(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
-    let FlightMetrics { setting, flights, failed, .. } = merit;
-    let run = words.run();
-    let _ = writeln!(out, "  {setting}: {flights} {run}s with a fault, {failed} not finished");
-    let rates = lines::in_flight(merit, words);
+/// What the flights of a suite in a scenario show, over all faults and intensities.
+fn summary(out: &mut String, metrics: &FlightMetrics, words: &Vocabulary) {
+    let FlightMetrics { flights, failed, .. } = metrics;
+    let (title, run) = (metrics.title(), words.run());
+    let _ = writeln!(out, "  {title}: {flights} {run}s with a fault, {failed} not finished");
+    let rates = lines::in_flight(metrics, words);
     let of_rate = |(title, own): (String, Rate)| {
         format!("{title} {} ({} of {})", rate(Some(own)), own.count, own.of)
     };
     let rates: Vec<String> = rates.into_iter().map(of_rate).collect();
     let _ = writeln!(out, "    {}", rates.join("; "));
-    let _ = writeln!(out, "    false alarms {}", lines::alarms_in_words(&merit.healthy));
-    if let Some(line) = merit.without_steady_state() {
-        let _ = writeln!(out, "    {line}");
+    let _ = writeln!(out, "    false alarms {}", lines::alarms_in_words(&metrics.healthy));
+    if let Some(calibration) = &metrics.calibration {
+        *out += &fitted_plants(calibration);
     }
 }
 
@@ -285,7 +272,7 @@ fn scenario(out: &mut String, merit: &FlightMetrics, words: &Vocabulary) {
 fn fitted_plants(calibration: &CalibrationRecords) -> String {
     let CalibrationRecords { flown, rejected, with_findings } = calibration;
     format!(
-        "  of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left \
+        "    of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left \
          a deviation\n"
     )
 }

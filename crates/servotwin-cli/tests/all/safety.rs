@@ -178,7 +178,7 @@ fn a_sheet_quotes_flights_of_its_own_scenario() {
     let (noise, ideal) = (sheet("noise"), sheet("ideal"));
     assert_eq!(cell(&noise, fault, "effect_on_system"), "not flown");
     let judged = cell(&noise, fault, "evidence: isolation");
-    assert!(judged.starts_with("flights.json merits noise kinds"), "{judged}");
+    assert!(judged.starts_with("flights.json, noise: kinds"), "{judged}");
     for column in ["effect_on_actuator", "detection_latency", "isolation", "diagnostic_coverage"] {
         assert_eq!(cell(&ideal, fault, column), "not flown in this scenario", "{column}");
     }

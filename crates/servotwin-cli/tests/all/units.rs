@@ -84,13 +84,15 @@ fn whole_way(units: usize) {
     {
         assert_eq!(html.to_lowercase().contains(of_several), units > 1, "{of_several}");
     }
-    for merit in results(out, "flights.json")["merits"].as_array().unwrap() {
-        let rates = &merit["rates"];
+    let flown = results(out, "flights.json");
+    let suites = flown["suites"].as_array().unwrap();
+    for metrics in suites.iter().filter(|metrics| metrics["suite"] == "judge") {
+        let rates = &metrics["rates"];
         // One alone has no other that could be shut down in its place.
-        assert_eq!(rates.get("wrong_shutdown").is_some(), units > 1, "{merit}");
-        assert_eq!(rates["wrong_shutdown"]["count"].as_u64().unwrap_or(0), 0, "{merit}");
-        assert_eq!(merit["flights"], 10 * units, "every fault of every unit is flown");
-        assert!(rates["isolated_in_time"]["count"].as_u64().unwrap() > 0, "{merit}");
+        assert_eq!(rates.get("wrong_shutdown").is_some(), units > 1, "{metrics}");
+        assert_eq!(rates["wrong_shutdown"]["count"].as_u64().unwrap_or(0), 0, "{metrics}");
+        assert_eq!(metrics["flights"], 10 * units, "every fault of every unit is flown");
+        assert!(rates["isolated_in_time"]["count"].as_u64().unwrap() > 0, "{metrics}");
     }
     // A judged fault of the last unit.
     let variant = (10 * units - 1).to_string();

@@ -12,14 +12,13 @@ use crate::words::{
 use servotwin::evaluation::metrics::{Rate, poisson_mean};
 use servotwin::flight::judge::{FlightMetrics, Latency, STRONG};
 use servotwin::flight::measure::{self, Measure};
-use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::{FlownSuite, SuiteSize};
 use servotwin::run::fitted_twins::CalibrationRecords;
-use servotwin::study::Study;
 use servotwin::study::suites::{
     HARD_NEGATIVES, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED,
 };
+use servotwin::study::{Setting, Study};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
 use servotwin_plot::lines::{Curve, Lines};
@@ -79,23 +78,23 @@ pub fn write(material: &Material, page: &mut Page) {
             }
         ));
     page.beside(|page| {
-            for merit in &results.merits {
-                let name = format!("flights_latency_{}", merit.setting);
+            for metrics in results.judged() {
+                let name = format!("flights_latency_{}", metrics.group.scenario);
                 let caption = format!(
                     "Setting {}: visible faults of intensity {STRONG} and more that are isolated, by the \
                      time since the onset.",
-                    merit.setting
+                    metrics.title()
                 );
-                page.figure(&name, latencies(merit, &material.looks()), &caption);
+                page.figure(&name, latencies(metrics, &material.looks()), &caption);
             }
         });
-    for merit in results.merits.iter().chain(results.of_other_plants()) {
-        page.table(&by_command(merit, words), &format!(
+    for metrics in results.judged().chain(results.of_other_plants()) {
+        page.table(&by_command(metrics, words), &format!(
                 "Setting {}: what became of the {}s, by what should have been commanded. Shares are \
                  of the visible faults, with 95 % intervals from drawing kinds of fault at their \
                  intensities; times are the median, and below it 95 % and the longest of those that \
                  were isolated.",
-                merit.setting,
+                metrics.title(),
                 words.run()
             ));
     }
@@ -150,9 +149,9 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
          a second time, without the means that its own residuals had in the first seconds.{}",
         windows.join(" and "),
         words.kept_on(least_on),
-        match results.other_plant {
+        match results.of_suite(OTHER_STRUCTURE).next() {
             Some(_) => format!(
-                " In the setting {OTHER_STRUCTURE} the specimens also differ from the twin in structure, as \
+                " In the suite {OTHER_STRUCTURE} the specimens also differ from the twin in structure, as \
                  [flights.other_plant] of the study says. Nothing is learned there: the diagnosis is the one of \
                  the realistic setting.{}",
                 fitted_plants(results)
@@ -205,8 +204,8 @@ impl Limit {
 /// Lists the limits setting by setting. A limit on something that was not counted is left out.
 pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary) -> Vec<Limit> {
     let own = own_limits(study);
-    let of_setting = |merit| {
-        let mut limits = SettingLimits { own: &own, results, words, merit, list: vec![] };
+    let of_setting = |metrics| {
+        let mut limits = SettingLimits { own: &own, results, words, metrics, list: vec![] };
         if words.has_off() {
             limits.latency();
         }
@@ -218,7 +217,7 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
         }
         limits.list
     };
-    results.merits.iter().chain(results.of_other_plants()).flat_map(of_setting).collect()
+    results.judged().chain(results.of_other_plants()).flat_map(of_setting).collect()
 }
 
 /// The limits of one setting, one after the other.
@@ -227,19 +226,13 @@ struct SettingLimits<'m> {
     own: &'m [String],
     results: &'m FlightResults,
     words: &'m Vocabulary,
-    merit: &'m FlightMetrics,
+    metrics: &'m FlightMetrics,
     list: Vec<Limit>,
 }
 
 impl SettingLimits<'_> {
     fn push(&mut self, title: String, limit: String, measured: String, verdict: &'static str) {
-        self.list.push(Limit {
-            title,
-            setting: self.merit.setting.clone(),
-            limit,
-            measured,
-            verdict,
-        });
+        self.list.push(Limit { title, setting: self.metrics.title(), limit, measured, verdict });
     }
 
     /// A row that explains the one above it.
@@ -256,18 +249,16 @@ impl SettingLimits<'_> {
     }
 
     fn latency(&mut self) {
-        let FlightMetrics { setting, limit_s, .. } = self.merit;
-        let in_time = self.merit.rates.of(&measure::ISOLATED_IN_TIME);
+        let FlightMetrics { group, limit_s, .. } = self.metrics;
+        let in_time = self.metrics.rates.of(&measure::ISOLATED_IN_TIME);
         if in_time.of == 0 {
             return;
         }
         let off = self.words.off();
-        let key =
-            if ["realistic", OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED].contains(&setting.as_str()) {
-                "latency_unfitted_s"
-            } else {
-                "latency_s"
-            };
+        let key = match Setting::named(&group.scenario).is_some_and(Setting::has_tolerances) {
+            true => "latency_unfitted_s",
+            false => "latency_s",
+        };
         let limit = format!("{} % within {} s", chosen(100.0 * SHARE), chosen(*limit_s));
         let verdict = match in_time {
             rate if rate.low >= SHARE => MET,
@@ -285,15 +276,15 @@ impl SettingLimits<'_> {
             [&measure::VISIBLE_IN_TIME, &measure::ISOLATED_SINCE_VISIBLE, &measure::NEVER_ISOLATED]
         {
             let [sentence, _] = self.words.describe_measure(measure, &[*limit_s]);
-            self.explain(format!("the same faults, {sentence}"), self.merit.rates.of(measure));
+            self.explain(format!("the same faults, {sentence}"), self.metrics.rates.of(measure));
         }
         let of_all = &measure::ISOLATED_IN_TIME_OF_ALL;
         let [sentence, faults] = self.words.describe_measure(of_all, &[*limit_s]);
-        self.explain(format!("{faults}: {sentence}"), self.merit.rates.of(of_all));
+        self.explain(format!("{faults}: {sentence}"), self.metrics.rates.of(of_all));
     }
 
     fn false_alarms(&mut self) {
-        let healthy = &self.merit.healthy;
+        let healthy = &self.metrics.healthy;
         if healthy.hours <= 0.0 {
             return;
         }
@@ -318,10 +309,10 @@ impl SettingLimits<'_> {
 
     /// Explains the false alarms of plants that differ in structure, where alarms are less rare than elsewhere.
     fn alarmed_flights(&mut self) {
-        let merit = self.merit;
-        let strong = merit.rates.of(&measure::RIGHT_ACTION_OF_STRONG);
-        let [flown, alarmed] = merit.healthy.flights;
-        if ![OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED].contains(&merit.setting.as_str()) {
+        let metrics = self.metrics;
+        let strong = metrics.rates.of(&measure::RIGHT_ACTION_OF_STRONG);
+        let [flown, alarmed] = metrics.healthy.flights;
+        if ![OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED].contains(&metrics.group.suite.as_str()) {
             return;
         }
         if flown > 0 {
@@ -336,7 +327,7 @@ impl SettingLimits<'_> {
     }
 
     fn healthy_shutdowns(&mut self) {
-        let healthy = &self.merit.healthy;
+        let healthy = &self.metrics.healthy;
         if healthy.hours <= 0.0 {
             return;
         }
@@ -355,16 +346,15 @@ impl SettingLimits<'_> {
 
     fn wrong_shutdowns(&mut self) {
         let (unit, off) = (self.words.unit(), self.words.switched_off());
-        let merit = self.merit;
-        if self.words.has_several() && merit.flights > 0 {
+        let metrics = self.metrics;
+        if self.words.has_several() && metrics.flights > 0 {
             let title = format!("the wrong {unit} {off}, all trained faults");
-            let wrong = merit.rates.of(&measure::WRONG_SHUTDOWN);
+            let wrong = metrics.rates.of(&measure::WRONG_SHUTDOWN);
             self.wrong(title, wrong);
         }
-        let is_own = |other: &&UnseenFaultMetrics| other.setting == merit.setting;
-        let Some(unseen) = self.results.foreign.iter().find(is_own) else {
-            return;
-        };
+        let is_judged = metrics.group.suite == JUDGE;
+        let unseen = self.results.unseen_in(&metrics.group.scenario).filter(|_| is_judged);
+        let Some(unseen) = unseen else { return };
         let never_trained = format!("a healthy {unit} {off}, faults never trained on");
         let (wrong, of) = unseen.shutdowns_healthy();
         self.wrong(never_trained, Rate::new(wrong, of));
@@ -391,15 +381,14 @@ impl SettingLimits<'_> {
 
 /// The measures in all settings.
 fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
-    let merits: Vec<&FlightMetrics> =
-        results.merits.iter().chain(results.of_other_plants()).collect();
-    let limits_s: Vec<f64> = merits.iter().map(|merit| merit.limit_s).collect();
+    let suites: Vec<&FlightMetrics> = results.judged().chain(results.of_other_plants()).collect();
+    let limits_s: Vec<f64> = suites.iter().map(|metrics| metrics.limit_s).collect();
     let left = ["of", "measure"].map(|head| (head.to_owned(), Alignment::Left));
-    let settings = merits.iter().map(|merit| (merit.setting.clone(), Alignment::Right));
+    let settings = suites.iter().map(|metrics| (metrics.title(), Alignment::Right));
     let mut grid = HtmlTable::new(left.into_iter().chain(settings));
     let mut last = String::new();
     for measure in measure::ALL {
-        let rates: Vec<Rate> = merits.iter().map(|merit| merit.rates.of(measure)).collect();
+        let rates: Vec<Rate> = suites.iter().map(|metrics| metrics.rates.of(measure)).collect();
         if rates.iter().all(|rate| rate.of == 0) {
             continue;
         }
@@ -414,11 +403,11 @@ fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
 
 /// The limits on latency in words: each with its settings.
 fn latency_limits(results: &FlightResults) -> String {
-    let mut limits: Vec<(f64, Vec<&str>)> = vec![];
-    for merit in results.merits.iter().chain(results.of_other_plants()) {
-        match limits.iter_mut().find(|(limit_s, _)| *limit_s == merit.limit_s) {
-            Some((_, settings)) => settings.push(&merit.setting),
-            None => limits.push((merit.limit_s, vec![&merit.setting])),
+    let mut limits: Vec<(f64, Vec<String>)> = vec![];
+    for metrics in results.judged().chain(results.of_other_plants()) {
+        match limits.iter_mut().find(|(limit_s, _)| *limit_s == metrics.limit_s) {
+            Some((_, settings)) => settings.push(metrics.title()),
+            None => limits.push((metrics.limit_s, vec![metrics.title()])),
         }
     }
     let each = limits
@@ -475,7 +464,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
         count => format!(", and from {} in further ones without a fault", runs(count)),
     };
     let of = |suite: &str, number: fn(&SuiteSize) -> usize| results.size(suite).map_or(0, number);
-    let judged = results.merits.first();
+    let judged = results.judged().next();
     let size = format!(
         "Learned in {} environments, with {} of every fault at each intensity{}; judged in {} other \
          environments, with {} with a fault and {:.1} healthy hours in each setting.",
@@ -483,19 +472,20 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
         runs(of(LEARN, |size| size.repeats) as u64),
         further(of(HARD_NEGATIVES, |size| size.environments) as u64),
         of(JUDGE, |size| size.environments),
-        runs(judged.map_or(0, |merit| merit.flights)),
-        judged.map_or(0.0, |merit| merit.healthy.hours),
+        runs(judged.map_or(0, |metrics| metrics.flights)),
+        judged.map_or(0.0, |metrics| metrics.healthy.hours),
     );
-    let failed = |merit: &FlightMetrics| merit.failed + merit.failed_to_learn;
-    let size = match results.merits.iter().map(failed).sum::<u64>() {
+    let failed_to_learn: u64 = results.left_out.values().map(|left_out| left_out.failed).sum();
+    let failed = failed_to_learn + results.judged().map(|metrics| metrics.failed).sum::<u64>();
+    let size = match failed {
         0 => size,
         failed => format!(
-            "{size} Left out are {failed} {run}s that could not be simulated to their end, {} of them to \
-             learn from.",
-            results.merits.iter().map(|merit| merit.failed_to_learn).sum::<u64>()
+            "{size} Left out are {failed} {run}s that could not be simulated to their end, {failed_to_learn} of them \
+             to learn from."
         ),
     };
-    let without = results.merits.iter().filter_map(FlightMetrics::without_steady_state);
+    let without = results.left_out.iter();
+    let without = without.filter_map(|(scenario, own)| own.without_steady_state(scenario));
     let size = without.fold(size, |text, line| format!("{text} {line}."));
     match results.is_full {
         true => format!("{size} These are the full sizes of the study."),
@@ -507,11 +497,11 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
     }
 }
 
-fn latencies(merit: &FlightMetrics, looks: &Looks) -> Figure {
+fn latencies(metrics: &FlightMetrics, looks: &Looks) -> Figure {
     let mut lines = Lines::new("", "time since the onset / s", "isolated / % of visible");
     lines.x_log = true;
     lines.y_range = Some((0.0, 100.0));
-    for class in &merit.strong_classes {
+    for class in &metrics.strong_classes {
         let points = class.isolation.iter().flat_map(|latency| &latency.by_s);
         let points = points.map(|&(time_s, share)| (time_s, 100.0 * share)).collect();
         lines = lines.with(
@@ -530,7 +520,7 @@ fn times(latency: &Option<Latency>) -> String {
     })
 }
 
-fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
+fn by_command(metrics: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
     let mut heads: Vec<(String, Alignment)> = vec![
         ("command".into(), Alignment::Left),
         ("visible".into(), Alignment::Right),
@@ -543,7 +533,7 @@ fn by_command(merit: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
     let times_heads = ["silent", "until visible", "until isolated", "visible to isolated"];
     heads.extend(times_heads.map(|head| (head.into(), Alignment::Right)));
     let mut grid = HtmlTable::new(heads);
-    for class in merit.classes.iter().chain(&merit.strong_classes) {
+    for class in metrics.classes.iter().chain(&metrics.strong_classes) {
         let [low, high] = class.intensities;
         let count =
             |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
@@ -567,13 +557,13 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     let wrong =
         words.has_several().then(|| (format!("wrong {} off", words.unit()), Alignment::Right));
     let mut grid = HtmlTable::new(left.into_iter().chain(right).chain(wrong));
-    for merit in &results.merits {
-        for (name, class) in &merit.onsets {
+    for metrics in results.judged() {
+        for (name, class) in &metrics.onsets {
             let isolation = class.isolation.as_ref();
             let visible = class.rates.of(&measure::VISIBLE);
             let mut row = vec![
                 name.clone(),
-                merit.setting.clone(),
+                metrics.title(),
                 format!("{} of {}", visible.count, visible.of),
                 stacked(Some(class.rates.of(&measure::RIGHT_ACTION))),
                 stacked(Some(class.rates.of(&measure::SILENT))),
@@ -591,11 +581,11 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
 }
 
 fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
-    let kinds = results.merits.iter().flat_map(|merit| {
+    let kinds = results.judged().flat_map(|metrics| {
         let name = |(kind, count): &(String, u64)| {
-            format!("{} ({count}, {})", spoken(kind), merit.setting)
+            format!("{} ({count}, {})", spoken(kind), metrics.title())
         };
-        merit.wrong_kinds.iter().map(name).collect::<Vec<_>>()
+        metrics.wrong_kinds.iter().map(name).collect::<Vec<_>>()
     });
     let kinds: Vec<String> = kinds.collect();
     if !kinds.is_empty() {
@@ -609,22 +599,22 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
 
 /// The finding for the first screen: one sentence about the hardest setting.
 pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<String> {
-    let merit = results.merits.last()?;
+    let metrics = results.judged().last()?;
     let (unit, run) = (words.unit(), words.run());
-    let all = lines::in_flight(merit, words).into_iter().take(2);
+    let all = lines::in_flight(metrics, words).into_iter().take(2);
     let mut parts: Vec<String> = all
         .map(|(title, own)| format!("{title} in {} of all {}", rate(Some(own)), own.of))
         .collect();
-    let in_time = merit.rates.of(&measure::ISOLATED_IN_TIME);
+    let in_time = metrics.rates.of(&measure::ISOLATED_IN_TIME);
     if in_time.of > 0 {
         parts.push(format!(
             "{} of the visible {} faults of intensity {STRONG} and more are isolated within {} s",
             rate(Some(in_time)),
             words.off(),
-            chosen(merit.limit_s)
+            chosen(metrics.limit_s)
         ));
     }
-    let wrong = merit.rates.of(&measure::WRONG_SHUTDOWN);
+    let wrong = metrics.rates.of(&measure::WRONG_SHUTDOWN);
     if wrong.of > 0 {
         parts.push(format!(
             "the wrong {unit} is {} in {} of {} {run}s ({})",
@@ -634,8 +624,8 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
             at_most(wrong)
         ));
     }
-    let foreign = results.foreign.iter().find(|other| other.setting == merit.setting);
-    if let Some((wrong, of)) = foreign.map(|foreign| foreign.shutdowns_behind_wrong_sensor())
+    let unseen = results.unseen_in(&metrics.group.scenario);
+    if let Some((wrong, of)) = unseen.map(|unseen| unseen.shutdowns_behind_wrong_sensor())
         && words.has_off()
         && of > 0
     {
@@ -644,15 +634,15 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
             words.switched_off()
         ));
     }
-    if merit.healthy.hours > 0.0 {
-        parts.push(format!("false alarms are {}", lines::alarms_in_words(&merit.healthy)));
+    if metrics.healthy.hours > 0.0 {
+        parts.push(format!("false alarms are {}", lines::alarms_in_words(&metrics.healthy)));
     }
     (!parts.is_empty()).then(|| {
         let other_plants: String =
-            results.of_other_plants().map(|merit| of_other_plant(merit, words)).collect();
+            results.of_other_plants().map(|metrics| of_other_plant(metrics, words)).collect();
         format!(
             "In {run}s in which a fault begins, setting {}, {}.{}",
-            merit.setting,
+            metrics.title(),
             parts.join("; "),
             other_plants
         )
@@ -661,20 +651,22 @@ pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<Str
 
 /// A sentence on twins that are fitted to such plants; empty if there are none.
 fn fitted_plants(results: &FlightResults) -> String {
-    let Some(fitted) = &results.other_plant_fitted else { return String::new() };
-    let CalibrationRecords { flown, rejected, with_findings } = fitted.calibration;
+    let fitted = results.of_suite(OTHER_STRUCTURE_FITTED).find_map(|metrics| metrics.calibration);
+    let Some(CalibrationRecords { flown, rejected, with_findings }) = fitted else {
+        return String::new();
+    };
     format!(
-        " In the setting {OTHER_STRUCTURE_FITTED} each twin was fitted to a calibration flight of its plant: {with_findings} \
+        " In the suite {OTHER_STRUCTURE_FITTED} each twin was fitted to a calibration flight of its plant: {with_findings} \
          of {flown} fits left a deviation that nothing unknown explains, and {rejected} records were rejected, so \
          that their twins stayed nominal."
     )
 }
 
 /// A sentence on plants that differ from their twin in structure.
-fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
-    let healthy = &merit.healthy;
+fn of_other_plant(metrics: &FlightMetrics, words: &Vocabulary) -> String {
+    let healthy = &metrics.healthy;
     let [strong, wrong] = [&measure::RIGHT_ACTION_OF_STRONG, &measure::WRONG_SHUTDOWN]
-        .map(|measure| merit.rates.of(measure));
+        .map(|measure| metrics.rates.of(measure));
     let (unit, run, off) = (words.unit(), words.run(), words.switched_off());
     let mut parts = vec![format!(
         "{} false alarms in {:.1} healthy hours (95 %: at most {} per hour)",
@@ -697,8 +689,7 @@ fn of_other_plant(merit: &FlightMetrics, words: &Vocabulary) -> String {
         "{} visible faults of intensity {STRONG} and more get the right action",
         rate(Some(strong))
     ));
-    let setting = &merit.setting;
-    format!(" In plants that are not their twin, setting {setting}: {}.", parts.join("; "))
+    format!(" In plants that are not their twin, {}: {}.", metrics.title(), parts.join("; "))
 }
 
 #[cfg(test)]

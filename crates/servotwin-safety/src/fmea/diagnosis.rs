@@ -169,9 +169,10 @@ fn kind_latencies<'s>(
     let metrics = sources.results?.flown()?;
     let own: Vec<_> = metrics.kinds.iter().filter(|own| own.kind == subject.kind).collect();
     let place = format!(
-        "flights.json merits {} kinds {} (medians with order-statistic intervals, 95 %; a flight without the event \
+        "flights.json, {}: kinds {} (medians with order-statistic intervals, 95 %; a flight without the event \
          counts as the longest)",
-        metrics.setting, subject.kind
+        metrics.title(),
+        subject.kind
     );
     (!own.is_empty()).then_some((own, place))
 }
@@ -372,7 +373,7 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fme
         && let Some((_, count)) = metrics.wrong_kinds.iter().find(|(kind, _)| *kind == subject.kind)
     {
         parts.push(format!("shuts a healthy actuator down in {count} judged flights"));
-        evidence += &format!("; flights.json merits {} wrong_kinds", metrics.setting);
+        evidence += &format!("; flights.json, {}: wrong_kinds", metrics.title());
     }
     let text = if parts.is_empty() { "none counted".into() } else { parts.join("; ") };
     FmeaCell::new(text, evidence)

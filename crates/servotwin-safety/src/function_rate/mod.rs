@@ -141,7 +141,7 @@ impl FunctionRate {
         }
         for other in results.flights.iter().flat_map(|flights| flights.of_other_plants()) {
             let own = model(other, FaultIntensities::All);
-            let words = format!("plants that differ from their twin ({})", other.setting);
+            let words = format!("plants that differ from their twin ({})", other.title());
             conditions.push(own.condition(words, &exposure, 1.0));
         }
         for factor in WEAR {
@@ -155,13 +155,7 @@ impl FunctionRate {
                 "one actuator: the twin cannot keep the function, it only keeps faults from acting unnoticed".into(),
             );
         }
-        Ok(FunctionRate {
-            scenario: metrics.setting.clone(),
-            exposure,
-            conditions,
-            sensitivities,
-            notes,
-        })
+        Ok(FunctionRate { scenario: metrics.title(), exposure, conditions, sensitivities, notes })
     }
 
     /// Writes all files and returns their paths.
@@ -274,7 +268,8 @@ impl FunctionModel {
             let mut share = |what: &str, count: u64| {
                 let evidence = format!(
                     "{count} of {} flights, flights.json, scenario {}",
-                    counts.flown, metrics.setting
+                    counts.flown,
+                    metrics.title()
                 );
                 let value = clopper_pearson(count, counts.flown, confidence);
                 inputs.push(TreeParameter { id: format!("{what}: {action}"), value, evidence });

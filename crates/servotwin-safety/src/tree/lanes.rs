@@ -207,7 +207,7 @@ impl TreeGrower<'_> {
             0 => format!("{what}: not flown, so nothing is known"),
             _ => format!(
                 "{what}: {count} of {of} flights, flights.json, scenario {}",
-                self.metrics.setting
+                self.metrics.title()
             ),
         };
         let value = clopper_pearson(count, of, self.confidence);

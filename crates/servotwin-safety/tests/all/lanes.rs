@@ -44,7 +44,7 @@ fn metrics(classes: &[(&str, u64, u64, u64, u64)], shutdowns: u64, hours: f64) -
         "shutdown_environments": {"flown": 0, "with_alarm": 0, "share_upper": 1.0},
     });
     let text = json!({
-        "setting": "noise", "flights": 1, "failed": 0, "failed_to_learn": 0, "on_the_move_to_learn": [],
+        "suite": "judge", "scenario": "noise", "missing": "", "flights": 1, "failed": 0,
         "limit_s": 1.0, "rates": {},
         "classes": classes.iter().map(class).collect::<Vec<_>>(), "strong_classes": [], "kinds": [], "onsets": [],
         "healthy": healthy,

@@ -191,6 +191,11 @@ pub struct Suite {
 }
 
 impl Suite {
+    /// Whether it is flown for judging in a scenario.
+    pub fn is_flown_in(&self, scenario: Setting) -> bool {
+        self.purpose == Purpose::Test && self.scenarios.contains(&scenario)
+    }
+
     /// The root of the random numbers of a run.
     pub fn seed_of(&self, number: usize) -> Seed {
         Seed::of(self.seed, &self.draws, number as u64)

@@ -4,9 +4,10 @@
 
 use super::measure::Rates;
 use super::outcome::FlightOutcome;
-use super::training_windows::MovingFlight;
 use crate::run::Profile;
+use crate::run::fitted_twins::CalibrationRecords;
 use crate::study::Study;
+use crate::study::suites::JUDGE;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence};
 use servotwin_learning::metrics::{
@@ -190,43 +191,40 @@ impl EnvironmentMetrics {
     }
 }
 
-/// The most flights without a steady state that are named in a message; the results file lists all.
-const MAX_NAMED: usize = 10;
+/// What flights belong to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlightGroup {
+    /// The suite.
+    pub suite: String,
+    /// The scenario.
+    pub scenario: String,
+    /// The sensor that the diagnosis lacks; empty for none.
+    pub missing: String,
+}
 
-impl FlightMetrics {
-    /// Names the training flights that began without a steady state; `None` if there are none.
-    pub fn without_steady_state(&self) -> Option<String> {
-        let moving = &self.on_the_move_to_learn;
-        let name = |one: &MovingFlight| format!("{} (environment {})", one.flight, one.environment);
-        let named: Vec<String> = moving.iter().take(MAX_NAMED).map(name).collect();
-        let more = match moving.len().saturating_sub(MAX_NAMED) {
-            0 => String::new(),
-            more => format!(" and {more} more"),
-        };
-        (!moving.is_empty()).then(|| {
-            format!(
-                "{}: {} flights to learn from began without a steady state and teach nothing: {}{more}",
-                self.setting,
-                moving.len(),
-                named.join(", ")
-            )
-        })
+impl FlightGroup {
+    /// The name for readers. Flights of [`JUDGE`] have that of their scenario alone.
+    pub fn title(&self) -> String {
+        let FlightGroup { suite, scenario, missing } = self;
+        let suite = if suite == JUDGE { String::new() } else { format!("{suite}, ") };
+        let without =
+            if missing.is_empty() { String::new() } else { format!(" without {missing}") };
+        format!("{suite}{scenario}{without}")
     }
 }
 
-/// The performance in one scenario.
+/// The performance in the flights of a suite in a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightMetrics {
-    /// The scenario's name.
-    pub setting: String,
+    /// What was flown.
+    #[serde(flatten)]
+    pub group: FlightGroup,
     /// Number of flights with a fault.
     pub flights: u64,
     /// Number of flights that could not be simulated to the end; they are excluded.
     pub failed: u64,
-    /// The same for the training flights.
-    pub failed_to_learn: u64,
-    /// Training flights that began without a steady state; they are excluded from training.
-    pub on_the_move_to_learn: Vec<MovingFlight>,
+    /// What became of the calibration flights, where twins are fitted to plants of another structure.
+    pub calibration: Option<CalibrationRecords>,
     /// The evidence of held-out healthy flights after training; `None` if none were flown.
     pub healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.
@@ -247,30 +245,37 @@ pub struct FlightMetrics {
     pub wrong_kinds: Vec<(String, u64)>,
 }
 
-/// Evaluates the outcomes of flights against a latency limit.
-pub fn merit(
-    study: &Study,
-    (setting, limit_s): (&str, f64),
-    diagnoser: &Diagnoser,
-    outcomes: &[FlightOutcome],
-) -> FlightMetrics {
-    let judged = Judged::new(study, limit_s, outcomes);
-    let faults = judged.faults(|_| true);
-    FlightMetrics {
-        setting: setting.into(),
-        flights: faults.len() as u64,
-        failed: outcomes.iter().filter(|row| !row.is_finished).count() as u64,
-        failed_to_learn: 0,
-        healthy_evidence: diagnoser.healthy_evidence,
-        on_the_move_to_learn: vec![],
-        limit_s,
-        rates: judged.rates(&faults),
-        classes: judged.classes(0.0),
-        strong_classes: judged.classes(STRONG),
-        kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
-        onsets: judged.onsets(),
-        healthy: HealthyMetrics::new(&judged.rows),
-        wrong_kinds: judged.wrong_kinds(),
+impl FlightMetrics {
+    /// Evaluates the outcomes of flights against a latency limit.
+    pub fn of(
+        study: &Study,
+        group: FlightGroup,
+        limit_s: f64,
+        diagnoser: &Diagnoser,
+        outcomes: &[FlightOutcome],
+    ) -> Self {
+        let judged = Judged::new(study, limit_s, outcomes);
+        let faults = judged.faults(|_| true);
+        FlightMetrics {
+            group,
+            flights: faults.len() as u64,
+            failed: outcomes.iter().filter(|row| !row.is_finished).count() as u64,
+            calibration: None,
+            healthy_evidence: diagnoser.healthy_evidence,
+            limit_s,
+            rates: judged.rates(&faults),
+            classes: judged.classes(0.0),
+            strong_classes: judged.classes(STRONG),
+            kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
+            onsets: judged.onsets(),
+            healthy: HealthyMetrics::new(&judged.rows),
+            wrong_kinds: judged.wrong_kinds(),
+        }
+    }
+
+    /// The name for readers of what was flown.
+    pub fn title(&self) -> String {
+        self.group.title()
     }
 }
 

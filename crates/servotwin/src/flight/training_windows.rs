@@ -75,6 +75,29 @@ pub struct LeftOut {
     pub on_the_move: Vec<MovingFlight>,
 }
 
+/// The most flights without a steady state that are named in a message; the results file lists all.
+const MAX_NAMED: usize = 10;
+
+impl LeftOut {
+    /// Names the flights of a scenario that began without a steady state; `None` if there are none.
+    pub fn without_steady_state(&self, scenario: &str) -> Option<String> {
+        let moving = &self.on_the_move;
+        let name = |one: &MovingFlight| format!("{} (environment {})", one.flight, one.environment);
+        let named: Vec<String> = moving.iter().take(MAX_NAMED).map(name).collect();
+        let more = match moving.len().saturating_sub(MAX_NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        (!moving.is_empty()).then(|| {
+            format!(
+                "{scenario}: {} flights to learn from began without a steady state and teach nothing: {}{more}",
+                moving.len(),
+                named.join(", ")
+            )
+        })
+    }
+}
+
 /// A flight whose plant or twin began without a steady state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct MovingFlight {

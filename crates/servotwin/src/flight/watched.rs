@@ -94,7 +94,7 @@ pub fn fly_suite<E: From<CampaignError>>(
         return Ok(());
     }
     if suite.is_unseen {
-        return done(fly_environments((study, suite, scenario), watching, 0..1, workers)?);
+        return done(fly_unseen((study, suite, scenario), watching, None, workers)?);
     }
     let (all, mut ended) = (plan::count(study, suite), 0);
     in_batches(study, suite, scenario, from, workers, |runner, environments| {
@@ -119,10 +119,7 @@ pub(crate) fn fly_environments(
         return fly_unseen((study, suite, scenario), watching, None, workers);
     }
     let runs = plan::runs(study, suite, &environments);
-    let others = OtherPlants::of(study, suite)?;
-    let (plants, end) = ((scenario, others.as_ref()), environments.end);
-    let runner = Runner::of_runs(study, suite, plants, (environments, runs), workers)?;
-    watch_environments(&runner, watching, end, workers, &|_| ())
+    fly_runs((study, suite, scenario), watching, (environments, runs), workers)
 }
 
 /// Flies one run of a suite in a scenario, as among all others.
@@ -139,11 +136,20 @@ pub(crate) fn fly_run(
         return fly_unseen((study, suite, scenario), watching, Some(number), workers);
     }
     let run = plan::run(study, suite, number);
-    let others = OtherPlants::of(study, suite)?;
-    let plants = (scenario, others.as_ref());
     let environments = run.environment..run.environment + 1;
-    let runner = Runner::of_runs(study, suite, plants, (environments, vec![run]), workers)?;
-    watch_environments(&runner, watching, run.environment + 1, workers, &|_| ())
+    fly_runs((study, suite, scenario), watching, (environments, vec![run]), workers)
+}
+
+fn fly_runs(
+    (study, suite, scenario): (&Study, &Suite, Setting),
+    watching: &[Watching],
+    (environments, runs): (Range<usize>, Vec<Run>),
+    workers: Workers,
+) -> Result<FlownEnvironments, CampaignError> {
+    let others = OtherPlants::of(study, suite)?;
+    let (plants, end) = ((scenario, others.as_ref()), environments.end);
+    let runner = Runner::of_runs(study, suite, plants, (environments, runs), workers)?;
+    watch_environments(&runner, watching, end, workers, &|_| ())
 }
 
 fn fly_unseen(

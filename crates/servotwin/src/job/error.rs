@@ -72,11 +72,6 @@ pub enum JobError {
     /// A file that an earlier stage should have written is missing.
     #[error("{path}: no such file; 'servotwin {stage}' writes it")]
     Missing { path: PathBuf, stage: &'static str },
-    /// A stage adds to this file, but cannot read it. Overwriting the file would lose its contents.
-    #[error(
-        "{error}; it stays as it is: move it away or delete it, and 'servotwin {stage}' makes it anew"
-    )]
-    Unreadable { error: EvaluationError, stage: &'static str },
     /// A data set contradicts the study.
     #[error("{}", in_data_set(.path, .error))]
     DataSet { path: PathBuf, error: EvaluationError },

@@ -1,21 +1,19 @@
 //! The flight stage: trains a diagnoser for each scenario, and flies suites with it.
 
-use super::outcomes::{self, FlownSuite, SuiteSize};
+use super::outcomes::{self, Basis, FlownSuite, SuiteSize};
 use super::sealed::{Opening, OpeningRecord, Openings, SealedSubject};
 use super::{Folder, JobError, held_out, pools};
 use crate::campaign::CampaignError;
-use crate::evaluation::{EvaluationError, model_file};
-use crate::files::FileError;
+use crate::evaluation::model_file;
 use crate::flight::boundaries::boundaries;
-use crate::flight::judge::{self, FlightMetrics};
+use crate::flight::judge::{FlightGroup, FlightMetrics};
 use crate::flight::measure;
 use crate::flight::outcome::FlightOutcome;
 use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
 use crate::flight::unseen_faults::UnseenFaultMetrics;
-use crate::manifest::{sha256, sha256_of_text};
+use crate::manifest::sha256_of_text;
 use crate::parallel::Workers;
-use crate::run::fitted_twins::CalibrationRecords;
 use crate::study::flights::Limits;
 use crate::study::suites::{
     HEALTHY, HEALTHY_OTHER_STRUCTURE, JUDGE, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN,
@@ -23,6 +21,7 @@ use crate::study::suites::{
 use crate::study::{Flights, Purpose, Setting, Study, Suite};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// The scenarios with flights. In the first, each specimen equals its twin, as after a perfect fit; in the second,
 /// specimens differ from it.
@@ -42,40 +41,39 @@ pub struct FlightResults {
     pub windows_s: Vec<f64>,
     /// The targets of the study.
     pub limits: Limits,
-    /// The flights of [`JUDGE`], one entry for each scenario.
-    pub merits: Vec<FlightMetrics>,
-    /// The flights of [`UNSEEN`], one entry for each scenario.
-    pub foreign: Vec<UnseenFaultMetrics>,
-    /// The flights of [`OTHER_STRUCTURE`], by plants that differ from their twin in structure.
-    pub other_plant: Option<FlightMetrics>,
-    /// The same beside twins that are fitted to these plants.
-    pub other_plant_fitted: Option<FittedPlants>,
-    /// The flights without each sensor in turn, one entry for each scenario and sensor.
-    pub missing_sensors: Vec<FlightMetrics>,
-    /// The flights of the study's own suites, one entry for each suite and scenario.
-    pub own: Vec<FlightMetrics>,
-}
-
-/// The figures of merit beside twins that are fitted to plants of another structure.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FittedPlants {
-    /// Figures of merit.
-    pub merit: FlightMetrics,
-    /// What became of the calibration flights.
-    pub calibration: CalibrationRecords,
+    /// Training flights that were not used, by scenario.
+    pub left_out: BTreeMap<String, LeftOut>,
+    /// The flown suites, by scenario, suite and missing sensor. Suites of healthy flights are left out: their figures are
+    /// counted from the outcomes themselves.
+    pub suites: Vec<FlightMetrics>,
+    /// The flown suites of unseen faults.
+    pub unseen: Vec<UnseenFaultMetrics>,
 }
 
 impl FlightResults {
+    /// Figures of merit of a suite, by scenario and missing sensor.
+    pub fn of_suite(&self, suite: &str) -> impl Iterator<Item = &FlightMetrics> {
+        self.suites.iter().filter(move |metrics| metrics.group.suite == suite)
+    }
+
+    /// Figures of merit of [`JUDGE`], by scenario.
+    pub fn judged(&self) -> impl DoubleEndedIterator<Item = &FlightMetrics> {
+        self.suites.iter().filter(|metrics| metrics.group.suite == JUDGE)
+    }
+
     /// Figures of merit in plants that differ from their twin in structure: beside nominal twins, then beside fitted ones.
     pub fn of_other_plants(&self) -> impl Iterator<Item = &FlightMetrics> {
-        let fitted = self.other_plant_fitted.iter().map(|fitted| &fitted.merit);
-        self.other_plant.iter().chain(fitted)
+        self.of_suite(OTHER_STRUCTURE).chain(self.of_suite(OTHER_STRUCTURE_FITTED))
+    }
+
+    /// The unseen faults of the suite [`UNSEEN`] in a scenario.
+    pub fn unseen_in(&self, scenario: &str) -> Option<&UnseenFaultMetrics> {
+        self.unseen.iter().find(|metrics| metrics.suite == UNSEEN && metrics.scenario == scenario)
     }
 
     /// Whether the results have the full sizes and cover every scenario of the study.
     pub fn is_full_of(&self, study: &Study) -> bool {
-        let has =
-            |setting: Setting| self.merits.iter().any(|merit| merit.setting == setting.name());
+        let has = |setting: Setting| self.judged().any(|own| own.group.scenario == setting.name());
         self.is_full && settings(study).into_iter().all(has)
     }
 
@@ -93,86 +91,57 @@ impl FlightResults {
         let flights = flights(study)?;
         let mut all = FlightResults {
             is_full,
-            sizes: study
-                .suites(is_full)
-                .filter(|s| s.purpose == Purpose::Train)
-                .map(SuiteSize::from)
-                .collect(),
+            sizes: vec![],
             windows_s: flights.windows_s.clone(),
             limits: flights.limits,
-            merits: vec![],
-            foreign: vec![],
-            other_plant: None,
-            other_plant_fitted: None,
-            missing_sensors: vec![],
-            own: vec![],
+            left_out: BTreeMap::new(),
+            suites: vec![],
+            unseen: vec![],
         };
-        for suite in study.suites(is_full).filter(|suite| suite.purpose == Purpose::Test) {
-            let mut is_flown = false;
-            for setting in SETTINGS.into_iter().filter(|setting| suite.scenarios.contains(setting))
-            {
-                let name = format!("{prefix}{}", suite.name);
-                let Some(flown) = outcomes::stored(folder, &name, setting)? else { continue };
-                if !folder.diagnoser(setting).exists() || !flown.is_of(folder, study, is_full)? {
-                    continue;
+        let mut flown = BTreeSet::new();
+        for setting in SETTINGS.into_iter().filter(|&setting| folder.diagnoser(setting).exists()) {
+            let basis = Basis::of(folder, (study, is_full), setting)?;
+            let model = diagnoser(folder, setting)?;
+            all.left_out.insert(setting.name().into(), left_out(folder, setting)?);
+            let of_scenario = study.suites(is_full).filter(|suite| suite.is_flown_in(setting));
+            for suite in of_scenario {
+                let stored = outcomes::stored(folder, &format!("{prefix}{}", suite.name), setting)?;
+                if let Some(stored) = stored.filter(|stored| stored.basis == basis) {
+                    flown.insert(&suite.name);
+                    all.take((study, limit_s(flights, setting)), suite, &model, stored);
                 }
-                is_flown = true;
-                all.take((study, flights), suite, setting, folder, flown)?;
-            }
-            if is_flown {
-                all.sizes.push(suite.into());
             }
         }
+        let has = |suite: &&Suite| suite.purpose == Purpose::Train || flown.contains(&suite.name);
+        all.sizes = study.suites(is_full).filter(has).map(SuiteSize::from).collect();
         Ok(all)
     }
 
     fn take(
         &mut self,
-        (study, flights): (&Study, &Flights),
+        (study, limit_s): (&Study, f64),
         suite: &Suite,
-        setting: Setting,
-        folder: &Folder,
-        flown: FlownSuite,
-    ) -> Result<(), JobError> {
-        let model = diagnoser(folder, setting)?;
-        let limit_s = limit_s(flights, setting);
-        let counted =
-            |name: &str, rows: &[FlightOutcome]| judge::merit(study, (name, limit_s), &model, rows);
-        match suite.name.as_str() {
-            JUDGE => {
-                let LeftOut { failed, on_the_move } = left_out(folder, setting)?;
-                let merit = counted(setting.name(), &flown.outcomes);
-                self.merits.push(FlightMetrics {
-                    failed_to_learn: failed,
-                    on_the_move_to_learn: on_the_move,
-                    ..merit
-                });
+        model: &Diagnoser,
+        FlownSuite { scenario, calibration, outcomes, .. }: FlownSuite,
+    ) {
+        let name = &suite.name;
+        let mut counted = |missing: &str, rows: &[FlightOutcome]| {
+            let (suite, missing) = (name.clone(), missing.to_owned());
+            let group = FlightGroup { suite, scenario: scenario.clone(), missing };
+            let metrics = FlightMetrics::of(study, group, limit_s, model, rows);
+            self.suites.push(FlightMetrics { calibration, ..metrics });
+        };
+        if suite.is_unseen {
+            self.unseen.push(UnseenFaultMetrics::of(name, &scenario, &outcomes));
+        } else if suite.misses_sensors {
+            for sensor in &model.sensors {
+                let is_own = |row: &&FlightOutcome| row.missing == sensor.name;
+                let rows: Vec<_> = outcomes.iter().filter(is_own).cloned().collect();
+                counted(&sensor.name, &rows);
             }
-            _ if suite.is_unseen => {
-                self.foreign.push(UnseenFaultMetrics::of(setting.name(), &flown.outcomes));
-            }
-            OTHER_STRUCTURE => self.other_plant = Some(counted(OTHER_STRUCTURE, &flown.outcomes)),
-            OTHER_STRUCTURE_FITTED => {
-                let merit = counted(OTHER_STRUCTURE_FITTED, &flown.outcomes);
-                let calibration = flown.calibration.unwrap_or_default();
-                self.other_plant_fitted = Some(FittedPlants { merit, calibration });
-            }
-            _ if suite.misses_sensors => {
-                let without = model.sensors.iter().map(|sensor| {
-                    let is_own = |row: &&FlightOutcome| row.missing == sensor.name;
-                    let rows: Vec<_> = flown.outcomes.iter().filter(is_own).cloned().collect();
-                    counted(&format!("{} without {}", setting.name(), sensor.name), &rows)
-                });
-                self.missing_sensors.extend(without);
-            }
-            // Their figures are counted from the outcomes themselves.
-            HEALTHY | HEALTHY_OTHER_STRUCTURE => (),
-            name => {
-                let name = format!("{name}, {}", setting.name());
-                self.own.push(counted(&name, &flown.outcomes));
-            }
+        } else if ![HEALTHY, HEALTHY_OTHER_STRUCTURE].contains(&name.as_str()) {
+            counted("", &outcomes);
         }
-        Ok(())
     }
 }
 
@@ -267,7 +236,7 @@ fn left_out(folder: &Folder, setting: Setting) -> Result<LeftOut, JobError> {
 /// scenario.
 ///
 /// # Errors
-/// As [`results`], before the first flight; as [`learn`] and [`outcomes::fly`].
+/// As [`learn`] and [`fly`].
 pub fn fly_all(
     folder: &Folder,
     (study, is_full): (&Study, bool),
@@ -281,9 +250,7 @@ pub fn fly_all(
         (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
         learn(folder, (study, is_full), setting, crew)?;
         let part = |share: f64| part(0.4 + 0.6 * share);
-        let own: Vec<&Suite> =
-            suites.iter().copied().filter(|suite| suite.scenarios.contains(&setting)).collect();
-        counted = Some(fly(folder, (study, is_full), &own, &[setting], (crew, &part))?);
+        counted = Some(fly(folder, (study, is_full), &suites, &[setting], (crew, &part))?);
     }
     match counted {
         Some(counted) => Ok(counted),
@@ -309,7 +276,7 @@ pub fn fly(
     (crew, part): (&Crew, &(dyn Fn(f64) -> f64 + Sync)),
 ) -> Result<FlightResults, JobError> {
     let jobs = suites.iter().flat_map(|suite| {
-        let own = settings.iter().filter(|setting| suite.scenarios.contains(setting));
+        let own = settings.iter().filter(|&&setting| suite.is_flown_in(setting));
         own.map(move |setting| (*suite, *setting))
     });
     let jobs: Vec<(&Suite, Setting)> = jobs.collect();
@@ -349,8 +316,9 @@ pub fn fly_sealed(
 ) -> Result<SealedResults, JobError> {
     flights(study)?;
     settings.iter().try_for_each(|&setting| diagnoser(folder, setting).map(drop))?;
-    let hashes = settings.iter().map(|&setting| sha256(&folder.diagnoser(setting)));
-    let hashes = hashes.collect::<Result<Vec<_>, _>>()?;
+    let hash =
+        |&setting: &Setting| Ok(Basis::of(folder, (study, is_full), setting)?.diagnoser_sha256);
+    let hashes = settings.iter().map(hash).collect::<Result<Vec<_>, JobError>>()?;
     let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
     let size = if is_full { "full" } else { "small" };
     let opening = record.open(&SealedSubject {
@@ -390,18 +358,18 @@ pub fn sealed_results(folder: &Folder) -> Result<Option<SealedResults>, JobError
 impl SealedResults {
     /// The results in a line, for the record.
     fn summary(&self) -> String {
-        let of = |merit: &FlightMetrics| {
-            let since = merit.rates.of(&measure::ISOLATED_SINCE_VISIBLE);
+        let of = |metrics: &FlightMetrics| {
+            let since = metrics.rates.of(&measure::ISOLATED_SINCE_VISIBLE);
             format!(
                 "{}: {} of {} in time since visible, {} healthy shutdowns, {} wrong shutdowns",
-                merit.setting,
+                metrics.title(),
                 since.count,
                 since.of,
-                merit.healthy.shutdowns,
-                merit.rates.of(&measure::WRONG_SHUTDOWN).count
+                metrics.healthy.shutdowns,
+                metrics.rates.of(&measure::WRONG_SHUTDOWN).count
             )
         };
-        self.results.merits.iter().map(of).collect::<Vec<_>>().join("; ")
+        self.results.judged().map(of).collect::<Vec<_>>().join("; ")
     }
 
     /// Which opening these results belong to, in a sentence. `known` are the openings on record now, where the record is
@@ -427,17 +395,10 @@ fn limit_s(flights: &Flights, setting: Setting) -> f64 {
 /// Reads the results of the flights; `None` if no flights were flown.
 ///
 /// # Errors
-/// [`JobError::Unreadable`]; the file contradicts the manifest.
+/// The file cannot be read, or contradicts the manifest.
 pub fn results(folder: &Folder) -> Result<Option<FlightResults>, JobError> {
-    if !folder.flights().exists() {
-        return Ok(None);
-    }
-    match model_file::read(folder.flights()) {
-        Ok(results) => Ok(Some(results)),
-        // The message of this error already contains the remedy.
-        Err(error @ EvaluationError::File(FileError::Altered { .. })) => Err(error.into()),
-        Err(error) => Err(JobError::Unreadable { error, stage: "flights" }),
-    }
+    let path = folder.flights();
+    Ok(if path.exists() { Some(model_file::read(path)?) } else { None })
 }
 
 /// Reads the diagnoser of a scenario.

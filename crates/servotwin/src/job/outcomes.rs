@@ -46,6 +46,35 @@ impl From<&Suite> for SuiteSize {
     }
 }
 
+/// What suites of a scenario are flown with.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Basis {
+    /// Whether the suites have the study's full sizes.
+    pub is_full: bool,
+    /// The hash of the diagnoser's file.
+    pub diagnoser_sha256: String,
+    /// The hash of the study file.
+    pub study_sha256: String,
+}
+
+impl Basis {
+    /// The study and the diagnoser of a scenario in a folder.
+    ///
+    /// # Errors
+    /// The diagnoser's file cannot be read.
+    pub fn of(
+        folder: &Folder,
+        (study, is_full): (&Study, bool),
+        scenario: Setting,
+    ) -> Result<Self, JobError> {
+        Ok(Basis {
+            is_full,
+            diagnoser_sha256: sha256(&folder.diagnoser(scenario))?,
+            study_sha256: sha256_of_text(&study.text),
+        })
+    }
+}
+
 /// The flown part of a suite in a scenario. Its file is the table of outcomes with the other fields as metadata.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlownSuite {
@@ -55,14 +84,10 @@ pub struct FlownSuite {
     pub scenario: String,
     /// The seed of everything that was drawn.
     pub seed: u64,
-    /// Whether it has the study's full sizes.
-    pub is_full: bool,
     /// What else determines its runs, in words.
     pub runs: String,
-    /// The hash of the diagnoser's file.
-    pub diagnoser_sha256: String,
-    /// The hash of the study file.
-    pub study_sha256: String,
+    /// What it was flown with.
+    pub basis: Basis,
     /// The number of environments that have been flown.
     pub environments: usize,
     /// What became of the calibration flights, where twins are fitted to plants of another structure.
@@ -82,26 +107,12 @@ impl FlownSuite {
             suite: suite.name.clone(),
             scenario: scenario.name().into(),
             seed: suite.seed,
-            is_full,
             runs: in_words(suite),
-            diagnoser_sha256: sha256(&folder.diagnoser(scenario))?,
-            study_sha256: sha256_of_text(&study.text),
+            basis: Basis::of(folder, (study, is_full), scenario)?,
             environments: 0,
             calibration: None,
             outcomes: vec![],
         })
-    }
-
-    /// Whether it was flown in this size of the study, with the diagnoser in the folder.
-    ///
-    /// # Errors
-    /// The diagnoser's file cannot be read.
-    pub fn is_of(&self, folder: &Folder, study: &Study, is_full: bool) -> Result<bool, JobError> {
-        let scenario = Setting::named(&self.scenario);
-        let model = scenario.map(|setting| sha256(&folder.diagnoser(setting))).transpose()?;
-        Ok(self.is_full == is_full
-            && self.study_sha256 == sha256_of_text(&study.text)
-            && model.as_deref() == Some(&self.diagnoser_sha256))
     }
 
     /// Number of runs in which the plant could not be simulated to the end.
@@ -131,15 +142,15 @@ impl FlownSuite {
 
     /// What determines the runs.
     fn origin(&self) -> [(&'static str, String); 7] {
-        let FlownSuite { suite, scenario, seed, is_full, runs, .. } = self;
+        let FlownSuite { suite, scenario, seed, runs, basis, .. } = self;
         [
             ("suite", suite.clone()),
-            ("setting", scenario.clone()),
+            ("scenario", scenario.clone()),
             ("seed", seed.to_string()),
-            ("size", if *is_full { "full" } else { "small" }.into()),
+            ("size", if basis.is_full { "full" } else { "small" }.into()),
             ("runs", runs.clone()),
-            ("diagnoser_sha256", self.diagnoser_sha256.clone()),
-            ("study_sha256", self.study_sha256.clone()),
+            ("diagnoser_sha256", basis.diagnoser_sha256.clone()),
+            ("study_sha256", basis.study_sha256.clone()),
         ]
     }
 
@@ -326,12 +337,14 @@ pub fn stored(
     let number = |key: &str| text(key).parse().unwrap_or_default();
     Ok(Some(FlownSuite {
         suite: text("suite"),
-        scenario: text("setting"),
+        scenario: text("scenario"),
         seed: number("seed"),
-        is_full: text("size") == "full",
         runs: text("runs"),
-        diagnoser_sha256: text("diagnoser_sha256"),
-        study_sha256: text("study_sha256"),
+        basis: Basis {
+            is_full: text("size") == "full",
+            diagnoser_sha256: text("diagnoser_sha256"),
+            study_sha256: text("study_sha256"),
+        },
         environments: number("environments") as usize,
         calibration: serde_json::from_str(&text("calibration")).ok(),
         outcomes: outcome::from_table(&rows).map_err(wrong)?,

@@ -2,7 +2,7 @@
 //! is said and done.
 
 use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
-use servotwin::flight::judge::{self, FlightMetrics};
+use servotwin::flight::judge::{FlightGroup, FlightMetrics};
 use servotwin::flight::measure;
 use servotwin::flight::outcome::{FlightOutcome, Needed};
 use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
@@ -98,8 +98,9 @@ fn outcomes(name: &str, threads: usize) -> Vec<FlightOutcome> {
     outcomes
 }
 
-fn merit(threads: usize) -> FlightMetrics {
-    judge::merit(study(), ("noise", 1.0), diagnoser(), &outcomes(JUDGE, threads))
+fn measured(rows: &[FlightOutcome]) -> FlightMetrics {
+    let [suite, scenario, missing] = [JUDGE, "noise", ""].map(String::from);
+    FlightMetrics::of(study(), FlightGroup { suite, scenario, missing }, 1.0, diagnoser(), rows)
 }
 
 #[test]
@@ -111,10 +112,10 @@ fn all_actions_that_switch_off_are_judged_together() {
             .iter()
             .map(|row| FlightOutcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
         let rows: Vec<FlightOutcome> = rows.collect();
-        let merit = judge::merit(study(), ("noise", 1.0), diagnoser(), &rows);
+        let metrics = measured(&rows);
         [
-            merit.rates.of(&measure::ISOLATED_IN_TIME).of,
-            merit.rates.of(&measure::VISIBLE_IN_TIME).count,
+            metrics.rates.of(&measure::ISOLATED_IN_TIME).of,
+            metrics.rates.of(&measure::VISIBLE_IN_TIME).count,
         ]
     };
     let [one, other] = ["shut_down", "change_mode"].map(|action| judged(&[action]));
@@ -130,7 +131,7 @@ fn text(value: &impl serde::Serialize) -> String {
 #[test]
 fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
     assert!(text(&learned(Setting::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
-    let [one, two] = [1, 2].map(|threads| text(&merit(threads)));
+    let [one, two] = [1, 2].map(|threads| text(&measured(&outcomes(JUDGE, threads))));
     assert_eq!(one, two);
     assert_eq!(text(&outcomes(UNSEEN, 1)), text(&outcomes(UNSEEN, 2)));
 }
@@ -253,17 +254,16 @@ fn environments_that_are_flown_apart_are_learned_from_and_judged_as_all_together
         watched.extend(serde_json::from_str::<Vec<FlightOutcome>>(&sent).unwrap());
     }
     watched.sort_by_key(|row| row.number);
-    let found = judge::merit(study(), ("noise", 1.0), diagnoser(), &watched);
-    assert_eq!(text(&found), text(&merit(2)));
+    assert_eq!(text(&measured(&watched)), text(&measured(&outcomes(JUDGE, 2))));
 }
 
 #[test]
 fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
-    let merit = merit(2);
-    assert_eq!((merit.failed, merit.flights), (0, 16));
-    let wrong = merit.rates.of(&measure::WRONG_SHUTDOWN);
-    assert_eq!((merit.healthy.alarms, wrong.count, wrong.of), (0, 0, 16));
-    let shut_down = merit.classes.iter().find(|class| class.command == "shut_down").unwrap();
+    let metrics = measured(&outcomes(JUDGE, 2));
+    assert_eq!((metrics.failed, metrics.flights), (0, 16));
+    let wrong = metrics.rates.of(&measure::WRONG_SHUTDOWN);
+    assert_eq!((metrics.healthy.alarms, wrong.count, wrong.of), (0, 0, 16));
+    let shut_down = metrics.classes.iter().find(|class| class.command == "shut_down").unwrap();
     let visible = shut_down.rates.of(&measure::VISIBLE);
     assert_eq!(visible.count, visible.of);
     assert!(shut_down.rates.of(&measure::RIGHT_ACTION).count > 0, "{shut_down:?}");
@@ -271,25 +271,25 @@ fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
 
 #[test]
 fn faults_never_trained_on_are_counted_once_each() {
-    let merit = UnseenFaultMetrics::of("noise", &outcomes(UNSEEN, 2));
+    let metrics = UnseenFaultMetrics::of(UNSEEN, "noise", &outcomes(UNSEEN, 2));
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
-    assert!(merit.outcomes.len() < unseen_faults::ALL.len() && !merit.outcomes.is_empty());
+    assert!(metrics.outcomes.len() < unseen_faults::ALL.len() && !metrics.outcomes.is_empty());
     // Behind a wrong boundary sensor the actuator is healthy: its shutdowns are a figure of their own.
-    for outcome in &merit.outcomes {
+    for outcome in &metrics.outcomes {
         let is_told_wrong = outcome.title.contains("pressure at the twin is");
         assert_eq!(outcome.shutdowns_behind_wrong_sensor.is_some(), is_told_wrong, "{outcome:?}");
         assert!(!is_told_wrong || outcome.shutdowns_at_fault == 0, "{outcome:?}");
     }
-    let (shut_down, of) = merit.shutdowns_behind_wrong_sensor();
+    let (shut_down, of) = metrics.shutdowns_behind_wrong_sensor();
     assert!(shut_down <= of && of > 0, "{shut_down} of {of}");
-    for outcome in &merit.outcomes {
+    for outcome in &metrics.outcomes {
         let said: u64 = outcome.words.named().iter().map(|(_, count)| count).sum();
         assert_eq!(said, outcome.flights, "{}", outcome.title);
     }
-    for set in &merit.sets {
+    for set in &metrics.sets {
         let titles = unseen_faults::ALL.iter().filter(|fault| fault.set == set.title);
         let titles: Vec<&str> = titles.map(|fault| fault.title).collect();
-        let own = || merit.outcomes.iter().filter(|o| titles.contains(&o.title.as_str()));
+        let own = || metrics.outcomes.iter().filter(|o| titles.contains(&o.title.as_str()));
         assert_eq!(set.flights, own().map(|o| o.flights).sum::<u64>(), "{}", set.title);
         let [need, missed] = set.missed_shutdowns;
         assert_eq!(
@@ -302,9 +302,9 @@ fn faults_never_trained_on_are_counted_once_each() {
             set.title
         );
     }
-    let intermittent = merit.sets.iter().find(|set| set.title == "intermittent").unwrap();
+    let intermittent = metrics.sets.iter().find(|set| set.title == "intermittent").unwrap();
     assert!(intermittent.right_action > 0 && intermittent.latency.is_some(), "{intermittent:?}");
-    let of = |title: &str| merit.outcomes.iter().find(|outcome| outcome.title == title).unwrap();
+    let of = |title: &str| metrics.outcomes.iter().find(|outcome| outcome.title == title).unwrap();
     let missing = of("no reading of a pressure sensor");
     assert_eq!(missing.words.no_data, missing.flights);
     let untold = of("the command at the twin is missing");
@@ -447,11 +447,12 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     let setting = [Setting::Realistic];
     let results = fly_all(&folder, (&study, false), &setting, &crew).unwrap();
     let taught = std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap();
-    let other = results.other_plant.as_ref().unwrap();
-    assert_eq!((other.setting.as_str(), other.flights, other.failed), (OTHER_STRUCTURE, 16, 0));
+    let other = results.of_suite(OTHER_STRUCTURE).next().unwrap();
+    assert_eq!((other.group.scenario.as_str(), other.flights, other.failed), ("realistic", 16, 0));
     assert_eq!(other.healthy.flights[0], 2);
-    assert_eq!(results.merits.len(), 1, "it is no further setting");
-    assert!(text(other) != text(&results.merits[0]));
+    let judged: Vec<_> = results.judged().collect();
+    assert_eq!(judged.len(), 1, "it is no further scenario");
+    assert!(text(&other.rates) != text(&judged[0].rates));
     // Without such plants the diagnoser is the same.
     learn(&folder, (self::study(), false), setting[0], &crew).unwrap();
     assert!(taught == std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap());

@@ -9,7 +9,7 @@ use crate::flight::outcome::Needed;
 use servotwin_diagnosis::features::Quantity::{PressureA, Ram, Supply};
 
 /// A fault without training data.
-pub struct Foreign {
+pub struct UnseenFault {
     /// The challenge set that it belongs to, as options name it.
     pub set: &'static str,
     /// The display title.
@@ -24,14 +24,14 @@ pub struct Foreign {
     pub effects: fn(f64) -> Vec<On>,
 }
 
-const fn foreign(
+const fn fault(
     set: &'static str,
     title: &'static str,
     (strengths, strengths_in_words): (&'static [f64], &'static str),
     needed: Needed,
     effects: fn(f64) -> Vec<On>,
-) -> Foreign {
-    Foreign { set, title, strengths, strengths_in_words, needed, effects }
+) -> UnseenFault {
+    UnseenFault { set, title, strengths, strengths_in_words, needed, effects }
 }
 
 use Needed::{Any, NoShutdown, Nothing, Shutdown};
@@ -56,101 +56,101 @@ const SENSORS: &str = "sensors";
 const MECHANICS: &str = "mechanics";
 
 /// All unseen faults. Flights are numbered in this order, so new ones stand at the end.
-pub static ALL: &[Foreign] = &[
-    foreign(SENSORS, "stuck stroke sensor", ONCE, Any, |_| {
+pub static ALL: &[UnseenFault] = &[
+    fault(SENSORS, "stuck stroke sensor", ONCE, Any, |_| {
         vec![own(Value("sensor_ram.bandwidth_hz", STUCK_HZ))]
     }),
-    foreign(SENSORS, "stuck spool sensor", ONCE, NoShutdown, |_| {
+    fault(SENSORS, "stuck spool sensor", ONCE, NoShutdown, |_| {
         vec![own(Value("sensor_spool.bandwidth_hz", STUCK_HZ))]
     }),
-    foreign(SENSORS, "stuck chamber pressure sensor", ONCE, NoShutdown, |_| {
+    fault(SENSORS, "stuck chamber pressure sensor", ONCE, NoShutdown, |_| {
         vec![own(Value("sensor_pressure_a.bandwidth_hz", STUCK_HZ))]
     }),
-    foreign(
+    fault(
         DRIFTING,
         "drifting stroke sensor",
         (&[0.01, 0.03], "1 and 3 % of range per s"),
         NoShutdown,
         |s| vec![own(Drift("sensor_ram.bias_electrical", s))],
     ),
-    foreign(
+    fault(
         DRIFTING,
         "drifting chamber pressure sensor",
         (&[0.02, 0.05], "2 and 5 % of range per s"),
         NoShutdown,
         |s| vec![own(Drift("sensor_pressure_a.bias_electrical", s))],
     ),
-    foreign(SENSORS, "no reading of the stroke sensor", ONCE, NoShutdown, |_| {
+    fault(SENSORS, "no reading of the stroke sensor", ONCE, NoShutdown, |_| {
         vec![own(Missing(Ram))]
     }),
-    foreign(SENSORS, "no reading of a pressure sensor", ONCE, NoShutdown, |_| {
+    fault(SENSORS, "no reading of a pressure sensor", ONCE, NoShutdown, |_| {
         vec![own(Missing(PressureA))]
     }),
-    foreign(
+    fault(
         SENSORS,
         "noise of the stroke sensor",
         (&[3.0, 5.0, 10.0], "3, 5 and 10 times"),
         NoShutdown,
         |s| vec![own(Noise(Ram, s))],
     ),
-    foreign(
+    fault(
         SENSORS,
         "noise of a pressure sensor",
         (&[3.0, 5.0, 10.0], "3, 5 and 10 times"),
         NoShutdown,
         |s| vec![own(Noise(PressureA, s))],
     ),
-    foreign(SENSORS, "noise of the supply pressure sensor", (&[5.0], "5 times"), NoShutdown, |s| {
+    fault(SENSORS, "noise of the supply pressure sensor", (&[5.0], "5 times"), NoShutdown, |s| {
         vec![own(Noise(Supply, s))]
     }),
-    foreign(MECHANICS, "spool jams where it is", ONCE, Shutdown, |_| {
+    fault(MECHANICS, "spool jams where it is", ONCE, Shutdown, |_| {
         vec![own(Value("servo_valve.breakaway", 1.0))]
     }),
-    foreign(MECHANICS, "spool drags", (&[0.03, 0.1], "slew rate 3 and 10 %"), Shutdown, |s| {
+    fault(MECHANICS, "spool drags", (&[0.03, 0.1], "slew rate 3 and 10 %"), Shutdown, |s| {
         vec![own(Times("servo_valve.slew_rate_m_s", s))]
     }),
-    foreign(
+    fault(
         OSCILLATORY,
         "oscillation of the servo current",
         (&[0.05, 0.2], "5 and 20 % of rated current, 1.5 Hz"),
         Shutdown,
         |s| vec![own(Swing("servo_valve.null_bias", s))],
     ),
-    foreign(
+    fault(
         OSCILLATORY,
         "oscillation of the stroke reading",
         (&[0.03, 0.1], "3 and 10 % of range, 1.5 Hz"),
         NoShutdown,
         |s| vec![own(Swing("sensor_ram.bias_electrical", s))],
     ),
-    foreign(
+    fault(
         MECHANICS,
         "backlash of the attachment",
         (&[1e-4, 3e-4], "±0.1 and ±0.3 mm"),
         Any,
         |s| vec![own(Value("attachment.backlash_m", s))],
     ),
-    foreign(
+    fault(
         MECHANICS,
         "stiffness of the attachment",
         (&[0.1, 0.3], "10 and 30 % are left"),
         Any,
         |s| vec![own(Times("attachment.stiffness_n_m", s))],
     ),
-    foreign(MECHANICS, "seal friction", (&[2.0, 4.0, 8.0], "2, 4 and 8 times"), Any, |s| {
+    fault(MECHANICS, "seal friction", (&[2.0, 4.0, 8.0], "2, 4 and 8 times"), Any, |s| {
         vec![own(Times("cylinder.coulomb_friction_n", s))]
     }),
-    foreign(MECHANICS, "guides drag", (&[3.0, 6.0], "3 and 6 times"), Any, |s| {
+    fault(MECHANICS, "guides drag", (&[3.0, 6.0], "3 and 6 times"), Any, |s| {
         vec![own(Times("cylinder.viscous_friction_n_s_m", s))]
     }),
-    foreign(
+    fault(
         DOUBLE,
         "leak and stroke sensor bias in one actuator",
         (&[0.5, 1.0], "both 50 and 100 %"),
         Any,
         |s| vec![own(Fault("leakage_a.leakage", s)), own(Fault("sensor_ram.bias_positive", s))],
     ),
-    foreign(
+    fault(
         DOUBLE,
         "two sensors biased in one actuator",
         (&[0.5, 1.0], "both 50 and 100 %"),
@@ -162,7 +162,7 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign(
+    fault(
         DOUBLE,
         "valve bias, and a sensor of another actuator",
         (&[0.5, 1.0], "both 50 and 100 %"),
@@ -174,14 +174,14 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign(
+    fault(
         DOUBLE,
         "a leak in each of two actuators",
         (&[0.5, 1.0], "both 50 and 100 %"),
         Shutdown,
         |s| vec![own(Fault("leakage_supply.leakage", s)), other(Fault("leakage_a.leakage", s))],
     ),
-    foreign(
+    fault(
         DOUBLE,
         "worn seal, and a supply sensor of another actuator",
         (&[1.0], "both 100 %"),
@@ -193,14 +193,14 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign(
+    fault(
         ENVIRONMENT,
         "supply pressure falls, measured",
         (&[0.5, 0.85], "to 50 and 85 %"),
         Any,
         |s| vec![own(InputTimes("supply_pressure", s))],
     ),
-    foreign(
+    fault(
         ENVIRONMENT,
         "hot day beyond training, measured",
         (&[358.0, 368.0], "85 and 95 °C"),
@@ -209,47 +209,47 @@ pub static ALL: &[Foreign] = &[
             vec![whole(Weather("supply.temperature_k", s)), whole(Weather("tank.temperature_k", s))]
         },
     ),
-    foreign(ENVIRONMENT_SENSORS, "the command at the twin freezes", ONCE, Nothing, |_| {
+    fault(ENVIRONMENT_SENSORS, "the command at the twin freezes", ONCE, Nothing, |_| {
         vec![whole(ToldFrozen("command"))]
     }),
-    foreign(ENVIRONMENT_SENSORS, "the command at the twin is missing", ONCE, Nothing, |_| {
+    fault(ENVIRONMENT_SENSORS, "the command at the twin is missing", ONCE, Nothing, |_| {
         vec![whole(ToldMissing("command"))]
     }),
-    foreign(ENVIRONMENT_SENSORS, "the command at the twin is impossible", ONCE, Nothing, |_| {
+    fault(ENVIRONMENT_SENSORS, "the command at the twin is impossible", ONCE, Nothing, |_| {
         vec![whole(ToldTooLarge("command"))]
     }),
-    foreign(ENVIRONMENT_SENSORS, "the supply pressure at the twin is missing", ONCE, Any, |_| {
+    fault(ENVIRONMENT_SENSORS, "the supply pressure at the twin is missing", ONCE, Any, |_| {
         vec![own(ToldMissing("supply_pressure"))]
     }),
-    foreign(
+    fault(
         ENVIRONMENT_SENSORS,
         "the supply pressure at the twin is wrong, within its range",
         (&[-0.04, 0.04], "−4 and +4 %"),
         NoShutdown,
         |s| vec![own(ToldOff("supply_pressure", s))],
     ),
-    foreign(
+    fault(
         ENVIRONMENT_SENSORS,
         "the supply pressure falls, and the twin keeps the old value",
         (&[0.9, 0.7], "to 90 and 70 %"),
         Any,
         |s| vec![own(InputTimes("supply_pressure", s)), own(ToldFrozen("supply_pressure"))],
     ),
-    foreign(
+    fault(
         ENVIRONMENT_SENSORS,
         "the return pressure at the twin is wrong, within its range",
         (&[-0.1, 0.1], "−10 and +10 %"),
         NoShutdown,
         |s| vec![own(ToldOff("return_pressure", s))],
     ),
-    foreign(
+    fault(
         ENVIRONMENT,
         "the supply pressure changes, measured",
         (&[0.9, 1.03], "to 90 and 103 %"),
         Nothing,
         |s| vec![whole(InputTimes("supply_pressure", s))],
     ),
-    foreign(
+    fault(
         ENVIRONMENT_SENSORS,
         "the supply pressure changes, and the twin gets it late",
         (&[0.9, 1.03], "to 90 and 103 %, 0.2 s late"),
@@ -261,7 +261,7 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign(
+    fault(
         ENVIRONMENT_SENSORS,
         "the return pressure changes, and the twin gets it late",
         (&[0.8, 1.5], "to 80 and 150 %, 0.2 s late"),
@@ -273,22 +273,22 @@ pub static ALL: &[Foreign] = &[
             ]
         },
     ),
-    foreign(INTERMITTENT, "a supply leak comes and goes", FULL, Shutdown, |s| {
+    fault(INTERMITTENT, "a supply leak comes and goes", FULL, Shutdown, |s| {
         vec![own(Pulses("leakage_supply.leakage", s))]
     }),
-    foreign(INTERMITTENT, "the valve bias comes and goes", FULL, Shutdown, |s| {
+    fault(INTERMITTENT, "the valve bias comes and goes", FULL, Shutdown, |s| {
         vec![own(Pulses("servo_valve.bias_positive", s))]
     }),
-    foreign(INTERMITTENT, "the bias of the stroke sensor comes and goes", FULL, NoShutdown, |s| {
+    fault(INTERMITTENT, "the bias of the stroke sensor comes and goes", FULL, NoShutdown, |s| {
         vec![own(Pulses("sensor_ram.bias_positive", s))]
     }),
-    foreign(INTERMITTENT, "the bias of a pressure sensor comes and goes", FULL, NoShutdown, |s| {
+    fault(INTERMITTENT, "the bias of a pressure sensor comes and goes", FULL, NoShutdown, |s| {
         vec![own(Pulses("sensor_pressure_a.bias_positive", s))]
     }),
-    foreign(DRIFTING, "a supply leak grows slowly", GROWN, Shutdown, |s| {
+    fault(DRIFTING, "a supply leak grows slowly", GROWN, Shutdown, |s| {
         vec![own(Grows("leakage_supply.leakage", s))]
     }),
-    foreign(DRIFTING, "the valve bias grows slowly", GROWN, Shutdown, |s| {
+    fault(DRIFTING, "the valve bias grows slowly", GROWN, Shutdown, |s| {
         vec![own(Grows("servo_valve.bias_positive", s))]
     }),
 ];

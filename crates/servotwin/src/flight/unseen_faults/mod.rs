@@ -7,7 +7,7 @@ mod effect;
 mod list;
 
 pub(super) use effect::Touched;
-pub use list::{ALL, Foreign, set_names};
+pub use list::{ALL, UnseenFault, set_names};
 
 use super::judge::{Latency, latency};
 use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
@@ -129,8 +129,10 @@ impl UnseenFaultOutcome {
 /// The outcomes of all unseen faults in a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UnseenFaultMetrics {
-    /// The scenario's name.
-    pub setting: String,
+    /// The suite.
+    pub suite: String,
+    /// The scenario.
+    pub scenario: String,
     /// One for each fault that applies to the study's system.
     pub outcomes: Vec<UnseenFaultOutcome>,
     /// One for each challenge set with a flight.
@@ -154,20 +156,21 @@ impl UnseenFaultMetrics {
 }
 
 impl UnseenFaultMetrics {
-    /// Counts the flights of a scenario.
-    pub fn of(setting: &str, outcomes: &[FlightOutcome]) -> Self {
+    /// Counts the flights of a suite in a scenario.
+    pub fn of(suite: &str, scenario: &str, outcomes: &[FlightOutcome]) -> Self {
         let of = |title: &str, is_own: &dyn Fn(&FlightOutcome) -> bool| {
             let own: Vec<&FlightOutcome> = outcomes.iter().filter(|row| is_own(row)).collect();
             (!own.is_empty()).then(|| counted(title, &own))
         };
-        let of_fault = |fault: &Foreign| {
+        let of_fault = |fault: &UnseenFault| {
             let counted = of(fault.title, &|row| row.event == fault.title)?;
             let (strengths, needed) = (fault.strengths_in_words.into(), Some(fault.needed));
             Some(UnseenFaultOutcome { strengths, needed, ..counted })
         };
         let of_set = |set| of(set, &|row| row.kind == set);
         UnseenFaultMetrics {
-            setting: setting.into(),
+            suite: suite.into(),
+            scenario: scenario.into(),
             outcomes: ALL.iter().filter_map(of_fault).collect(),
             sets: set_names().into_iter().filter_map(of_set).collect(),
         }
@@ -177,7 +180,7 @@ impl UnseenFaultMetrics {
 /// One run with an unseen fault.
 struct Case {
     /// Its index in [`ALL`].
-    foreign: usize,
+    fault: usize,
     strength: f64,
     changes: Changes,
     /// The plant's environment, if it differs from the twin's.
@@ -189,7 +192,7 @@ struct Case {
 impl Case {
     /// What is right in its run.
     fn truth(&self, study: &Study, run: &Run) -> Truth {
-        let Foreign { set, title, needed, .. } = ALL[self.foreign];
+        let UnseenFault { set, title, needed, .. } = ALL[self.fault];
         let names = |units: &[usize]| {
             let name = |&unit: &usize| match study.units[unit].as_str() {
                 "" => "actuator",
@@ -228,17 +231,18 @@ impl Plan {
     fn new(study: &Study, suite: &Suite) -> Result<Self, CampaignError> {
         let told = study.environments(suite, 0..suite.environments)?;
         let mut plan = Plan { cases: vec![], runs: vec![], told };
-        for (foreign, fault) in ALL.iter().enumerate() {
+        for (place_in_list, fault) in ALL.iter().enumerate() {
             for (place, &strength) in fault.strengths.iter().enumerate() {
                 for unit in 0..study.units.len() {
                     let effects = (fault.effects)(strength);
                     let Some(changes) = Changes::new(study, unit, &effects) else { continue };
                     for repeat in 0..suite.repeats {
                         // Eleven and seven have no common divisor with the usual numbers.
-                        let number = 11 * repeat + 7 * foreign + 5 * place + 3 * unit;
+                        let number = 11 * repeat + 7 * place_in_list + 5 * place + 3 * unit;
                         let base = number % suite.environments;
                         let changes = changes.clone();
-                        let case = Case { foreign, strength, changes, real: None, base };
+                        let case =
+                            Case { fault: place_in_list, strength, changes, real: None, base };
                         plan.add(study, suite, case);
                     }
                 }

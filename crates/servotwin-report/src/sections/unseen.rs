@@ -11,10 +11,10 @@ use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, W
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
-    let merits = material.flights.map_or(&[][..], |results| &results.foreign);
-    let merits: Vec<&UnseenFaultMetrics> =
-        merits.iter().filter(|m| !m.outcomes.is_empty()).collect();
-    if merits.is_empty() {
+    let suites = material.flights.map_or(&[][..], |results| &results.unseen);
+    let suites: Vec<&UnseenFaultMetrics> =
+        suites.iter().filter(|m| !m.outcomes.is_empty()).collect();
+    if suites.is_empty() {
         return;
     }
     let words = &material.words();
@@ -26,24 +26,24 @@ pub fn write(material: &Material, page: &mut Page) {
              do so in the control loop; a reading that is missing or noisy is so for the diagnosis only.",
             words.unit()
         ));
-    for merit in merits {
-        if !merit.sets.is_empty() {
+    for metrics in suites {
+        if !metrics.sets.is_empty() {
             page.table(
-                    &challenges(&merit.sets, words),
+                    &challenges(&metrics.sets, words),
                     &format!(
                         "Setting {}: challenge sets. The first action counts as right or other; where no action is right, \
                          {run}s without any count as right. A missed shutdown is one of the {run}s that need it. The \
                          latency runs from the onset to the first right action: the median, and below it the 95 % \
                          quantile.",
-                        merit.setting
+                        metrics.scenario
                     ),
                 );
         }
-        let (wrong, of) = merit.shutdowns_healthy();
-        page.table(&table(merit, words), &format!(
+        let (wrong, of) = metrics.shutdowns_healthy();
+        page.table(&table(metrics, words), &format!(
                 "Setting {}: {run}s by the most that was said in them (each counts once), in several \
                  environments{}.{}",
-                merit.setting,
+                metrics.scenario,
                 match words.has_several() {
                     true => format!(" and every {unit}"),
                     false => String::new(),
@@ -53,12 +53,12 @@ pub fn write(material: &Material, page: &mut Page) {
                         " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).{}",
                         words.switched_off(),
                         at_most(Rate::new(wrong, of)),
-                        behind_wrong_sensor(merit, words)
+                        behind_wrong_sensor(metrics, words)
                     ),
                     false => String::new(),
                 }
             ));
-        let told = merit.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
+        let told = metrics.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
         let told: Vec<String> =
             told.map(|o| format!("{} ({})", words.adapted(&o.title), o.wrong.join("; "))).collect();
         if !told.is_empty() {
@@ -77,8 +77,8 @@ pub fn write(material: &Material, page: &mut Page) {
 }
 
 /// How often a healthy actuator was switched off because its twin reads a wrong pressure; one sentence.
-fn behind_wrong_sensor(merit: &UnseenFaultMetrics, words: &Vocabulary) -> String {
-    match merit.shutdowns_behind_wrong_sensor() {
+fn behind_wrong_sensor(metrics: &UnseenFaultMetrics, words: &Vocabulary) -> String {
+    match metrics.shutdowns_behind_wrong_sensor() {
         (_, 0) => String::new(),
         (wrong, of) => format!(
             " Healthy {} {} behind a wrong boundary sensor: {wrong} of {of} {}s.",
@@ -125,7 +125,7 @@ fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
+fn table(metrics: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
     let left = [
         ("fault".to_owned(), Alignment::Left),
         (format!("{}s", vocabulary.run()), Alignment::Right),
@@ -139,7 +139,7 @@ fn table(merit: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
         ("first word".to_owned(), Alignment::Right),
     ];
     let mut grid = HtmlTable::new(left.into_iter().chain(words).chain(right));
-    for outcome in &merit.outcomes {
+    for outcome in &metrics.outcomes {
         let row = row(outcome, vocabulary);
         let behind = outcome.shutdowns_behind_wrong_sensor.unwrap_or_default();
         if outcome.shutdowns_healthy + behind > 0 { grid.push_strong(row) } else { grid.push(row) }
