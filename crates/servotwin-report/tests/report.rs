@@ -62,7 +62,6 @@ fn results_alone<'a>(
         bands: &[],
         calibrations: &[],
         examples: &[],
-        excerpt: None,
         manifest,
     }
 }
@@ -137,7 +136,6 @@ fn the_twin_and_its_confidence_are_reported_as_they_were_measured() {
         bands: &bands,
         calibrations: &calibrations,
         examples: &[],
-        excerpt: None,
         manifest: &manifest,
     };
     let (html, figures) = render(&material);
