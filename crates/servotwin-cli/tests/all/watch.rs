@@ -3,8 +3,7 @@
 
 use super::flights::learned;
 use super::{Folder, json, servotwin, stderr, stdout};
-use std::io::{Read, Write};
-use std::net::TcpListener;
+use std::io::Write;
 use std::process::{Command, Stdio};
 
 /// A flight as `simulate` writes it.

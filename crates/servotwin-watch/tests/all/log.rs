@@ -22,8 +22,6 @@ use servotwin_watch::{
     Checkpoints, DiagnosisState, End, Finding, Observation, Observer, Phase, Watch, WatchError,
 };
 use sha2::{Digest, Sha256};
-use std::io::Read as _;
-use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -830,6 +828,14 @@ fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
     }
 }
 
+/// Every message: topic, number, time, content.
+fn messages(bytes: &[u8]) -> Vec<(String, u32, u64, Vec<u8>)> {
+    let stream = mcap::MessageStream::new(bytes).unwrap().map(|message| message.unwrap());
+    let parts =
+        |m: mcap::Message| (m.channel.topic.clone(), m.sequence, m.log_time, m.data.to_vec());
+    stream.map(parts).collect()
+}
+
 /// What the library of another language has written, packed in both ways.
 #[test]
 fn val_mcap_of_the_python_library() {
@@ -1050,8 +1056,18 @@ fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
     let folder = Folder::new("log-mcap-notices");
     let scene = Scene::new("a log", &spring(), vec![], 0.01);
     let [path, unfinished] = ["a.mcap", "b.mcap"].map(|name| folder.0.join(name));
-    let mut mcap = Mcap::open(&path, &scene).unwrap();
-    give(&mut mcap, 0, true);
+    let mut mcap = Mcap::create(&path, &scene).unwrap();
+    let (values, finding) = ([0.5; 7], Finding::default());
+    let observation = Observation {
+        twin: &values[2..],
+        residuals: &values[2..],
+        bands: &[0.03; 5],
+        features: &[],
+        finding: &finding,
+    };
+    let (inputs, measured) = values.split_at(2);
+    let first = Sample { time_s: 0.0, place: 0, inputs, measured, observation, changed: true };
+    mcap.sample(&first).unwrap();
     let notice = |event, state| Notice {
         event,
         wall_time: "2026-11-25T17:05:37.123Z".into(),
@@ -1077,7 +1093,7 @@ fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
     assert_eq!(events, ["no_data", "data_again"]);
     // A watch that ends with an error leaves no file that looks complete.
     let mut threads = SinkThreads::new(false);
-    let mcap = Mcap::open(&unfinished, &scene).unwrap();
+    let mcap = Mcap::create(&unfinished, &scene).unwrap();
     threads.add(rules("b", Delivery::Wait), Box::new(mcap));
     drop(threads);
     assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 1);
