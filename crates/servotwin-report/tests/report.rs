@@ -337,10 +337,6 @@ fn the_report_of_one_unit_speaks_of_that_unit_alone() {
     }
     // The study calls what switches off a stop.
     assert!(html.contains("“stop” missed (of detected)"));
-    // The worst fault is named with its command and where it is not seen.
-    let worst = "sensor ram: bias positive (stop): 25.00 % [4.56 … 69.94], never in stroke/idle, only \
-                 from intensity 1 on";
-    assert!(html.contains(worst), "{}", &html[..6000]);
 }
 
 #[test]
