@@ -1,13 +1,11 @@
 /*
  * Runs an exported diagnosis over a file of samples, and the twin over inputs of its own, and prints a hash of everything
  * they say, once per five hundred samples. The same source runs on the host and on a simulated Cortex-M; equal output means
- * equal bits. An export in single precision has no twin (WITHOUT_TWIN).
+ * equal bits.
  */
 #include "servotwin_session.h"
 #include "servotwin_tables.h"
-#ifndef WITHOUT_TWIN
 #include "servotwin_twin.h"
-#endif
 
 #include <string.h>
 
@@ -113,14 +111,6 @@ static void print_counter(const char *what, const counter *of, uint64_t samples)
     }
 }
 
-#ifdef WITHOUT_TWIN
-static bool run_twin(uint64_t sample, counter *of)
-{
-    (void)sample;
-    (void)of;
-    return true;
-}
-#else
 static servotwin_twin twin;
 
 /* The twin's inputs: those with slopes (the command) go up and down by 0.05 within 4 s, the others keep their defaults. */
@@ -154,7 +144,6 @@ static bool run_twin(uint64_t sample, counter *of)
     mix(twin.variables, sizeof twin.variables);
     return is_well;
 }
-#endif
 
 int main(void)
 {
@@ -198,8 +187,6 @@ int main(void)
     }
     print_line("raised ", samples, raised, 10U);
     print_counter("instructions of the diagnosis, mean and most: ", &of_diagnosis, samples);
-#ifndef WITHOUT_TWIN
     print_counter("instructions of the twin, mean and most: ", &of_twin, samples);
-#endif
     return 0;
 }

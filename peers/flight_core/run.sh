@@ -1,9 +1,8 @@
 #!/bin/sh
 # An exported diagnosis on a simulated flight-class core: sh peers/flight_core/run.sh EXPORT [SECONDS]
 # Compiles the export for this machine, a Cortex-M4F (double in software) and a Cortex-M7 (double in hardware), runs the
-# same random samples on all three, and compares everything they say. An export in single precision has no twin; its
-# objects must hold no operation in double. Installs the compiler and the simulator (Debian; needs the right to install
-# packages).
+# same random samples on all three, and compares everything they say. Installs the compiler and the simulator (Debian; needs
+# the right to install packages).
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 export_folder=$(cd "$1" && pwd)
@@ -14,36 +13,18 @@ trap 'rm -rf "$work"' EXIT
 cd "$work"
 flags="-std=c99 -Wall -Wextra -Wconversion -Werror -O2 -ffp-contract=off -I$export_folder"
 sources="$export_folder/servotwin_*.c $here/core.c"
-single=
-if grep -q "typedef float servotwin_real" "$export_folder/servotwin_real.h"; then
-    single=yes
-    flags="$flags -DWITHOUT_TWIN"
-fi
 # shellcheck disable=SC2086 # words are split on purpose, here and below
 cc $flags -o host $sources "$here/host.c" -lm
 for core in "cortex-m4 -mfpu=fpv4-sp-d16" "cortex-m7 -mfpu=fpv5-d16"; do
     set -- $core
     # Doubles in software need sums that are rounded correctly.
     own=
-    if [ "$1" = cortex-m4 ] && [ -z "$single" ]; then own="$here/soft_double.c -Wl,-z,muldefs"; fi
+    if [ "$1" = cortex-m4 ]; then own="$here/soft_double.c -Wl,-z,muldefs"; fi
     arm-none-eabi-gcc -mcpu="$1" -mthumb "$2" -mfloat-abi=hard -fno-math-errno $flags --specs=nosys.specs -nostartfiles \
         -T "$here/cortex_m.ld" -o "$1.elf" $sources "$here/cortex_m.c" $own -lm
     arm-none-eabi-size "$1.elf" | tail -1 | awk -v core="$1" '{ print core ": " $1 " bytes of code and constants, " $3 " of state" }'
 done
 status=0
-# The names of libgcc's functions for doubles begin with __aeabi_d, or end with 2d.
-if [ -n "$single" ]; then
-    doubles=$(for file in "$export_folder"/servotwin_*.c; do
-        arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard $flags -c "$file" -o single.o
-        arm-none-eabi-nm -u single.o
-    done | grep -E "__aeabi_(d|[a-z]+2d)" | sort -u || true)
-    if [ -z "$doubles" ]; then
-        echo "no operation in double"
-    else
-        echo "OPERATIONS IN DOUBLE:" $doubles
-        status=1
-    fi
-fi
 python3 "$here/samples.py" "$export_folder" "$seconds" > samples.bin
 ./host < samples.bin > host.txt
 tail -1 host.txt

@@ -77,15 +77,6 @@ def exported(learned, tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def single(learned, tmp_path_factory):
-    """The diagnosis alone, in single precision."""
-    folder = tmp_path_factory.mktemp("flight_code_single") / "export"
-    command = [binary(), "export", "c", "--precision", "f32", "--model", str(learned)]
-    subprocess.run([*command, "--out", str(folder)], check=True, capture_output=True)
-    return folder
-
-
 def changed(exported, folder, *changes):
     """A copy of the export in which texts are replaced, each once: file, old text, new text."""
     copy = folder / "changed"
@@ -131,46 +122,11 @@ def test_a_build_with_other_arithmetic_is_refused(compiler, exported):
     assert run.returncode == 1 and "fuse" in run.stderr
 
 
-# Starts a diagnosis, on request with arithmetic that replaces subnormal numbers by zero.
-START = """
-#include "servotwin_session.h"
-#ifdef FLUSH
-#include <xmmintrin.h>
-#endif
-static servotwin_session session;
-int main(void)
-{
-#ifdef FLUSH
-    _mm_setcsr(_mm_getcsr() | 0x8000U);
-#endif
-    return servotwin_session_start(&session) ? 0 : 1;
-}
-"""
-
-
-@pytest.mark.skipif(platform.machine() != "x86_64", reason="the flags are those of x86")
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_single_precision_refuses_fused_and_flushed_arithmetic_at_start(compiler, single, tmp_path):
-    folder = changed(single, tmp_path)
-    (folder / "main.c").write_text(START)
-
-    def started(*flags):
-        built = compiled(compiler, folder, "-O2", *flags)
-        assert built.returncode == 0, built.stderr
-        return subprocess.run([folder / "diagnose"]).returncode == 0
-
-    assert started("-std=c99", "-ffp-contract=off")
-    assert not started("-std=c99", "-ffp-contract=off", "-DFLUSH")
-    with open("/proc/cpuinfo") as info:
-        if " fma " in info.read():
-            assert not started("-std=gnu99", "-mfma", "-ffp-contract=fast")
-
-
 def found_by_cppcheck(folder, *others):
     files = [f"servotwin_{name}.c" for name in DIAGNOSIS] + [*others]
     flags = ["--quiet", "--std=c99", "--enable=warning,style,performance,portability", "--addon=misra"]
     # Without these the refusals of servotwin_real.h would leave most files unread, and cppcheck silent.
-    flags += ["-DFLT_EVAL_METHOD=0", "-DDBL_MANT_DIG=53", "-DFLT_MANT_DIG=24"]
+    flags += ["-DFLT_EVAL_METHOD=0", "-DDBL_MANT_DIG=53"]
     silent = ["--suppress=missingIncludeSystem", "--template={id} {file}"]
     run = subprocess.run([tool("cppcheck"), *flags, *silent, *files], cwd=folder, capture_output=True, text=True)
     return {tuple(line.split()) for line in run.stderr.splitlines() if line}
@@ -185,22 +141,6 @@ def test_cppcheck_and_misra_find_listed_deviations_only(exported, tmp_path):
     sown = changed(exported, tmp_path, ("servotwin_math.c", end, recursion + overrun + end))
     new = {name for name, _ in found_by_cppcheck(sown, *others) - set(DEVIATIONS)}
     assert {"misra-c2012-17.2", "arrayIndexOutOfBounds"} <= new, new
-
-
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-def test_single_precision_has_no_doubles_and_one_that_is_sown_is_found(compiler, single, tmp_path):
-    # Nothing is linked, which clang would mention.
-    flags = [*STRICT, "-Wfloat-conversion", "-Wdouble-promotion", "-fsyntax-only", "-Wno-unused-command-line-argument"]
-    assert compiled(compiler, single, *flags).stderr == ""
-    sown = changed(single, tmp_path, ("servotwin_windows.c", "count - REAL(1.0)", "count - 1.0"))
-    messages = compiled(compiler, sown, *flags).stderr
-    assert "double" in messages and "servotwin_windows.c" in messages, messages
-
-
-def test_cppcheck_and_misra_find_no_other_deviations_in_single_precision(single):
-    of_twin = re.compile("_twin|_hybrid|main")
-    known = {(name, file) for name, file in DEVIATIONS if not of_twin.search(file)}
-    assert found_by_cppcheck(single) == known
 
 
 def open_properties(folder):
@@ -220,11 +160,6 @@ def open_properties(folder):
 
 def test_frama_c_leaves_listed_properties_open_only(exported):
     assert open_properties(exported) == set(OPEN)
-
-
-def test_frama_c_leaves_listed_properties_open_only_in_single_precision(single):
-    # An exponent of single precision is small enough for the analysis.
-    assert open_properties(single) == set(OPEN) - {("servotwin_exp", "signed_overflow")}
 
 
 def test_frama_c_finds_what_is_sown(exported, tmp_path):

@@ -271,7 +271,6 @@ impl Failure {
             Failure::Watch(WatchError::Source(_)) => 3,
             Failure::Watch(WatchError::Checkpoint(CheckpointError::File(_))) => 1,
             Failure::Watch(WatchError::Checkpoint(_)) => 3,
-            Failure::Watch(WatchError::Sink(SinkError::Target { .. })) => 2,
             Failure::Watch(WatchError::Sink(_)) => 1,
             Failure::Table(error) => of_table(error),
             Failure::Figure(FigureError::UnknownFormat { .. }) => 2,

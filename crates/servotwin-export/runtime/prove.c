@@ -9,40 +9,10 @@ static const servotwin_hierarchy *hierarchy_of(int32_t is_committee, int32_t len
     return (is_committee != 0) ? servotwin_lengths[length].committee : servotwin_lengths[length].trees;
 }
 
-/* The numbers of an export in single precision are converted here, which changes none of them. */
-static void take(const double *from, int32_t count, servotwin_real *into)
-{
-    for (int32_t i = 0; i < count; i++) {
-        into[i] = (servotwin_real)from[i];
-    }
-}
-
-static void give(const servotwin_real *from, int32_t count, double *into)
-{
-    for (int32_t i = 0; i < count; i++) {
-        into[i] = (double)from[i];
-    }
-}
-
-typedef struct {
-    servotwin_real rows[SERVOTWIN_VIEWS][SERVOTWIN_FEATURES];
-    const servotwin_real *views[SERVOTWIN_VIEWS];
-} converted_views;
-
-static void take_views(int32_t length, const double *const *views, converted_views *into)
-{
-    for (int32_t view = 0; view < servotwin_lengths[length].views; view++) {
-        take(views[view], SERVOTWIN_FEATURES, into->rows[view]);
-        into->views[view] = into->rows[view];
-    }
-}
-
 int32_t prove_leaf(int32_t is_committee, int32_t length, int32_t stage, int32_t tree, const double *row);
 int32_t prove_leaf(int32_t is_committee, int32_t length, int32_t stage, int32_t tree, const double *row)
 {
-    servotwin_real own[SERVOTWIN_FEATURES];
-    take(row, SERVOTWIN_FEATURES, own);
-    return servotwin_leaf(&hierarchy_of(is_committee, length)->stages[stage].branches, tree, own);
+    return servotwin_leaf(&hierarchy_of(is_committee, length)->stages[stage].branches, tree, row);
 }
 
 typedef struct {
@@ -53,22 +23,15 @@ typedef struct {
 prove_answer prove_decide(int32_t is_committee, int32_t length, int32_t stage, const double *row);
 prove_answer prove_decide(int32_t is_committee, int32_t length, int32_t stage, const double *row)
 {
-    servotwin_real own[SERVOTWIN_FEATURES];
-    take(row, SERVOTWIN_FEATURES, own);
-    const servotwin_answer said = servotwin_decide(&hierarchy_of(is_committee, length)->stages[stage], own);
-    const prove_answer answer = { said.decided, (double)said.probability };
+    const servotwin_answer said = servotwin_decide(&hierarchy_of(is_committee, length)->stages[stage], row);
+    const prove_answer answer = { said.decided, said.probability };
     return answer;
 }
 
 void prove_shares(int32_t length, int32_t stage, const double *row, double *shares);
 void prove_shares(int32_t length, int32_t stage, const double *row, double *shares)
 {
-    const servotwin_stage *of_stage = &servotwin_lengths[length].committee->stages[stage];
-    servotwin_real own[SERVOTWIN_FEATURES];
-    servotwin_real said[SERVOTWIN_MOST_CLASSES] = { 0 };
-    take(row, SERVOTWIN_FEATURES, own);
-    servotwin_shares(of_stage, own, said);
-    give(said, of_stage->classes, shares);
+    servotwin_shares(&servotwin_lengths[length].committee->stages[stage], row, shares);
 }
 
 typedef struct {
@@ -82,37 +45,29 @@ typedef struct {
 prove_diagnosis prove_diagnose(int32_t is_committee, int32_t length, const double *const *views);
 prove_diagnosis prove_diagnose(int32_t is_committee, int32_t length, const double *const *views)
 {
-    converted_views own;
-    take_views(length, views, &own);
-    const servotwin_diagnosis said = servotwin_diagnose(hierarchy_of(is_committee, length), own.views);
-    const prove_diagnosis diagnosis = { said.actuator, said.action, said.detail, (double)said.confidence,
-        (double)said.detail_confidence };
+    const servotwin_diagnosis said = servotwin_diagnose(hierarchy_of(is_committee, length), views);
+    const prove_diagnosis diagnosis = { said.actuator, said.action, said.detail, said.confidence,
+        said.detail_confidence };
     return diagnosis;
 }
 
 void prove_probabilities(int32_t length, const double *const *views, double *into);
 void prove_probabilities(int32_t length, const double *const *views, double *into)
 {
-    converted_views own;
-    servotwin_real said[SERVOTWIN_HYPOTHESES];
-    take_views(length, views, &own);
-    servotwin_probabilities(servotwin_lengths[length].committee, own.views, said);
-    give(said, SERVOTWIN_HYPOTHESES, into);
+    servotwin_probabilities(servotwin_lengths[length].committee, views, into);
 }
 
 double prove_value(int32_t length, int32_t stage, int32_t leaf, int32_t output);
 double prove_value(int32_t length, int32_t stage, int32_t leaf, int32_t output)
 {
     const servotwin_boosted *boosted = servotwin_lengths[length].committee->stages[stage].boosted;
-    return (double)boosted->values[(leaf * boosted->outputs) + output];
+    return boosted->values[(leaf * boosted->outputs) + output];
 }
 
 double prove_novelty(int32_t length, int32_t known, const double *row);
 double prove_novelty(int32_t length, int32_t known, const double *row)
 {
-    servotwin_real own[SERVOTWIN_FEATURES];
-    take(row, SERVOTWIN_FEATURES, own);
-    return (double)servotwin_novelty(length, known, own);
+    return servotwin_novelty(length, known, row);
 }
 
 /* The numbers that prove_push writes: of the outcome, and of each length. */
@@ -144,9 +99,9 @@ static void write_outcome(const servotwin_outcome *outcome, int64_t *integers, d
     for (int32_t i = 0; i < OUTCOME_INTEGERS; i++) {
         integers[i] = all[i];
     }
-    numbers[0] = (double)outcome->confidence;
-    numbers[1] = (double)outcome->worst;
-    numbers[2] = raised->is_raised ? (double)raised->confidence : 0.0;
+    numbers[0] = outcome->confidence;
+    numbers[1] = outcome->worst;
+    numbers[2] = raised->is_raised ? raised->confidence : 0.0;
 }
 
 void prove_push(servotwin_session *session, const double *inputs, const double *measured, const double *twin,
@@ -154,35 +109,29 @@ void prove_push(servotwin_session *session, const double *inputs, const double *
 void prove_push(servotwin_session *session, const double *inputs, const double *measured, const double *twin,
     int64_t *integers, double *numbers)
 {
-    servotwin_real own_inputs[SERVOTWIN_INPUTS];
-    servotwin_real own_measured[SERVOTWIN_SENSORS];
-    servotwin_real own_twin[SERVOTWIN_SENSORS];
-    take(inputs, SERVOTWIN_INPUTS, own_inputs);
-    take(measured, SERVOTWIN_SENSORS, own_measured);
-    take(twin, SERVOTWIN_SENSORS, own_twin);
-    write_outcome(servotwin_session_push(session, own_inputs, own_measured, own_twin), integers, numbers);
+    write_outcome(servotwin_session_push(session, inputs, measured, twin), integers, numbers);
     double *next = &numbers[OUTCOME_NUMBERS];
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
         const servotwin_evidence *evidence = &session->evidence[length];
-        next[0] = (double)servotwin_evidence_of_change(evidence, length);
-        next[1] = (double)servotwin_evidence_of_unknown(evidence, length);
+        next[0] = servotwin_evidence_of_change(evidence, length);
+        next[1] = servotwin_evidence_of_unknown(evidence, length);
         for (int32_t i = 0; i < SERVOTWIN_HYPOTHESES; i++) {
-            next[2 + i] = (double)session->judgements[length].probabilities[i];
+            next[2 + i] = session->judgements[length].probabilities[i];
         }
         for (int32_t i = 1; i < SERVOTWIN_HYPOTHESES; i++) {
-            next[1 + SERVOTWIN_HYPOTHESES + i] = (double)servotwin_margin(evidence, length, i);
+            next[1 + SERVOTWIN_HYPOTHESES + i] = servotwin_margin(evidence, length, i);
         }
         double *rest = &next[1 + (2 * SERVOTWIN_HYPOTHESES)];
         for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
             const servotwin_ring *ring = &session->rings[length];
             const bool is_full = servotwin_is_full(ring, length);
-            rest[0] = (double)servotwin_margin_of_actuator(evidence, length, actuator);
-            rest[1] = is_full ? (double)servotwin_common_mode(actuator, &ring->window, length) : 0.0;
+            rest[0] = servotwin_margin_of_actuator(evidence, length, actuator);
+            rest[1] = is_full ? servotwin_common_mode(actuator, &ring->window, length) : 0.0;
             rest = &rest[2];
         }
         for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
             const servotwin_doubt *doubt = &session->doubts[length][boundary];
-            rest[2 * boundary] = (double)servotwin_boundary_evidence(doubt, boundary);
+            rest[2 * boundary] = servotwin_boundary_evidence(doubt, boundary);
             rest[(2 * boundary) + 1] = (doubt->explained > 0U) ? 1.0 : 0.0;
         }
         next = &next[LENGTH_NUMBERS];
@@ -192,7 +141,9 @@ void prove_push(servotwin_session *session, const double *inputs, const double *
 void prove_row(const servotwin_session *session, int32_t view, double *into);
 void prove_row(const servotwin_session *session, int32_t view, double *into)
 {
-    give(session->scratch.rows[view], SERVOTWIN_FEATURES, into);
+    for (int32_t i = 0; i < SERVOTWIN_FEATURES; i++) {
+        into[i] = session->scratch.rows[view][i];
+    }
 }
 
 /*

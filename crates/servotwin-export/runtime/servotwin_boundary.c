@@ -9,7 +9,7 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-#define LEAST_BAND REAL(1e-12)
+#define LEAST_BAND 1e-12
 
 static void sums_clear(servotwin_sums *sums)
 {
@@ -150,7 +150,7 @@ static slope_of_sums find_slope(const servotwin_sums *sums, servotwin_real noise
     const servotwin_real of_both = sums->moments[1];
     const servotwin_real of_twin = sums->moments[2];
     slope_of_sums of = { false, 0.0, 0.0, 0.0 };
-    of.is_known = (sums->samples > REAL(1.0)) && (of_residual > REAL(0.0)) && (of_twin > REAL(0.0));
+    of.is_known = (sums->samples > 1.0) && (of_residual > 0.0) && (of_twin > 0.0);
     if (of.is_known) {
         const servotwin_real square = of_both * of_both;
         const servotwin_real explained = square / of_twin;
@@ -162,14 +162,14 @@ static slope_of_sums find_slope(const servotwin_sums *sums, servotwin_real noise
         const servotwin_real samples_and_noise = sums->samples * noise;
         const servotwin_real of_noise = samples_and_noise * noise;
         servotwin_real white = of_noise / left;
-        if (white > REAL(1.0)) {
+        if (white > 1.0) {
             white = 1.0;
         }
         const servotwin_real new_samples = white * sums->samples;
-        const servotwin_real coloured = REAL(1.0) - white;
+        const servotwin_real coloured = 1.0 - white;
         const servotwin_real new_windows = coloured * sums->windows;
         of.independent = new_samples + new_windows;
-        if (of.independent < REAL(1.0)) {
+        if (of.independent < 1.0) {
             of.independent = 1.0;
         }
         const servotwin_real weighted = of.independent * of_twin;
@@ -185,24 +185,24 @@ servotwin_real servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t
     const slope_of_sums now = find_slope(&doubt->since, noise);
     const slope_of_sums healthy = find_slope(&doubt->healthy, noise);
     servotwin_real own = 0.0;
-    servotwin_real variance = REAL(1.0) / servotwin_tuning.information_of_lines;
+    servotwin_real variance = 1.0 / servotwin_tuning.information_of_lines;
     if (!now.is_known) {
         return 0.0;
     }
     if (healthy.is_known) {
         const servotwin_real information = servotwin_tuning.information_of_lines + healthy.information;
-        variance = REAL(1.0) / information;
+        variance = 1.0 / information;
         const servotwin_real weight = variance * healthy.information;
         own = weight * healthy.slope;
     }
     const servotwin_real change = now.slope - own;
     const servotwin_real square = change * change;
-    const servotwin_real of_now = REAL(1.0) / now.information;
+    const servotwin_real of_now = 1.0 / now.information;
     const servotwin_real of_change = of_now + variance;
     const servotwin_real likelihood = square / of_change;
     const servotwin_real price = servotwin_log(now.independent);
     const servotwin_real twice = likelihood - price;
-    return REAL(0.5) * twice;
+    return 0.5 * twice;
 }
 
 bool servotwin_is_doubtful(const servotwin_doubt *doubt, int32_t boundary)

@@ -8,7 +8,7 @@
 #endif
 
 /* Lower limit of probabilities before a logarithm is taken. */
-#define LEAST_PROBABILITY REAL(1e-12)
+#define LEAST_PROBABILITY 1e-12
 
 void servotwin_evidence_clear(servotwin_evidence *evidence)
 {
@@ -37,13 +37,13 @@ static servotwin_real gathered(
     const servotwin_real clipped = limited(nats, -servotwin_tuning.clip_nats, servotwin_tuning.clip_nats);
     const servotwin_real weighted = clipped * weight;
     const servotwin_real most = servotwin_tuning.evidence_cap * limit;
-    return limited(statistic + weighted, REAL(0.0), most);
+    return limited(statistic + weighted, 0.0, most);
 }
 
 static servotwin_real log_odds(servotwin_real probability)
 {
     const servotwin_real p = limited(probability, LEAST_PROBABILITY, SERVOTWIN_MOST_PROBABILITY);
-    const servotwin_real against = REAL(1.0) - p;
+    const servotwin_real against = 1.0 - p;
     return servotwin_log(p / against);
 }
 
@@ -52,7 +52,7 @@ static void find_logarithms(const servotwin_judgement *judgement, servotwin_real
 {
     for (int32_t i = 0; i < SERVOTWIN_HYPOTHESES; i++) {
         if (judgement->is_in_band) {
-            logarithms[i] = (i == SERVOTWIN_HEALTHY) ? servotwin_tuning.in_band_nats : REAL(0.0);
+            logarithms[i] = (i == SERVOTWIN_HEALTHY) ? servotwin_tuning.in_band_nats : 0.0;
         } else {
             const servotwin_real p = judgement->probabilities[i];
             logarithms[i] = servotwin_log((p > LEAST_PROBABILITY) ? p : LEAST_PROBABILITY);
@@ -74,7 +74,7 @@ void servotwin_evidence_take(servotwin_evidence *evidence, int32_t length, const
                 gathered(evidence->of_pairs[claim][other], nats, of_length->limits[place], of_length->weight);
         }
         /* Evidence against similar hypotheses counts only while there is evidence against health. */
-        if ((claim != SERVOTWIN_HEALTHY) && (evidence->of_pairs[claim][SERVOTWIN_HEALTHY] == REAL(0.0))) {
+        if ((claim != SERVOTWIN_HEALTHY) && (evidence->of_pairs[claim][SERVOTWIN_HEALTHY] == 0.0)) {
             for (int32_t other = 0; other < SERVOTWIN_HYPOTHESES; other++) {
                 evidence->of_pairs[claim][other] = 0.0;
             }
@@ -83,7 +83,7 @@ void servotwin_evidence_take(servotwin_evidence *evidence, int32_t length, const
     servotwin_real change = -servotwin_tuning.in_band_nats;
     servotwin_real unknown = -servotwin_tuning.in_band_nats;
     if (!judgement->is_in_band) {
-        const servotwin_real odds = log_odds(REAL(1.0) - judgement->probabilities[SERVOTWIN_HEALTHY]);
+        const servotwin_real odds = log_odds(1.0 - judgement->probabilities[SERVOTWIN_HEALTHY]);
         change = odds - of_length->allowed_change;
         unknown = judgement->is_novel ? of_length->novel_nats : of_length->known_nats;
     }

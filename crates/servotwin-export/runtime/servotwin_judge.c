@@ -10,8 +10,8 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-#define LEAST_BAND REAL(1e-12)
-#define LEAST_BAND_PRODUCT REAL(1e-24)
+#define LEAST_BAND 1e-12
+#define LEAST_BAND_PRODUCT 1e-24
 
 int32_t servotwin_actuator_of(int32_t hypothesis)
 {
@@ -67,19 +67,19 @@ static void mask(servotwin_real *probabilities, const bool *is_masked)
         if (is_masked[actuator]) {
             any = true;
             for (int32_t action = 0; action < SERVOTWIN_ACTIONS; action++) {
-                probabilities[servotwin_hypothesis_of(actuator, action)] = REAL(0.0);
+                probabilities[servotwin_hypothesis_of(actuator, action)] = 0.0;
             }
         }
     }
     for (int32_t i = 0; i < SERVOTWIN_HYPOTHESES; i++) {
         sum = sum + probabilities[i];
     }
-    if (any && (sum > REAL(0.0))) {
+    if (any && (sum > 0.0)) {
         for (int32_t i = 0; i < SERVOTWIN_HYPOTHESES; i++) {
             probabilities[i] = probabilities[i] / sum;
         }
     }
-    if (any && !(sum > REAL(0.0))) {
+    if (any && !(sum > 0.0)) {
         probabilities[SERVOTWIN_HEALTHY] = 1.0;
     }
 }
@@ -94,13 +94,13 @@ static servotwin_real common_share(
         const int32_t a = pair->of_first[i];
         const int32_t b = pair->of_second[i];
         const servotwin_real product = bands[a] * bands[b];
-        const servotwin_real weight = REAL(1.0) / ((product > LEAST_BAND_PRODUCT) ? product : LEAST_BAND_PRODUCT);
+        const servotwin_real weight = 1.0 / ((product > LEAST_BAND_PRODUCT) ? product : LEAST_BAND_PRODUCT);
         const servotwin_real mean_sum = window->mean[a] + window->mean[b];
         const servotwin_real mean_difference = window->mean[a] - window->mean[b];
         const servotwin_real of_sum = mean_sum * mean_sum;
         const servotwin_real of_difference = mean_difference * mean_difference;
         const servotwin_real own = servotwin_covariance(window, a, a) + servotwin_covariance(window, b, b);
-        const servotwin_real common = REAL(2.0) * servotwin_covariance(window, a, b);
+        const servotwin_real common = 2.0 * servotwin_covariance(window, a, b);
         const servotwin_real own_and_common = own + common;
         const servotwin_real square_of_sum = own_and_common + of_sum;
         const servotwin_real weighted_sum = weight * square_of_sum;
@@ -111,7 +111,7 @@ static servotwin_real common_share(
         difference = difference + weighted_difference;
     }
     const servotwin_real whole = sum + difference;
-    return (whole > REAL(0.0)) ? (sum / whole) : REAL(0.0);
+    return (whole > 0.0) ? (sum / whole) : 0.0;
 }
 
 servotwin_real servotwin_common_mode(int32_t actuator, const servotwin_window *window, int32_t length)
@@ -139,8 +139,8 @@ servotwin_real servotwin_novelty(int32_t length, int32_t known, const servotwin_
         const servotwin_real excess = (x > of_class->highs[i]) ? (x - of_class->highs[i]) : (of_class->lows[i] - x);
         const servotwin_real part = excess / of_class->widths[i];
         /* A missing value counts as one. */
-        const servotwin_real outside = (part < REAL(1.0)) ? part : REAL(1.0);
-        sum = sum + (is_inside ? REAL(0.0) : outside);
+        const servotwin_real outside = (part < 1.0) ? part : 1.0;
+        sum = sum + (is_inside ? 0.0 : outside);
     }
     return sum / of_class->limit;
 }
@@ -152,7 +152,7 @@ static void compute_rows(
     servotwin_real flags[SERVOTWIN_SENSORS];
     for (int32_t view = 0; view < views; view++) {
         for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
-            flags[i] = stands_in[servotwin_orders[view][i]] ? REAL(1.0) : REAL(0.0);
+            flags[i] = stands_in[servotwin_orders[view][i]] ? 1.0 : 0.0;
         }
         servotwin_window_reorder(window, servotwin_orders[view], &scratch->reordered);
         servotwin_features(&scratch->reordered, flags, scratch->rows[view]);
@@ -190,7 +190,7 @@ static void judge_outside_band(servotwin_judgement *judgement, const servotwin_s
     judgement->is_novel = (common > servotwin_tuning.max_common_mode);
     if (of_length->known_classes > 0) {
         const servotwin_real novelty = servotwin_novelty(length, known, scratch->rows[view]);
-        judgement->is_novel = judgement->is_novel || (novelty > REAL(1.0));
+        judgement->is_novel = judgement->is_novel || (novelty > 1.0);
     }
 }
 
@@ -201,7 +201,7 @@ void servotwin_judge(servotwin_judgement *judgement, servotwin_scratch *scratch,
     servotwin_forget(judgement);
     judgement->has_judged = true;
     find_worst(judgement, window, of_length->bands);
-    judgement->is_in_band = (judgement->worst <= REAL(1.0));
+    judgement->is_in_band = (judgement->worst <= 1.0);
     if (judgement->is_in_band) {
         judgement->probabilities[SERVOTWIN_HEALTHY] = servotwin_tuning.in_band_share;
     } else {

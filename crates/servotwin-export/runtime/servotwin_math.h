@@ -14,9 +14,6 @@
 extern "C" {
 #endif
 
-/* A literal as a number of this diagnosis; without it, an expression in single precision would become a double. */
-#define REAL(literal) ((servotwin_real)(literal))
-
 /* The bits of a number. */
 servotwin_bits servotwin_bits_of(servotwin_real number);
 
@@ -27,26 +24,26 @@ servotwin_bits servotwin_bits_of(servotwin_real number);
  */
 static inline bool servotwin_keeps_rules(void)
 {
-    const volatile servotwin_real large = REAL(0x1p60);
+    const volatile servotwin_real large = 0x1p60;
     const volatile servotwin_real above = SERVOTWIN_ABOVE_ONE;
     const volatile servotwin_real below = SERVOTWIN_BELOW_ONE;
-    const volatile servotwin_real one = REAL(1.0);
-    const volatile servotwin_real five = REAL(5.0);
-    const volatile servotwin_real zero = REAL(0.0);
-    const volatile servotwin_real nothing = REAL(0.0);
+    const volatile servotwin_real one = 1.0;
+    const volatile servotwin_real five = 5.0;
+    const volatile servotwin_real zero = 0.0;
+    const volatile servotwin_real nothing = 0.0;
     const volatile servotwin_real least = SERVOTWIN_REAL_MIN;
     const servotwin_real product = above * below;
     const servotwin_real difference = product - one;
     const servotwin_real raised = large + one;
     const servotwin_real left = raised - large;
-    const servotwin_real part = five / REAL(3.0);
+    const servotwin_real part = five / 3.0;
     const servotwin_real missing = zero / nothing;
     const servotwin_real endless = one / zero;
     const servotwin_real negative = -zero;
-    const servotwin_real sum = negative + REAL(0.0);
-    const servotwin_real subnormal = least * REAL(0.5);
+    const servotwin_real sum = negative + 0.0;
+    const servotwin_real subnormal = least * 0.5;
     const servotwin_real whole = subnormal + subnormal;
-    return (difference == REAL(0.0)) && (left == REAL(0.0)) && (part == REAL(SERVOTWIN_FIVE_THIRDS))
+    return (difference == 0.0) && (left == 0.0) && (part == SERVOTWIN_FIVE_THIRDS)
         && (missing != missing) && !(missing <= one) && !(missing >= one) && (endless > SERVOTWIN_REAL_MAX)
         && (servotwin_bits_of(sum) == 0U) && (whole == least);
 }
@@ -62,7 +59,7 @@ bool servotwin_decision_keeps_rules(void);
 bool servotwin_boundary_keeps_rules(void);
 bool servotwin_equations_keeps_rules(void);
 
-/* e^x for x of at most 709, and 0 below -708; in single precision 88 and -87. */
+/* e^x for x of at most 709, and 0 below -708. */
 servotwin_real servotwin_exp(servotwin_real x);
 
 /* The natural logarithm of a positive, finite and normal number. */

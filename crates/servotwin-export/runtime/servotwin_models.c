@@ -10,7 +10,7 @@
 #endif
 
 /* Lower limit of a probability before its logarithm is taken. */
-#define LEAST_PROBABILITY REAL(1e-15)
+#define LEAST_PROBABILITY 1e-15
 
 int32_t servotwin_leaf(const servotwin_branches *branches, int32_t tree, const servotwin_real *row)
 {

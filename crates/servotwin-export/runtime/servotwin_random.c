@@ -48,7 +48,7 @@ servotwin_real servotwin_normal(uint64_t seed, uint64_t stream)
         const servotwin_real unit = (servotwin_real)kept * SERVOTWIN_STEP;
         sum = sum + unit;
     }
-    return sum - REAL(6.0);
+    return sum - 6.0;
 }
 
 bool servotwin_random_keeps_rules(void)

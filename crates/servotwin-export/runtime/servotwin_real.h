@@ -1,6 +1,5 @@
 /*
- * The numbers of this diagnosis: double precision. servotwin_real.h of an export in single precision has the same names,
- * and every other hand-written file but servotwin_math.c has the same text in both.
+ * The numbers of this diagnosis: double precision.
  */
 #ifndef SERVOTWIN_REAL_H
 #define SERVOTWIN_REAL_H

@@ -12,7 +12,7 @@
 #endif
 
 /* Upper limit of residuals and twin signals in parts of scale; larger ones are no measurements. */
-#define PLAUSIBLE REAL(1e6)
+#define PLAUSIBLE 1e6
 
 /* Panes of the start test after its first full window. */
 #define KNOWN_PANES 3
@@ -250,7 +250,7 @@ void servotwin_session_restart(servotwin_session *session)
 static void clear_session(servotwin_session *session)
 {
     const servotwin_raised nothing_raised = {
-        false, SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 0U, SERVOTWIN_NONE, REAL(0.0)};
+        false, SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 0U, SERVOTWIN_NONE, 0.0};
     session->samples = 0U;
     session->settling = servotwin_tuning.settle_samples;
     session->gap = 0U;
@@ -614,7 +614,7 @@ static int32_t withheld_input(const servotwin_session *session)
     for (int32_t claim = 1; claim < SERVOTWIN_HYPOTHESES; claim++) {
         bool is_claimed = false;
         for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
-            is_claimed = is_claimed || (margin(session, length, claim) >= REAL(1.0));
+            is_claimed = is_claimed || (margin(session, length, claim) >= 1.0);
         }
         if (is_claimed && (input == SERVOTWIN_NONE)) {
             input = doubtful_shutdown(session, claim);
@@ -632,7 +632,7 @@ static bool is_contradicted(const servotwin_session *session, int32_t length, in
         for (int32_t rival = 1; rival < SERVOTWIN_HYPOTHESES; rival++) {
             const bool is_elsewhere = servotwin_actuator_of(rival) != servotwin_actuator_of(claim);
             if ((other != length) && (rival != claim) && (is_elsewhere || is_longer)) {
-                contradicted = contradicted || (margin(session, other, rival) >= REAL(1.0));
+                contradicted = contradicted || (margin(session, other, rival) >= 1.0);
             }
         }
     }
@@ -643,7 +643,7 @@ static bool may_raise(const servotwin_session *session, int32_t length, int32_t 
 {
     return allows(session, claim) && is_comparable(session, servotwin_actuator_of(claim))
         && servotwin_agrees_on(&session->judgements[length], length, claim)
-        && (servotwin_evidence_of_unknown(&session->evidence[length], length) < REAL(1.0))
+        && (servotwin_evidence_of_unknown(&session->evidence[length], length) < 1.0)
         && !is_contradicted(session, length, claim) && (doubtful_shutdown(session, claim) == SERVOTWIN_NONE);
 }
 
@@ -659,7 +659,7 @@ static bool find_candidate(const servotwin_session *session, servotwin_raised *c
             const servotwin_real own = margin(session, length, claim);
             const bool is_better =
                 !is_found || (samples > best_samples) || ((samples == best_samples) && (own > best_margin));
-            const bool is_claimed = session->rings[length].has_ended && (own >= REAL(1.0));
+            const bool is_claimed = session->rings[length].has_ended && (own >= 1.0);
             if (is_claimed && is_better && may_raise(session, length, claim)) {
                 const servotwin_judgement *judgement = &session->judgements[length];
                 is_found = true;
@@ -701,7 +701,7 @@ static int32_t find_actuator(const servotwin_session *session, servotwin_outcome
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
         for (int32_t actuator = 0; actuator < SERVOTWIN_ACTUATORS; actuator++) {
             if (is_comparable(session, actuator)
-                && (servotwin_margin_of_actuator(&session->evidence[length], length, actuator) >= REAL(1.0))) {
+                && (servotwin_margin_of_actuator(&session->evidence[length], length, actuator) >= 1.0)) {
                 disagree = disagree || ((found != SERVOTWIN_NONE) && (found != actuator));
                 if (found == SERVOTWIN_NONE) {
                     found = actuator;
@@ -725,7 +725,7 @@ static int32_t first_over(
 {
     int32_t found = SERVOTWIN_NONE;
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
-        if ((found == SERVOTWIN_NONE) && (evidence_of(&session->evidence[length], length) >= REAL(1.0))) {
+        if ((found == SERVOTWIN_NONE) && (evidence_of(&session->evidence[length], length) >= 1.0)) {
             found = length;
         }
     }
@@ -774,7 +774,7 @@ static void tell(servotwin_session *session, const servotwin_outcome *said, int3
         break;
     case SERVOTWIN_DETECTED:
     case SERVOTWIN_UNKNOWN:
-        outcome->confidence = REAL(1.0) - judgement->probabilities[SERVOTWIN_HEALTHY];
+        outcome->confidence = 1.0 - judgement->probabilities[SERVOTWIN_HEALTHY];
         break;
     case SERVOTWIN_ACTUATOR:
         outcome->confidence = probability_of_actuator(judgement, said->actuator);
@@ -870,7 +870,7 @@ static bool add_to_windows(servotwin_session *session, const servotwin_real *twi
         }
         if (is_settled) {
             for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
-                const servotwin_real mean = session->stands_in[sensor] ? REAL(0.0) : session->baseline.means[sensor];
+                const servotwin_real mean = session->stands_in[sensor] ? 0.0 : session->baseline.means[sensor];
                 session->corrected[sensor] = session->measured[sensor] - mean;
             }
             const bool has_corrected = servotwin_stream_add(
@@ -959,7 +959,7 @@ static void push_known(servotwin_session *session, int32_t k, uint64_t *mixture)
     servotwin_real twin[SERVOTWIN_SENSORS];
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
         const servotwin_real width = servotwin_inputs[input].largest - servotwin_inputs[input].least;
-        const servotwin_real step = width * REAL(0x1p-20);
+        const servotwin_real step = width * 0x1p-20;
         inputs[input] = servotwin_known_inputs[input];
         if ((k % 2) == 1) {
             inputs[input] = inputs[input] + step;
@@ -969,8 +969,8 @@ static void push_known(servotwin_session *session, int32_t k, uint64_t *mixture)
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
         const int32_t of_signal = ((5 * k) + (3 * sensor)) % 17;
         const int32_t of_residual = 1 + (((7 * k) + (11 * sensor)) % 13);
-        const servotwin_real signal = (servotwin_real)of_signal * REAL(0x1p-4);
-        const servotwin_real residual = (servotwin_real)of_residual * REAL(0x1p-3);
+        const servotwin_real signal = (servotwin_real)of_signal * 0x1p-4;
+        const servotwin_real residual = (servotwin_real)of_residual * 0x1p-3;
         const servotwin_real deviation = servotwin_sensors[sensor].scale * residual;
         twin[sensor] = servotwin_sensors[sensor].scale * signal;
         measured[sensor] = twin[sensor] + deviation;

@@ -108,7 +108,7 @@ typedef struct {
 } servotwin_session;
 
 /*
- * Tests the arithmetic of every file, runs a window with a known answer (in double precision), then clears everything. The
+ * Tests the arithmetic of every file, runs a window with a known answer, then clears everything. The
  * actuator may be in motion, but the twin begins at rest: at first it settles, without judgement, as after a restart.
  * Returns false, and the session must not be used, if this build computes otherwise than in training.
  */

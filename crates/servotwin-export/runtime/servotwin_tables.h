@@ -113,7 +113,7 @@ extern const uint8_t servotwin_switches_off[SERVOTWIN_ACTIONS];
 extern const int32_t servotwin_baseline_settle_samples;
 extern const int32_t servotwin_baseline_memory_samples;
 extern const servotwin_constants servotwin_tuning;
-/* Of the start test: plausible inputs, and the mixture of the answers; 0 in single precision, which rounds differently. */
+/* Of the start test: plausible inputs, and the mixture of the answers. */
 extern const servotwin_real servotwin_known_inputs[];
 extern const uint64_t servotwin_known_answer;
 

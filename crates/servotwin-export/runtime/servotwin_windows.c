@@ -10,7 +10,7 @@
 #endif
 
 /* Residuals that the baseline learns are clipped to this part of their scale. */
-#define LARGEST_LEARNED REAL(0.25)
+#define LARGEST_LEARNED 0.25
 
 void servotwin_window_clear(servotwin_window *window)
 {
@@ -56,7 +56,7 @@ static void add_sample(servotwin_window *window, const servotwin_real *measured,
     }
     window->samples++;
     const servotwin_real count = (servotwin_real)window->samples;
-    const servotwin_real before = count - REAL(1.0);
+    const servotwin_real before = count - 1.0;
     const servotwin_real weight = before / count;
     int32_t place = 0;
     for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {

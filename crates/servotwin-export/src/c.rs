@@ -4,7 +4,6 @@
 //! printed as constant tables, and the features as statements. So the code can be reviewed once.
 
 use crate::error::ExportError;
-use crate::precision::Precision;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use crate::{features, tables};
@@ -12,12 +11,9 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 
 macro_rules! runtime {
     ($(#[$note:meta])* $list:ident: $($name:literal,)*) => {
-        runtime! { $(#[$note])* $list in "": $($name,)* }
-    };
-    ($(#[$note:meta])* $list:ident in $folder:literal: $($name:literal,)*) => {
         $(#[$note])*
         const $list: &[(&str, &str)] =
-            &[$(($name, include_str!(concat!("../runtime/", $folder, $name))),)*];
+            &[$(($name, include_str!(concat!("../runtime/", $name))),)*];
     };
 }
 
@@ -50,15 +46,8 @@ runtime! {
 }
 
 runtime! {
-    /// Those that depend on the precision, in double precision.
+    /// Those of arithmetic.
     ARITHMETIC:
-    "servotwin_real.h",
-    "servotwin_math.c",
-}
-
-runtime! {
-    /// The same in single precision.
-    SINGLE_ARITHMETIC in "single/":
     "servotwin_real.h",
     "servotwin_math.c",
 }
@@ -86,45 +75,17 @@ const PRINTED: [&str; 3] = ["servotwin_sizes.h", "servotwin_tables.c", "servotwi
 const PRINTED_OF_TWIN: [&str; 3] =
     ["servotwin_twin_sizes.h", "servotwin_twin_tables.c", "servotwin_equations.c"];
 
-/// The files of a diagnosis that depend on the precision: its arithmetic, and those that are printed.
-pub(crate) fn files_of_precision(
-    diagnoser: &Diagnoser,
-    precision: Precision,
-) -> Result<Vec<SourceFile>, ExportError> {
-    tables::check(diagnoser)?;
-    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names(), precision);
-    let printed = tables::texts(diagnoser, precision)?.into_iter().chain([features]);
-    Ok(together(arithmetic(precision), PRINTED, printed))
-}
-
-/// The arithmetic of a precision.
-fn arithmetic(precision: Precision) -> impl Iterator<Item = (&'static str, &'static str)> {
-    let files = match precision {
-        Precision::F64 => ARITHMETIC,
-        Precision::F32 => SINGLE_ARITHMETIC,
-    };
-    files.iter().copied()
-}
-
-/// All files of a diagnoser in double precision, without a twin.
-///
-/// # Errors
-/// As [`files_in`].
-pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
-    files_in(diagnoser, Precision::F64)
-}
-
-/// All files of a diagnoser in a precision, without a twin.
+/// All files of a diagnoser, without a twin.
 ///
 /// # Errors
 /// The errors of [`Diagnoser::check`]; [`ExportError::Classifier`], [`ExportError::TooMany`] and
 /// [`ExportError::Unsupported`] for what the C code does not know.
-pub fn files_in(
-    diagnoser: &Diagnoser,
-    precision: Precision,
-) -> Result<Vec<SourceFile>, ExportError> {
-    let written = written(COMMON.iter().chain(DIAGNOSIS).copied());
-    Ok(written.chain(files_of_precision(diagnoser, precision)?).collect())
+pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
+    tables::check(diagnoser)?;
+    let features = features::text(&diagnoser.sensors_seen(), diagnoser.names());
+    let printed = tables::texts(diagnoser)?.into_iter().chain([features]);
+    let common = written(COMMON.iter().chain(DIAGNOSIS).copied());
+    Ok(common.chain(together(ARITHMETIC.iter().copied(), PRINTED, printed)).collect())
 }
 
 /// All files of a diagnoser with a twin beside it.
@@ -144,9 +105,9 @@ pub(crate) fn files_of_random() -> impl Iterator<Item = SourceFile> {
     named("servotwin_random")
 }
 
-/// The hand-written files of a diagnosis in double precision whose names begin thus.
+/// The hand-written files of a diagnosis whose names begin thus.
 fn named(beginning: &str) -> impl Iterator<Item = SourceFile> {
-    let all = arithmetic(Precision::F64).chain(DIAGNOSIS.iter().copied());
+    let all = ARITHMETIC.iter().chain(DIAGNOSIS).copied();
     written(all.filter(move |(name, _)| name.starts_with(beginning)))
 }
 

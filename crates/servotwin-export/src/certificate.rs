@@ -2,7 +2,7 @@
 
 use crate::comparison::FolderComparison;
 use crate::description::Description;
-use crate::prove::{Decisions, FlightDecisions, ProofEvidence, RowDifference, SingleEvidence};
+use crate::prove::{ProofEvidence, RowDifference};
 use crate::source_file::SourceFile;
 use serde::Serialize;
 use servotwin_io::text::escaped;
@@ -15,9 +15,6 @@ const NEVER_COMPARED: [&str; 3] = [
     "the program that calls the code, and the inputs that a reaction sets in the plant",
     "samples beyond those that were drawn: equality is enumerated for the trees alone",
 ];
-
-/// The name of the file with what single precision decides differently.
-pub(crate) const DECISIONS: &str = "precision.csv";
 
 /// The result of a proof.
 #[derive(Debug, Clone, Serialize)]
@@ -34,43 +31,32 @@ pub struct Certificate {
     pub builds: Vec<ProofEvidence>,
     /// What was not compared.
     pub not_compared: Vec<String>,
-    /// What an export in single precision decides differently.
-    pub single: Option<SingleEvidence>,
 }
 
 impl Certificate {
     /// The certificate of a proof.
-    pub fn new(
-        export: Description,
-        folder: FolderComparison,
-        builds: Vec<ProofEvidence>,
-        single: Option<SingleEvidence>,
-    ) -> Self {
+    pub fn new(export: Description, folder: FolderComparison, builds: Vec<ProofEvidence>) -> Self {
         let FolderComparison { files, differences, mut not_compared } = folder;
         let holds =
             differences.is_empty() && !builds.is_empty() && builds.iter().all(ProofEvidence::holds);
         let compiled_sha256 = SourceFile::hashes(&files);
-        let twin = builds.first().filter(|_| export.twin.is_some());
-        if twin.is_some_and(|first| first.unsettled == 0) {
+        if builds.first().is_some_and(|first| first.unsettled == 0) {
             not_compared.push("a twin without a steady state: no variant was one".into());
         }
         not_compared.extend(NEVER_COMPARED.map(String::from));
-        Certificate { holds, export, compiled_sha256, differences, builds, not_compared, single }
+        Certificate { holds, export, compiled_sha256, differences, builds, not_compared }
     }
 
     /// The verdict in one sentence.
     pub fn verdict(&self) -> &'static str {
-        match (self.holds, &self.single) {
-            (false, _) if !self.differences.is_empty() => {
+        match self.holds {
+            true => "Every build gives the bits of the trained diagnosis.",
+            false if self.differences.is_empty() => {
+                "NOT PROVEN: a build decides differently than the trained diagnosis."
+            }
+            false => {
                 "NOT PROVEN: the folder does not hold what servotwin exports for this diagnosis."
             }
-            (true, None) => "Every build gives the bits of the trained diagnosis.",
-            (true, Some(_)) => {
-                "All builds give the same bits, every tree decides as it was trained for every row of single precision, and \
-                 the hand-written text gives the bits of training in double precision. Below is what rounding decides \
-                 differently."
-            }
-            (false, _) => "NOT PROVEN: a build decides differently than the trained diagnosis.",
         }
     }
 
@@ -86,7 +72,6 @@ impl Certificate {
         write_list(&mut page, "Differences", self.differences.iter().map(RowDifference::to_string));
         self.write_builds(&mut page);
         write_list(&mut page, "Not compared", self.not_compared.iter().cloned());
-        self.single.iter().for_each(|single| write_single(&mut page, single));
         let Description { version, diagnoser, diagnoser_sha256, sources_sha256, .. } = &self.export;
         let own = BTreeMap::from([(diagnoser.display().to_string(), diagnoser_sha256.clone())]);
         let _ = writeln!(page, "<p>Exported by servotwin {}.</p>", escaped(version));
@@ -143,75 +128,4 @@ fn write_hashes(page: &mut String, title: &str, hashes: &BTreeMap<String, String
         let _ = writeln!(page, "<tr><td>{}<td>{hash}", escaped(name));
     }
     *page += "</table>\n";
-}
-
-/// What single precision decides differently, as tables.
-fn write_single(page: &mut String, single: &SingleEvidence) {
-    let _ = writeln!(
-        page,
-        "<h2>Decisions in single precision</h2>\n<table>\n<tr><th>Random samples<th>"
-    );
-    write_rows(page, &single.chain.rows());
-    if let Some(flights) = &single.flights {
-        let _ = writeln!(page, "</table>\n<table>\n<tr><th>Flights<th>");
-        write_rows(page, &flights.rows());
-    }
-    let _ = writeln!(page, "</table>\n<p>{DECISIONS} lists each difference.</p>");
-}
-
-fn write_rows(page: &mut String, rows: &[(&str, String)]) {
-    for (name, count) in rows {
-        let _ = writeln!(page, "<tr><td>{name}<td>{count}");
-    }
-}
-
-impl Decisions {
-    /// The counts with their names.
-    pub fn rows(&self) -> Vec<(&'static str, String)> {
-        let mut rows: Vec<(&str, String)> = [
-            ("samples", self.samples),
-            ("samples with another finding, alarm or raised action", self.differing_samples),
-            ("runs of such samples", self.differing_runs),
-            ("actions raised by the trained diagnosis", self.raised),
-            ("raised at another sample", self.shifted),
-            ("largest distance of these, samples", self.largest_shift),
-            ("shutdowns of another actuator", self.wrong_shutdowns),
-            ("missed shutdowns", self.missed_shutdowns),
-            ("false alarms", self.false_alarms),
-            ("other differences of the raised action", self.other_actions),
-        ]
-        .map(|(name, count)| (name, count.to_string()))
-        .into();
-        rows.push((
-            "largest difference of evidence, parts of its limit",
-            format!("{:.2e}", self.largest_evidence),
-        ));
-        rows.push((
-            "largest difference of a probability",
-            format!("{:.2e}", self.largest_probability),
-        ));
-        rows
-    }
-}
-
-impl FlightDecisions {
-    /// The counts with their names.
-    pub fn rows(&self) -> Vec<(&'static str, String)> {
-        [
-            ("flights", self.flights),
-            ("with a fault", self.with_fault),
-            ("samples", self.samples),
-            ("samples with another finding, alarm or raised action", self.differing_samples),
-            ("flights in which the trained diagnosis raises an action", self.raised),
-            ("flights with the same raised actions at the same samples, or none", self.same),
-            ("the same actions, one at another sample", self.shifted),
-            ("largest distance of these, samples", self.largest_shift),
-            ("shutdowns of the healthy actuator", self.healthy_shut_down),
-            ("missed shutdowns", self.missed_shutdowns),
-            ("false alarms", self.false_alarms),
-            ("other differences of the raised action", self.other_actions),
-        ]
-        .map(|(name, count)| (name, count.to_string()))
-        .into()
-    }
 }

@@ -37,14 +37,10 @@ impl FolderComparison {
             self.differ(DESCRIPTION, &what);
         }
         // A study and a diagnoser may have moved since.
-        let twin = |description: &Description| {
-            description.twin.as_ref().map(|twin| (twin.system, twin.has_fixed_step))
-        };
+        let twin =
+            |description: &Description| (description.twin.system, description.twin.has_fixed_step);
         if twin(exported) != twin(right) {
             self.differ(DESCRIPTION, "the study has another system");
-        }
-        if exported.precision != right.precision {
-            self.differ(DESCRIPTION, "the precision is another one");
         }
         let sources = (&exported.sources_sha256, &right.sources_sha256);
         self.hashes(sources, "the file beside the diagnoser");

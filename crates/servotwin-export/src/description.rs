@@ -1,6 +1,5 @@
 //! What an export was made of, as data.
 
-use crate::precision::Precision;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -18,10 +17,8 @@ pub struct Description {
     pub diagnoser: PathBuf,
     /// Its SHA-256.
     pub diagnoser_sha256: String,
-    /// The precision of its numbers.
-    pub precision: Precision,
-    /// The twin, if it is part of the export.
-    pub twin: Option<TwinDescription>,
+    /// The twin.
+    pub twin: TwinDescription,
     /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
     pub sources_sha256: BTreeMap<String, String>,
     /// The SHA-256 of each file when it was written.

@@ -28,7 +28,7 @@ pub enum ExportError {
     #[error(transparent)]
     File(#[from] FileError),
     /// The folder holds something else than an export.
-    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export in the same precision", .0.display())]
+    #[error("{}: this folder holds other files; name an empty folder, or that of an earlier export", .0.display())]
     FolderInUse(PathBuf),
     /// The folder holds no export.
     #[error("{}: there is no export here; 'servotwin export c --out {}' writes one", .0.display(), .0.display())]

@@ -3,12 +3,11 @@
 //! Logarithms stand between two groups of statements. The first group computes what they are taken of, the second
 //! computes the features from them.
 
-use crate::precision::Precision;
 use servotwin_diagnosis::features::{Sensors, features, values_into};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::number::Number;
 use servotwin_diagnosis::residual::Statistics;
-use servotwin_model::c_source::{write_single_statements, write_statements};
+use servotwin_model::c_source::write_statements;
 use servotwin_model::scalar::Scalar;
 use servotwin_model::symbol::{Graph, Symbol};
 use std::cell::RefCell;
@@ -135,7 +134,7 @@ impl<'t, 'g> Statistics for Variables<'t, 'g> {
 }
 
 /// The source that computes the named features in their order.
-pub(crate) fn text(sensors: &Sensors, names: &Names, precision: Precision) -> String {
+pub(crate) fn text(sensors: &Sensors, names: &Names) -> String {
     let (graph, trace) = (Graph::new(), Trace::default());
     let window = Variables { trace: &trace, graph: &graph, sensors: sensors.0.len() };
     let (known, mut values) = (features(sensors), Vec::new());
@@ -150,11 +149,8 @@ pub(crate) fn text(sensors: &Sensors, names: &Names, precision: Precision) -> St
     let logarithms = trace.logarithms.borrow();
     let arguments = logarithms.iter().enumerate().map(|(i, &symbol)| (symbol, "argument", i));
     let arguments: Vec<_> = arguments.collect();
-    let write = match precision {
-        Precision::F64 => write_statements,
-        Precision::F32 => write_single_statements,
-    };
-    let (write_arguments, write_row) = (write(&graph, &arguments), write(&graph, &features));
+    let write_arguments = write_statements(&graph, &arguments);
+    let write_row = write_statements(&graph, &features);
     let count = arguments.len().max(1);
     let head = "const servotwin_real *samples, const servotwin_real *mean, const servotwin_real *moments, const servotwin_real *largest,\n    \
                 const servotwin_real *stands_in";

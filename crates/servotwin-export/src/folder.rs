@@ -1,11 +1,10 @@
 //! An export on disk: its files, and `export.json`, which names what they were made of.
 
 use crate::c;
-use crate::certificate::{Certificate, DECISIONS};
+use crate::certificate::Certificate;
 use crate::comparison::FolderComparison;
 use crate::description::{DESCRIPTION, Description, TwinDescription};
 use crate::error::ExportError;
-use crate::precision::Precision;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use serde::Serialize;
@@ -45,23 +44,19 @@ fn absolute(path: &Path) -> PathBuf {
 fn export(
     diagnoser: &Diagnoser,
     file: &Path,
-    twin: Option<(&ExportedTwin, &Path)>,
+    (twin, study): (&ExportedTwin, &Path),
 ) -> Result<(Vec<SourceFile>, Description), ExportError> {
-    let (files, precision) = match twin {
-        Some((twin, _)) => (c::files_with_twin(diagnoser, twin)?, Precision::F64),
-        None => (c::files_in(diagnoser, Precision::F32)?, Precision::F32),
-    };
-    let twin = twin.map(|(twin, study)| TwinDescription {
+    let files = c::files_with_twin(diagnoser, twin)?;
+    let twin = TwinDescription {
         // A built-in study has no path.
         study: if study.exists() { absolute(study) } else { study.into() },
         system: twin.program.identity(),
         has_fixed_step: twin.has_fixed_step(),
-    });
+    };
     let description = Description {
         version: env!("CARGO_PKG_VERSION").into(),
         diagnoser: absolute(file),
         diagnoser_sha256: sha256(file)?,
-        precision,
         twin,
         sources_sha256: sources(file)?,
         files_sha256: SourceFile::hashes(&files),
@@ -81,28 +76,24 @@ impl ExportFolder {
         ExportFolder { path: path.into() }
     }
 
-    /// Writes an export of the diagnoser in a file, with a twin of the study of that name in double precision, and alone in
-    /// single precision. An earlier one is replaced, and its certificate removed.
+    /// Writes an export of the diagnoser in a file, with a twin of the study of that name. An earlier one is replaced, and
+    /// its certificate removed.
     ///
     /// # Errors
-    /// [`ExportError::FolderInUse`], [`ExportError::Damaged`], the errors of [`c::files_with_twin`] and [`c::files_in`], and
-    /// files that cannot be written or removed.
+    /// [`ExportError::FolderInUse`], [`ExportError::Damaged`], the errors of [`c::files_with_twin`], and files that cannot
+    /// be written or removed.
     pub fn write(
         &self,
         (diagnoser, file): (&Diagnoser, &Path),
-        twin: Option<(&ExportedTwin, &Path)>,
+        twin: (&ExportedTwin, &Path),
     ) -> Result<Description, ExportError> {
         let (files, description) = export(diagnoser, file, twin)?;
         let holds_files = self.path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
         if holds_files {
-            let in_use = || ExportError::FolderInUse(self.path.clone());
-            let earlier = self.description().map_err(|error| match error {
-                ExportError::NoExport(_) => in_use(),
+            self.description().map_err(|error| match error {
+                ExportError::NoExport(_) => ExportError::FolderInUse(self.path.clone()),
                 error => error,
             })?;
-            if earlier.precision != description.precision {
-                return Err(in_use());
-            }
         }
         self.forget_certificate()?;
         create_folder(&self.path)?;
@@ -118,7 +109,7 @@ impl ExportFolder {
     /// # Errors
     /// It is there and cannot be removed.
     pub fn forget_certificate(&self) -> Result<(), ExportError> {
-        for name in [CERTIFICATE, PAGE, DECISIONS] {
+        for name in [CERTIFICATE, PAGE] {
             let path = self.file(name);
             match std::fs::remove_file(&path) {
                 Err(cause) if cause.kind() != ErrorKind::NotFound => {
@@ -151,13 +142,9 @@ impl ExportFolder {
         &self,
         exported: &Description,
         (diagnoser, file): (&Diagnoser, &Path),
-        twin: Option<(&ExportedTwin, &Path)>,
+        twin: (&ExportedTwin, &Path),
     ) -> Result<FolderComparison, ExportError> {
         let mut compared = FolderComparison::default();
-        if twin.is_none() && exported.precision == Precision::F64 {
-            compared.differ(DESCRIPTION, "an export in double precision has a twin");
-            return Ok(compared);
-        }
         let (files, right) = export(diagnoser, file, twin)?;
         compared.description(exported, &right);
         for right in &files {
@@ -177,23 +164,15 @@ impl ExportFolder {
         Ok(compared)
     }
 
-    /// Writes a certificate as data and as a page, and what single precision decides differently; returns their paths.
-    ///
-    /// # Errors
-    /// A file cannot be written.
+    /// Writes a certificate as data and as a page; returns their paths.
     pub fn write_certificate(
         &self,
         certificate: &Certificate,
-    ) -> Result<Vec<PathBuf>, ExportError> {
+    ) -> Result<[PathBuf; 2], ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
-        let mut texts = vec![(PAGE, certificate.page())];
-        texts.extend(certificate.single.iter().map(|single| (DECISIONS, single.csv())));
-        let mut written = vec![self.file(CERTIFICATE)];
-        for (name, text) in texts {
-            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
-            written.push(self.file(name));
-        }
-        Ok(written)
+        let page = self.file(PAGE);
+        write_atomically(&page, |out| out.write_all(certificate.page().as_bytes()))?;
+        Ok([self.file(CERTIFICATE), page])
     }
 
     fn file(&self, name: &str) -> PathBuf {

@@ -1,27 +1,11 @@
 //! How C spells the constants of a table.
 
-use crate::precision::Precision;
-use servotwin_model::c_source::{hexadecimal, hexadecimal_single};
+use servotwin_model::c_source::hexadecimal;
 use std::collections::BTreeSet;
 use std::fmt::{Display, Write};
 
 /// Longest line of an array, in characters.
 const LINE: usize = 110;
-
-impl Precision {
-    /// The literal of a finite number: with the same bits in double precision, of the nearest one in single precision.
-    pub(crate) fn number(self, number: f64) -> String {
-        match self {
-            Precision::F64 => hexadecimal(number),
-            Precision::F32 => hexadecimal_single(number),
-        }
-    }
-
-    /// The literal of a threshold: every number of this precision is on the same side of it as it was in training.
-    pub(crate) fn threshold(self, threshold: f64) -> String {
-        self.number(self.not_above(threshold))
-    }
-}
 
 /// An index that may be missing.
 pub(crate) fn place(place: Option<usize>) -> String {
@@ -97,14 +81,8 @@ pub(crate) fn write_array<T: Display>(
 }
 
 /// As [`write_array`], of numbers.
-pub(crate) fn write_numbers(
-    text: &mut String,
-    precision: Precision,
-    name: &str,
-    items: impl IntoIterator<Item = f64>,
-) {
-    let items = items.into_iter().map(|item| precision.number(item));
-    write_array(text, precision.c_type(), name, items);
+pub(crate) fn write_numbers(text: &mut String, name: &str, items: impl IntoIterator<Item = f64>) {
+    write_array(text, "double", name, items.into_iter().map(hexadecimal));
 }
 
 /// A file with texts, sizes of arrays and indices by name, whose names begin with `prefix`.

@@ -11,8 +11,8 @@ mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
 use servotwin_export::c;
-use servotwin_export::prove::{Build, Plan, ProofEvidence, SingleEvidence, prove, prove_single};
-use servotwin_export::{ExportedTwin, Precision, SourceFile};
+use servotwin_export::prove::{Build, Plan, ProofEvidence, prove};
+use servotwin_export::{ExportedTwin, SourceFile};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{Between, Method, SolverSettings};
 use std::fs::Permissions;
@@ -106,17 +106,9 @@ exec {compiler} \"$@\"
 }
 
 /// The evidence of a build with such a compiler; `None` if it refuses the text.
-fn evidence_with(plan: &Plan, build: Build, kept: &Path) -> Option<ProofEvidence> {
-    let plain = with_flag_of("plain", "gcc", "", kept);
-    let proven = match plan.precision {
-        Precision::F64 => prove(plan, &[build], &mut |_, _| ()).map(|mut all| all.remove(0)),
-        // All builds are compared with the first one.
-        Precision::F32 => {
-            prove_single(plan, &[plain, build], 0, &mut |_, _| ()).map(|(mut all, _)| all.remove(1))
-        }
-    };
-    match proven {
-        Ok(evidence) => Some(evidence),
+fn evidence_with(plan: &Plan, build: Build) -> Option<ProofEvidence> {
+    match prove(plan, &[build], &mut |_, _| ()) {
+        Ok(mut all) => Some(all.remove(0)),
         Err(refused) => {
             let refused = refused.to_string();
             let reasons = ["servotwin_exact.h", "unrecognized command", "-fassociative-math"];
@@ -133,10 +125,10 @@ fn not_refused(plan: &Plan, compilers: &[&str], files: &[&str], flags: &[&str]) 
         let temporary = tempfile::tempdir().unwrap();
         let kept = temporary.path();
         let harmless = with_flag_of(files[0], compiler, "-DHARMLESS", kept);
-        assert!(evidence_with(plan, harmless, kept).is_some_and(|evidence| evidence.holds()));
+        assert!(evidence_with(plan, harmless).is_some_and(|evidence| evidence.holds()));
         for (file, flag) in files.iter().flat_map(|file| flags.iter().map(move |f| (file, f))) {
             let build = with_flag_of(file, compiler, flag, kept);
-            let evidence = evidence_with(plan, build, kept);
+            let evidence = evidence_with(plan, build);
             if evidence.is_some_and(|evidence| evidence.is_exact && !evidence.holds()) {
                 wrong.push(format!("{compiler} {flag} {file}"));
             }
@@ -193,16 +185,6 @@ fn a_flag_of_one_file_of_the_twin_is_refused_or_changes_nothing() {
     assert_eq!(not_refused(&plan, &["gcc", "clang"], &OF_TWIN, &UNSAFE), [""; 0]);
 }
 
-/// gcc declares most of them, whatever the precision, and clang the first two.
-#[test]
-#[ignore = "slow: ./check --all"]
-fn a_flag_of_one_file_in_single_precision_is_refused_or_changes_nothing() {
-    let diagnoser = toy::diagnoser();
-    let files = c::files_in(&diagnoser, Precision::F32).unwrap();
-    let plan = Plan { samples: 1000, precision: Precision::F32, ..Plan::new(&diagnoser, &files) };
-    assert_eq!(not_refused(&plan, &["clang"], &OF_DIAGNOSIS, &UNSAFE[4..]), [""; 0]);
-}
-
 #[test]
 fn every_header_refuses_unsafe_arithmetic_and_can_be_called_from_cpp() {
     for file in c::files(&toy::diagnoser()).unwrap() {
@@ -251,81 +233,6 @@ fn demanding() -> Arc<Diagnoser> {
 #[ignore = "slow: ./check --all"]
 fn so_does_one_that_uses_everything() {
     assert_proven(&demanding());
-}
-
-/// The proof of files in single precision, without flights.
-fn single_evidence(
-    diagnoser: &Arc<Diagnoser>,
-    files: &[SourceFile],
-    builds: &[Build],
-) -> (Vec<ProofEvidence>, SingleEvidence) {
-    let precision = Precision::F32;
-    let plan = Plan { samples: SAMPLES, precision, ..Plan::new(diagnoser, files) };
-    prove_single(&plan, builds, 0, &mut |_, _| ()).unwrap()
-}
-
-#[test]
-#[ignore = "slow: ./check --all"]
-fn in_single_precision_every_tree_decides_as_trained_and_all_builds_agree() {
-    let diagnoser = &demanding();
-    let files = &c::files_in(diagnoser, Precision::F32).unwrap();
-    let builds = Build::available();
-    let (all, single) = single_evidence(diagnoser, files, &builds);
-    assert_eq!(all.len(), builds.len() + 1, "the last is the text in double precision");
-    for evidence in &all {
-        assert!(evidence.holds(), "{evidence:#?}");
-        assert!(evidence.thresholds > 20 && evidence.rows > 3 * evidence.thresholds);
-        assert_eq!(evidence.samples, SAMPLES);
-    }
-    assert!(all[0].largest_difference > 0.0, "sums are rounded otherwise: {:#?}", all[0]);
-    let counts = &single.chain;
-    assert!(counts.samples == SAMPLES && counts.raised > 0, "{counts:#?}");
-    assert!(counts.differing_samples * 100 < SAMPLES, "{counts:#?}");
-    assert_eq!(single.csv().lines().count() as u64, 1 + counts.differing_runs);
-}
-
-#[test]
-#[ignore = "slow: ./check --all"]
-fn what_single_precision_decides_otherwise_is_listed() {
-    // The inputs move by a millionth of their range, of which singles resolve a few steps: some repeat themselves.
-    let mut diagnoser = demanding();
-    let input = &mut Arc::get_mut(&mut diagnoser).unwrap().environment.inputs[0];
-    input.frozen_after_s = Some(0.03);
-    let files = &c::files_in(&diagnoser, Precision::F32).unwrap();
-    let (all, single) = single_evidence(&diagnoser, files, &[Build::new("gcc -O2")]);
-    assert!(all.iter().all(ProofEvidence::holds), "{all:#?}");
-    let (counts, csv) = (&single.chain, single.csv());
-    assert!(counts.differing_samples > 0 && counts.differing_runs > 0, "{counts:#?}");
-    let listed: u64 =
-        csv.lines().skip(1).map(|row| row.split(',').nth(3).unwrap().parse::<u64>().unwrap()).sum();
-    assert_eq!(listed, counts.differing_samples, "{csv}");
-    assert!(csv.contains("input invalid"), "{csv}");
-}
-
-#[test]
-#[ignore = "slow: ./check --all"]
-fn a_mistake_in_single_precision_is_found() {
-    let diagnoser = &demanding();
-    let whole = c::files_in(diagnoser, Precision::F32).unwrap();
-    let tables = &whole.iter().find(|file| file.name == "servotwin_tables.c").unwrap().text;
-    let at = tables.find("_thresholds[").unwrap();
-    let threshold = tables[at..].split_whitespace().find(|word| word.contains("p")).unwrap();
-    let (digits, exponent) = threshold.split_once('p').unwrap();
-    // The step of a single is two in the last digit.
-    let last = u32::from_str_radix(&digits[digits.len() - 1..], 16).unwrap() ^ 2;
-    let other = format!("{}{last:x}p{exponent}", &digits[..digits.len() - 1]);
-    let builds = [Build::new("gcc -O0")];
-    for (change, found) in [
-        (("servotwin_tables.c", threshold, other.as_str()), "leaf"),
-        (("servotwin_decision.c", "statistic + weighted", "statistic - weighted"), "whole chain"),
-    ] {
-        let (all, _) = single_evidence(diagnoser, &with_mistake(&whole, change), &builds);
-        let differences: Vec<_> = all.iter().flat_map(|evidence| &evidence.differences).collect();
-        let is_found = |difference: &&servotwin_export::prove::RowDifference| {
-            difference.what.contains(found) || difference.place.contains(found)
-        };
-        assert!(differences.iter().any(is_found), "{change:?}: {differences:#?}");
-    }
 }
 
 /// An actuator whose controller has a clock, with inputs that are held, straight and curved.

@@ -5,141 +5,112 @@
 
 use crate::scalar::Scalar;
 
-/// A physical unit (SI) of a parameter, a signal or a state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
-    /// A pure number.
-    None,
-    /// Pascal, absolute pressure.
-    Pascal,
-    /// Kelvin.
-    Kelvin,
-    /// Meter.
-    Metre,
-    /// Square meter.
-    SquareMetre,
-    /// Cubic meter.
-    CubicMetre,
-    /// Meter per second.
-    MetrePerSecond,
-    /// Square meter per second: a kinematic viscosity.
-    SquareMetrePerSecond,
-    /// Cubic meter per second.
-    CubicMetrePerSecond,
-    /// Kilogram.
-    Kilogram,
-    /// Kilogram square meter.
-    KilogramSquareMetre,
-    /// Kilogram per cubic meter.
-    KilogramPerCubicMetre,
-    /// Newton.
-    Newton,
-    /// Newton meter.
-    NewtonMetre,
-    /// Newton per meter.
-    NewtonPerMetre,
-    /// Newton second per meter.
-    NewtonSecondPerMetre,
-    /// Newton meter second per radian.
-    NewtonMetreSecond,
-    /// Radian.
-    Radian,
-    /// Radian per second.
-    RadianPerSecond,
-    /// One per radian.
-    PerRadian,
-    /// Second.
-    Second,
-    /// Hertz.
-    Hertz,
-    /// One per meter.
-    PerMetre,
-    /// Meter per pascal.
-    MetrePerPascal,
-    /// One per pascal.
-    PerPascal,
-    /// Cubic meter per second and pascal: a laminar conductance.
-    CubicMetrePerSecondPascal,
-    /// Pascal second per cubic meter: a laminar resistance.
-    PascalSecondPerCubicMetre,
-    /// Pascal second squared per meter to the sixth: a turbulent resistance.
-    PascalSecondSquaredPerMetreToTheSixth,
-    /// One per kelvin.
-    PerKelvin,
-    /// One per second.
-    PerSecond,
-    /// One per second squared.
-    PerSecondSquared,
-    /// Ampere.
-    Ampere,
-}
-
 /// Name suffix and symbol of a unit, and the unit that reports show instead.
 struct UnitFacts {
     suffix: &'static str,
     symbol: &'static str,
     shown: &'static str,
     shown_per_si: f64,
-    shown_offset: f64,
+}
+
+const DEGREES: f64 = 180.0 / core::f64::consts::PI;
+
+/// Declares the units, one per row: variant, name suffix, SI symbol, symbol that reports show, and how many of these
+/// are one SI unit.
+macro_rules! units {
+    ($($(#[$doc:meta])* $unit:ident: $suffix:literal, $symbol:literal, $shown:literal, $shown_per_si:expr;)*) => {
+        /// A physical unit (SI) of a parameter, a signal or a state.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Unit {
+            $($(#[$doc])* $unit,)*
+        }
+
+        impl Unit {
+            /// All units, for tests and for the parser's hints.
+            pub const ALL: [Unit; [$(Unit::$unit),*].len()] = [$(Unit::$unit),*];
+
+            const fn facts(self) -> UnitFacts {
+                match self {
+                    $(Unit::$unit => UnitFacts {
+                        suffix: $suffix,
+                        symbol: $symbol,
+                        shown: $shown,
+                        shown_per_si: $shown_per_si,
+                    },)*
+                }
+            }
+        }
+    };
+}
+
+units! {
+    /// A pure number.
+    None: "", "", "", 1.0;
+    /// Pascal, absolute pressure.
+    Pascal: "_pa", "Pa", "bar", 1e-5;
+    /// Kelvin.
+    Kelvin: "_k", "K", "°C", 1.0;
+    /// Meter.
+    Metre: "_m", "m", "mm", 1e3;
+    /// Square meter.
+    SquareMetre: "_m2", "m²", "mm²", 1e6;
+    /// Cubic meter.
+    CubicMetre: "_m3", "m³", "cm³", 1e6;
+    /// Meter per second.
+    MetrePerSecond: "_m_s", "m/s", "mm/s", 1e3;
+    /// Square meter per second: a kinematic viscosity.
+    SquareMetrePerSecond: "_m2_s", "m²/s", "cSt", 1e6;
+    /// Cubic meter per second.
+    CubicMetrePerSecond: "_m3_s", "m³/s", "L/min", 6e4;
+    /// Kilogram.
+    Kilogram: "_kg", "kg", "kg", 1.0;
+    /// Kilogram square meter.
+    KilogramSquareMetre: "_kg_m2", "kg m²", "kg m²", 1.0;
+    /// Kilogram per cubic meter.
+    KilogramPerCubicMetre: "_kg_m3", "kg/m³", "kg/m³", 1.0;
+    /// Newton.
+    Newton: "_n", "N", "N", 1.0;
+    /// Newton meter.
+    NewtonMetre: "_nm", "N m", "N m", 1.0;
+    /// Newton per meter.
+    NewtonPerMetre: "_n_m", "N/m", "N/µm", 1e-6;
+    /// Newton second per meter.
+    NewtonSecondPerMetre: "_n_s_m", "N s/m", "N s/m", 1.0;
+    /// Newton meter second per radian.
+    NewtonMetreSecond: "_nm_s", "N m s", "N m s", 1.0;
+    /// Radian.
+    Radian: "_rad", "rad", "°", DEGREES;
+    /// Radian per second.
+    RadianPerSecond: "_rad_s", "rad/s", "°/s", DEGREES;
+    /// One per radian.
+    PerRadian: "_per_rad", "1/rad", "1/rad", 1.0;
+    /// Second.
+    Second: "_s", "s", "s", 1.0;
+    /// Hertz.
+    Hertz: "_hz", "Hz", "Hz", 1.0;
+    /// One per meter.
+    PerMetre: "_per_m", "1/m", "1/m", 1.0;
+    /// Meter per pascal.
+    MetrePerPascal: "_m_pa", "m/Pa", "mm/bar", 1e8;
+    /// One per pascal.
+    PerPascal: "_per_pa", "1/Pa", "1/bar", 1e5;
+    /// Cubic meter per second and pascal: a laminar conductance.
+    CubicMetrePerSecondPascal: "_m3_s_pa", "m³/(s Pa)", "L/(min bar)", 6e9;
+    /// Pascal second per cubic meter: a laminar resistance.
+    PascalSecondPerCubicMetre: "_pa_s_m3", "Pa s/m³", "bar min/L", 1e-5 / 6e4;
+    /// Pascal second squared per meter to the sixth: a turbulent resistance.
+    PascalSecondSquaredPerMetreToTheSixth: "_pa_s2_m6", "Pa s²/m⁶", "bar min²/L²", 1e-5 / 3.6e9;
+    /// One per kelvin.
+    PerKelvin: "_per_k", "1/K", "1/K", 1.0;
+    /// One per second.
+    PerSecond: "_per_s", "1/s", "1/s", 1.0;
+    /// One per second squared.
+    PerSecondSquared: "_per_s2", "1/s²", "1/s²", 1.0;
+    /// Ampere.
+    Ampere: "_a", "A", "mA", 1e3;
 }
 
 impl Unit {
-    const fn facts(self) -> UnitFacts {
-        const fn facts(
-            suffix: &'static str,
-            symbol: &'static str,
-            shown: &'static str,
-            shown_per_si: f64,
-        ) -> UnitFacts {
-            UnitFacts { suffix, symbol, shown, shown_per_si, shown_offset: 0.0 }
-        }
-        const DEGREES: f64 = 180.0 / core::f64::consts::PI;
-        match self {
-            Unit::None => facts("", "", "", 1.0),
-            Unit::Pascal => facts("_pa", "Pa", "bar", 1e-5),
-            Unit::Kelvin => UnitFacts {
-                suffix: "_k",
-                symbol: "K",
-                shown: "°C",
-                shown_per_si: 1.0,
-                shown_offset: -273.15,
-            },
-            Unit::Metre => facts("_m", "m", "mm", 1e3),
-            Unit::SquareMetre => facts("_m2", "m²", "mm²", 1e6),
-            Unit::CubicMetre => facts("_m3", "m³", "cm³", 1e6),
-            Unit::MetrePerSecond => facts("_m_s", "m/s", "mm/s", 1e3),
-            Unit::SquareMetrePerSecond => facts("_m2_s", "m²/s", "cSt", 1e6),
-            Unit::CubicMetrePerSecond => facts("_m3_s", "m³/s", "L/min", 6e4),
-            Unit::Kilogram => facts("_kg", "kg", "kg", 1.0),
-            Unit::KilogramSquareMetre => facts("_kg_m2", "kg m²", "kg m²", 1.0),
-            Unit::KilogramPerCubicMetre => facts("_kg_m3", "kg/m³", "kg/m³", 1.0),
-            Unit::Newton => facts("_n", "N", "N", 1.0),
-            Unit::NewtonMetre => facts("_nm", "N m", "N m", 1.0),
-            Unit::NewtonPerMetre => facts("_n_m", "N/m", "N/µm", 1e-6),
-            Unit::NewtonSecondPerMetre => facts("_n_s_m", "N s/m", "N s/m", 1.0),
-            Unit::NewtonMetreSecond => facts("_nm_s", "N m s", "N m s", 1.0),
-            Unit::Radian => facts("_rad", "rad", "°", DEGREES),
-            Unit::RadianPerSecond => facts("_rad_s", "rad/s", "°/s", DEGREES),
-            Unit::PerRadian => facts("_per_rad", "1/rad", "1/rad", 1.0),
-            Unit::Second => facts("_s", "s", "s", 1.0),
-            Unit::Hertz => facts("_hz", "Hz", "Hz", 1.0),
-            Unit::PerMetre => facts("_per_m", "1/m", "1/m", 1.0),
-            Unit::MetrePerPascal => facts("_m_pa", "m/Pa", "mm/bar", 1e8),
-            Unit::PerPascal => facts("_per_pa", "1/Pa", "1/bar", 1e5),
-            Unit::CubicMetrePerSecondPascal => facts("_m3_s_pa", "m³/(s Pa)", "L/(min bar)", 6e9),
-            Unit::PascalSecondPerCubicMetre => {
-                facts("_pa_s_m3", "Pa s/m³", "bar min/L", 1e-5 / 6e4)
-            }
-            Unit::PascalSecondSquaredPerMetreToTheSixth => {
-                facts("_pa_s2_m6", "Pa s²/m⁶", "bar min²/L²", 1e-5 / 3.6e9)
-            }
-            Unit::PerKelvin => facts("_per_k", "1/K", "1/K", 1.0),
-            Unit::PerSecond => facts("_per_s", "1/s", "1/s", 1.0),
-            Unit::PerSecondSquared => facts("_per_s2", "1/s²", "1/s²", 1.0),
-            Unit::Ampere => facts("_a", "A", "mA", 1e3),
-        }
-    }
-
     /// The suffix of every public name in this unit, e.g. `_pa`.
     pub const fn suffix(self) -> &'static str {
         self.facts().suffix
@@ -157,50 +128,14 @@ impl Unit {
 
     /// Converts an SI value to the unit that reports show.
     pub fn to_shown(self, si: f64) -> f64 {
-        let facts = self.facts();
-        si * facts.shown_per_si + facts.shown_offset
+        let offset = if self == Unit::Kelvin { -273.15 } else { 0.0 };
+        si * self.facts().shown_per_si + offset
     }
 
     /// Converts a difference of two SI values to the unit that reports show.
     pub fn difference_to_shown(self, si: f64) -> f64 {
         si * self.facts().shown_per_si
     }
-
-    /// All units, for tests and for the parser's hints.
-    pub const ALL: [Unit; 32] = [
-        Unit::None,
-        Unit::Pascal,
-        Unit::Kelvin,
-        Unit::Metre,
-        Unit::SquareMetre,
-        Unit::CubicMetre,
-        Unit::MetrePerSecond,
-        Unit::SquareMetrePerSecond,
-        Unit::CubicMetrePerSecond,
-        Unit::Kilogram,
-        Unit::KilogramSquareMetre,
-        Unit::KilogramPerCubicMetre,
-        Unit::Newton,
-        Unit::NewtonMetre,
-        Unit::NewtonPerMetre,
-        Unit::NewtonSecondPerMetre,
-        Unit::NewtonMetreSecond,
-        Unit::Radian,
-        Unit::RadianPerSecond,
-        Unit::PerRadian,
-        Unit::Second,
-        Unit::Hertz,
-        Unit::PerMetre,
-        Unit::MetrePerPascal,
-        Unit::PerPascal,
-        Unit::CubicMetrePerSecondPascal,
-        Unit::PascalSecondPerCubicMetre,
-        Unit::PascalSecondSquaredPerMetreToTheSixth,
-        Unit::PerKelvin,
-        Unit::PerSecond,
-        Unit::PerSecondSquared,
-        Unit::Ampere,
-    ];
 }
 
 /// A number that a system file gives to a component.
@@ -245,53 +180,51 @@ impl Law {
     }
 }
 
-/// The physical kind of a fault, for reports and for selecting faults.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Category {
-    /// Fluid leaves the circuit.
-    ExternalLeakage,
-    /// Fluid passes an internal seal.
-    InternalLeakage,
-    /// A passage is narrowed.
-    Clogging,
-    /// Edges or clearances are worn.
-    Wear,
-    /// A drive is slow or poorly damped.
-    Dynamics,
-    /// A part sticks or moves less than it should.
-    Jamming,
-    /// Friction is increased.
-    Friction,
-    /// A joint has play or lost stiffness.
-    Looseness,
-    /// The fluid's properties are wrong.
-    Contamination,
-    /// A signal has a constant error.
-    Bias,
-    /// A signal has a gain error.
-    Calibration,
-    /// A signal lags.
-    Lag,
+/// Declares the categories: variant and name in tables and files.
+macro_rules! categories {
+    ($($(#[$doc:meta])* $category:ident = $name:literal;)*) => {
+        /// The physical kind of a fault, for reports and for selecting faults.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum Category {
+            $($(#[$doc])* $category,)*
+        }
+
+        impl Category {
+            /// The name in tables and files.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Category::$category => $name,)*
+                }
+            }
+        }
+    };
 }
 
-impl Category {
-    /// The name in tables and files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Category::ExternalLeakage => "external leakage",
-            Category::InternalLeakage => "internal leakage",
-            Category::Clogging => "clogging",
-            Category::Wear => "wear",
-            Category::Dynamics => "dynamics",
-            Category::Jamming => "jamming",
-            Category::Friction => "friction",
-            Category::Looseness => "looseness",
-            Category::Contamination => "contamination",
-            Category::Bias => "bias",
-            Category::Calibration => "calibration",
-            Category::Lag => "lag",
-        }
-    }
+categories! {
+    /// Fluid leaves the circuit.
+    ExternalLeakage = "external leakage";
+    /// Fluid passes an internal seal.
+    InternalLeakage = "internal leakage";
+    /// A passage is narrowed.
+    Clogging = "clogging";
+    /// Edges or clearances are worn.
+    Wear = "wear";
+    /// A drive is slow or poorly damped.
+    Dynamics = "dynamics";
+    /// A part sticks or moves less than it should.
+    Jamming = "jamming";
+    /// Friction is increased.
+    Friction = "friction";
+    /// A joint has play or lost stiffness.
+    Looseness = "looseness";
+    /// The fluid's properties are wrong.
+    Contamination = "contamination";
+    /// A signal has a constant error.
+    Bias = "bias";
+    /// A signal has a gain error.
+    Calibration = "calibration";
+    /// A signal lags.
+    Lag = "lag";
 }
 
 /// A fault of a component: a parameter that changes with intensity.

@@ -25,7 +25,6 @@ mod meaning;
 mod outline;
 #[cfg(feature = "png")]
 mod png;
-pub mod sheet;
 mod style;
 mod svg;
 pub mod time_series;

@@ -6,7 +6,6 @@
 //! evidence behind them follows in an appendix. The same material gives the same bytes.
 
 pub mod examples;
-pub mod excerpt;
 pub mod explain;
 pub mod lines;
 mod looks;
@@ -22,7 +21,6 @@ pub mod words;
 mod write;
 
 use examples::Example;
-use excerpt::Excerpt;
 use looks::Looks;
 use page::{ContentsEntry, Page};
 use sections::*;
@@ -62,8 +60,6 @@ pub struct Material<'a> {
     pub calibrations: &'a [Comparison],
     /// Simulated example faults.
     pub examples: &'a [Example],
-    /// An excerpt of the data set whose trees are drawn, with its setting.
-    pub excerpt: Option<(Setting, &'a Excerpt)>,
     /// The origin of all results.
     pub manifest: &'a Manifest,
 }
@@ -199,9 +195,7 @@ pub static CHAPTERS: &[Chapter] = &[
         title: "The data and how it was made",
         is_appendix: true,
         sections: &[
-            Section { id: "data", title: "The data set", write: data_set::write },
             Section { id: "exclusions", title: "What was left out", write: exclusions::write },
-            Section { id: "effort", title: "How the simulations went", write: effort::write },
             Section {
                 id: "constants",
                 title: "Constants of the diagnosis",
@@ -211,12 +205,6 @@ pub static CHAPTERS: &[Chapter] = &[
         ],
     },
 ];
-
-/// The subject whose trees are drawn: the one with noise, or the first if there is none. Trees that never saw noise
-/// split on differences that no sensor resolves.
-pub(crate) fn main_of(results: &Results) -> Option<&SubjectResult> {
-    results.of(Subject::Noise).or(results.subjects.first())
-}
 
 impl Material<'_> {
     /// The study's vocabulary.
@@ -229,9 +217,10 @@ impl Material<'_> {
         Looks::of(self.study)
     }
 
-    /// The subject whose trees are drawn.
+    /// The subject whose trees are drawn: the one with noise, or the first if there is none. Trees that never saw noise
+    /// split on differences that no sensor resolves.
     pub fn main(&self) -> Option<&SubjectResult> {
-        main_of(self.results)
+        self.results.of(Subject::Noise).or(self.results.subjects.first())
     }
 
     /// The hierarchy of a subject, if the report has it.

@@ -4,9 +4,9 @@
 use crate::Material;
 use crate::lines::{self, Who};
 use crate::page::{Page, counted};
-use crate::sections::findings::{Seen, seen};
 use crate::vocabulary::Vocabulary;
 use crate::words::{begun, chosen, percent, spoken};
+use servotwin::evaluation::detection::Curve;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
@@ -195,9 +195,59 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Card> {
     cards
 }
 
+/// A kind of fault with its detection rate, and the cases in which it is not detected.
+struct Seen<'r> {
+    /// The kind of fault.
+    kind: &'r str,
+    /// The detection rate over all intensities and cases.
+    rate: Rate,
+    /// The cases in which it is never detected.
+    never: Vec<&'r str>,
+    /// The number of cases in which it was tested.
+    cases: usize,
+    /// The intensity from which it is detected in the worst of the other cases.
+    from: f64,
+}
+
+/// Lists every kind of fault, the least detected first.
+fn seen<'r>(result: &'r SubjectResult) -> Vec<Seen<'r>> {
+    let detection = &result.evaluation.detection;
+    let of_curve = |curve: &'r Curve| {
+        let sum = |of: fn(&Rate) -> u64| curve.points.iter().map(|(_, rate)| of(rate)).sum();
+        let own: Vec<_> = detection
+            .least
+            .iter()
+            .filter(|l| l.fault == curve.kind || l.fault.ends_with(&format!(".{}", curve.kind)))
+            .collect();
+        let (mut never, mut cases, mut from) = (vec![], vec![], 0.0_f64);
+        for least in own {
+            if !cases.contains(&least.case.as_str()) {
+                cases.push(&least.case);
+            }
+            match least.intensity {
+                Some(intensity) => from = from.max(intensity),
+                None if never.contains(&least.case.as_str()) => {}
+                None => never.push(least.case.as_str()),
+            }
+        }
+        Seen {
+            kind: &curve.kind,
+            rate: Rate::new(sum(|rate| rate.count), sum(|rate| rate.of)),
+            never,
+            cases: cases.len(),
+            from,
+        }
+    };
+    let mut all: Vec<Seen> = detection.curves.iter().map(of_curve).collect();
+    all.retain(|seen| seen.rate.of > 0);
+    let share = |seen: &Seen| seen.rate.share.unwrap_or(1.0);
+    all.sort_by(|a, b| share(a).total_cmp(&share(b)).then(a.kind.cmp(b.kind)));
+    all
+}
+
 /// The faults with the lowest detection rates, each with advice.
 fn weakest(material: &Material, result: &SubjectResult) -> String {
-    let all = seen(material, result);
+    let all = seen(result);
     let weak = all.iter().filter(|seen| seen.rate.count < seen.rate.of).take(WEAKEST);
     let mut html =
         String::from("<h3>Faults that are detected least</h3>\n<ol class=\"weakest\">\n");
@@ -222,7 +272,7 @@ fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
     let has_tolerances = result.subject.setting() == Setting::Realistic;
     let perfect = material.results.of(Subject::Noise).filter(|_| has_tolerances);
     let of_perfect = perfect.and_then(|perfect| {
-        let all = seen(material, perfect);
+        let all = seen(perfect);
         all.into_iter().find(|seen| seen.kind == weak.kind).map(|seen| seen.rate)
     });
     // Different bands detect differently, so only a difference beyond both intervals counts.
@@ -259,7 +309,7 @@ fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
 /// The share detected for every kind of fault and intensity, the hardest kind first.
 fn heat_map(result: &SubjectResult) -> String {
     let mut curves: Vec<_> = result.evaluation.detection.curves.iter().collect();
-    let share = |curve: &&servotwin::evaluation::detection::Curve| {
+    let share = |curve: &&Curve| {
         let (count, of) = curve
             .points
             .iter()

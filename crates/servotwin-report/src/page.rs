@@ -102,16 +102,6 @@ impl Page {
         let _ = writeln!(self.html, "<p class=\"note\">{}</p>", escaped(text));
     }
 
-    /// Adds a list of findings, each a topic and a text.
-    pub fn findings(&mut self, findings: &[(String, String)]) {
-        self.html += "<ul class=\"findings\">\n";
-        for (about, text) in findings {
-            let (about, text) = (escaped(about), escaped(text));
-            let _ = writeln!(self.html, "<li><b>{about}.</b> {text}</li>");
-        }
-        self.html += "</ul>\n";
-    }
-
     /// Adds tabs of a title and HTML each. The last one is shown first.
     pub(crate) fn tabs(&mut self, name: &str, tabs: &[(String, String)]) {
         if tabs.is_empty() {

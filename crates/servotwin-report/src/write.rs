@@ -1,10 +1,9 @@
 //! The stage that writes the report.
 
-use crate::excerpt::{self, Excerpt};
 use crate::{self as report, Material, examples};
 use serde::Deserialize;
 use servotwin::campaign;
-use servotwin::evaluation::{EvaluationError, model_file};
+use servotwin::evaluation::model_file;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, hierarchy, manifest, outcomes};
 use servotwin::study::{Role, Setting, Study};
@@ -35,7 +34,6 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let bands = bands(folder)?;
     let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
-    let excerpt = excerpt(folder, &results)?;
     let (html, figures) = report::render(&Material {
         study,
         results: &results,
@@ -47,7 +45,6 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
         bands: &bands,
         calibrations: &calibrations,
         examples: &examples::simulate(study)?,
-        excerpt: excerpt.as_ref().map(|(setting, excerpt)| (*setting, excerpt)),
         manifest: &manifest,
     });
     create_folder(folder.figures())?;
@@ -62,27 +59,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     manifest::write_with(folder, study, &drawn).map(drop)
 }
 
-/// Reads an excerpt of the data set whose trees are drawn; `None` if the data set was removed.
-///
-/// # Errors
-/// The file cannot be read.
-fn excerpt(folder: &Folder, results: &Results) -> Result<Option<(Setting, Excerpt)>, JobError> {
-    let Some(main) = report::main_of(results) else { return Ok(None) };
-    let setting = main.subject.setting();
-    let file = folder.data_set(setting, Role::Judged);
-    if !file.exists() {
-        return Ok(None);
-    }
-    let wrong =
-        |error| JobError::DataSet { path: file.clone(), error: EvaluationError::Table(error) };
-    let excerpt = excerpt::read(&file).map_err(wrong)?;
-    Ok(excerpt.map(|excerpt| (setting, excerpt)))
-}
-
 /// Reads the learned bands.
-///
-/// # Errors
-/// A file cannot be read.
 fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
     let files = Setting::ALL.map(|setting| folder.band(setting));
     let there = files.into_iter().filter(|file| file.exists());
@@ -103,9 +80,6 @@ struct OfLength {
 }
 
 /// Reads the constants of the stored diagnosers.
-///
-/// # Errors
-/// A file cannot be read.
 fn constants(folder: &Folder) -> Result<Vec<(Setting, Vec<Constant>)>, JobError> {
     let stored = Setting::ALL.into_iter().filter(|setting| folder.diagnoser(*setting).exists());
     let read = |setting: Setting| {

@@ -11,10 +11,9 @@ use servotwin::evaluation::model_file;
 use servotwin::flight::runtime::{RuntimeError, between, slots};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_export::Description;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::{ExportError, ExportedReaction, ExportedTwin, Precision};
+use servotwin_export::{ExportError, ExportedReaction, ExportedTwin};
 use servotwin_model::solver::SolverSettings;
 use std::path::{Path, PathBuf};
 
@@ -70,9 +69,7 @@ enum Fmi {
 ///
 /// The C code takes inputs and measured values sample by sample, and answers as 'servotwin watch' does, bit for bit. It
 /// allocates nothing and needs only sqrt, fabs, memcpy and memset of the C library. 'servotwin prove' compiles it and
-/// proves that it decides as it was trained. With --precision f32 the diagnosis computes in single precision, for
-/// processors that have no doubles in hardware; then it has no twin and takes the twin's values with each sample, and
-/// 'servotwin prove' lists what it decides differently.
+/// proves that it decides as it was trained.
 #[derive(clap::Args)]
 struct COptions {
     /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
@@ -86,21 +83,9 @@ struct COptions {
     /// diagnosis was trained.
     #[arg(long)]
     fixed_step: bool,
-    /// The precision of the numbers.
-    #[arg(long, value_name = "PRECISION", default_value = "f64")]
-    precision: PrecisionOption,
     /// The folder for the C files: a new or empty one, or that of an earlier export.
     #[arg(long, value_name = "FOLDER", default_value = "export")]
     out: PathBuf,
-}
-
-/// Precisions of an export as C.
-#[derive(clap::ValueEnum, Clone, Copy)]
-enum PrecisionOption {
-    /// Double precision, in which the diagnosis was trained.
-    F64,
-    /// Single precision: the diagnosis alone, without its twin.
-    F32,
 }
 
 impl Options {
@@ -121,10 +106,7 @@ impl Options {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match &options.target {
-        Target::C(options) => match options.precision {
-            PrecisionOption::F64 => write_double(options, global),
-            PrecisionOption::F32 => write_single(options, global),
-        },
+        Target::C(options) => write_c(options, global),
         Target::Fmu(options) => run_fmu(options, global),
     }
 }
@@ -153,47 +135,23 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// Writes a diagnosis and its twin in double precision to a folder.
-fn write_double(options: &COptions, global: Global) -> Result<String, Failure> {
+/// Writes a diagnosis and its twin to a folder.
+fn write_c(options: &COptions, global: Global) -> Result<String, Failure> {
     let file = options.model.clone().unwrap_or_else(usual_diagnoser);
     let diagnoser = model_file::read_diagnoser(&file)?;
     let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;
     let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
     let folder = ExportFolder::new(&options.out);
-    let written = folder.write((&diagnoser, &file), Some((&twin, &place)))?;
-    Ok(text_of(&written, &options.out, global))
-}
-
-/// Writes a diagnosis in single precision to a folder.
-fn write_single(options: &COptions, global: Global) -> Result<String, Failure> {
-    if options.fixed_step || options.study.is_some() {
-        let why =
-            "an export in single precision has no twin: leave '--study' and '--fixed-step' out";
-        return Err(ExportError::Unsupported(why).into());
-    }
-    let file = options.model.clone().unwrap_or_else(usual_diagnoser);
-    let diagnoser = model_file::read_diagnoser(&file)?;
-    let written = ExportFolder::new(&options.out).write((&diagnoser, &file), None)?;
-    Ok(text_of(&written, &options.out, global))
-}
-
-/// What was written to a folder, for standard output.
-fn text_of(description: &Description, out: &Path, global: Global) -> String {
-    match global {
-        Global { json: true, .. } => json(&json!(description)),
+    let written = folder.write((&diagnoser, &file), (&twin, &place))?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(written)),
         Global { quiet: true, .. } => String::new(),
         _ => {
-            let (out, count) = (out.display(), description.files_sha256.len());
-            let note = match description.precision {
-                Precision::F64 => "",
-                Precision::F32 => {
-                    "the diagnosis in single precision, without its twin: each sample needs the twin's values; "
-                }
-            };
-            format!("{out}: {count} files; {note}'servotwin prove {out}' proves them\n")
+            let (out, count) = (options.out.display(), written.files_sha256.len());
+            format!("{out}: {count} files; 'servotwin prove {out}' proves them\n")
         }
-    }
+    })
 }
 
 /// The study of a diagnoser: the folder that it lies in, if that holds one.

@@ -4,7 +4,6 @@ use super::fit::{chosen_faults, read_study, tell};
 use super::log_folder::LogFolder;
 use super::note;
 use super::progress::Stages;
-use super::watch::input::read_diagnoser;
 use super::{SpanOptions, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -16,19 +15,17 @@ use servotwin::fit::history::{Drift, History, HistoryFlight, Log, Track};
 use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::Trend;
 use servotwin::fit::{Fit, FitError, FitRecord, Knowledge, RecordError};
-use servotwin::flight::replay::{ReplaySummary, replay_record};
 use servotwin::moment;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
+use servotwin_watch::WatchError;
 use servotwin_watch::map::Map;
 use servotwin_watch::span::LogSpan;
-use servotwin_watch::{DiagnosisState, Phase, WatchError};
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{self, AtomicUsize};
 
-/// Follow the wear of one tail number: fit and diagnose the log of each flight, and track each fault with its trend and
+/// Follow the wear of one tail number: fit the log of each flight, and track each fault with its trend and
 /// the time to a threshold.
 ///
 /// The logs of the folder are read in the order of their names, in which numbers count as numbers, or of the dates in
@@ -53,14 +50,6 @@ pub struct Options {
     map: Option<PathBuf>,
     #[command(flatten)]
     span: SpanOptions,
-    /// A trained diagnoser, a file written by `servotwin flights`. Its result for each flight is shown next to that of
-    /// the fit.
-    #[arg(long, value_name = "FILE")]
-    diagnoser: Option<PathBuf>,
-    /// A confidence band for the diagnoser, written by `servotwin band`. Flights outside the range of its training are
-    /// marked.
-    #[arg(long, value_name = "FILE", requires = "diagnoser")]
-    band: Option<PathBuf>,
     /// Track these faults, separated by commas [default: the faults found in the flights with findings].
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     faults: Vec<String>,
@@ -89,8 +78,6 @@ impl Options {
             .read("SYSTEM", &self.system)
             .read_study(self.study.as_ref())
             .read("--map", &self.map)
-            .read("--diagnoser", &self.diagnoser)
-            .read("--band", &self.band)
             .write("--out", Format::Table, &self.out)
             .write("--plot", Format::Figure, &self.plot)
     }
@@ -128,7 +115,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         let reason = format!("none of its logs can be used; {name}: {error}");
         return Err(Failure::NoLogs { folder: options.folder.clone(), reason });
     }
-    let told = told_of(options, &study, &all)?;
     let runs = AtomicUsize::new(0);
     let progress = || {
         let done = runs.fetch_add(1, atomic::Ordering::Relaxed) + 1;
@@ -146,40 +132,22 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let history = problem.history(all, &faults)?;
     stages.end();
     if let Some(path) = &options.out {
-        table::write(path, &as_table(&history, &problem, &told)?)?;
+        table::write(path, &as_table(&history, &problem)?)?;
     }
     if let Some(path) = &options.plot {
-        figure(&history, &problem, &told, options.threshold).draw().save(path)?;
+        figure(&history, &problem, options.threshold).draw().save(path)?;
     }
     let alarms: Vec<String> =
         history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
     let output = match global {
-        Global { json: true, .. } => {
-            json(&as_json(&history, &problem, &told, options, &alarms, &skipped))
-        }
+        Global { json: true, .. } => json(&as_json(&history, &problem, options, &alarms, &skipped)),
         Global { quiet: true, .. } => String::new(),
-        _ => people(&history, &problem, &told, options),
+        _ => people(&history, &problem, options),
     };
     match alarms.is_empty() {
         true => Ok(output),
         false => Err(Failure::Alarm { output, alarms }),
     }
-}
-
-/// The findings of a diagnosis, with `None` for an unusable log. Empty without a diagnoser.
-type AllTold = Vec<Option<ReplaySummary>>;
-
-fn told_of(options: &Options, study: &Study, logs: &[Log]) -> Result<AllTold, Failure> {
-    let Some(path) = &options.diagnoser else { return Ok(vec![]) };
-    let diagnoser = Arc::new(read_diagnoser(path, options.band.as_deref())?);
-    let mut all = Vec::new();
-    for (_, record) in logs {
-        stop::check()?;
-        let own = record.as_ref().ok().map(|record| replay_record(study, &diagnoser, record));
-        let unfit = |error| Failure::Diagnoser { path: path.clone(), error };
-        all.push(own.transpose().map_err(unfit)?);
-    }
-    Ok(all)
 }
 
 /// The logs in the order of the dates in them, of the dates in their names where a log has none, or else of their names.
@@ -378,21 +346,12 @@ fn drifts(drift: &Drift, problem: &Fit) -> String {
     )
 }
 
-fn people(
-    history: &History,
-    problem: &Fit,
-    told: &[Option<ReplaySummary>],
-    options: &Options,
-) -> String {
+fn people(history: &History, problem: &Fit, options: &Options) -> String {
     let mut heads = vec![("flight", Side::Right), ("log", Side::Left), ("", Side::Left)];
-    if !told.is_empty() {
-        heads.push(("diagnosis", Side::Left));
-    }
     heads.extend(history.tracks.iter().map(|_| ("intensity ± 95 %", Side::Right)));
     let mut grid = TextTable::new(&heads);
     for (number_of, flight) in history.flights.iter().enumerate() {
         let mut row = vec![number_of.to_string(), flight.name.clone(), verdict(flight, problem)];
-        row.extend(told.get(number_of).map(|told| told.as_ref().map_or(String::new(), words)));
         row.extend(history.tracks.iter().map(|track| match of_flight(track, number_of) {
             Some((level, error)) => {
                 format!("{} ± {}", number(level, 3), number(1.96 * error, 2))
@@ -417,35 +376,19 @@ fn people(
     text
 }
 
-/// The most severe finding of a flight, and when it began.
-fn words(told: &ReplaySummary) -> String {
-    let said = told.finding.words();
-    if told.finding.state == DiagnosisState::Healthy {
-        said
-    } else {
-        format!("{said}, {:.1} s", told.at_s)
-    }
-}
-
 fn as_json(
     history: &History,
     problem: &Fit,
-    told: &[Option<ReplaySummary>],
     options: &Options,
     alarms: &[String],
     skipped: &[(String, &'static str)],
 ) -> serde_json::Value {
-    let diagnosis = |told: &ReplaySummary| {
-        let ReplaySummary { finding, at_s, outside } = told;
-        json!({ "finding": finding, "at_s": at_s, "share_outside": outside })
-    };
-    let flights = history.flights.iter().enumerate().map(|(number, flight)| {
+    let flights = history.flights.iter().map(|flight| {
         json!({
             "log": flight.name,
             "is_usable": flight.fitted.is_ok(),
             "is_healthy": flight.is_healthy(),
             "verdict": verdict(flight, problem),
-            "diagnosis": told.get(number).and_then(Option::as_ref).map(diagnosis),
         })
     });
     let trend = |trend: &Trend| {
@@ -496,11 +439,7 @@ fn as_json(
     })
 }
 
-fn as_table(
-    history: &History,
-    problem: &Fit,
-    told: &[Option<ReplaySummary>],
-) -> Result<Table, Failure> {
+fn as_table(history: &History, problem: &Fit) -> Result<Table, Failure> {
     let count = history.flights.len();
     let texts = |of: &dyn Fn(&HistoryFlight) -> String| {
         Values::Text(history.flights.iter().map(of).collect())
@@ -510,17 +449,6 @@ fn as_table(
         Column::new("log", "", texts(&|flight| flight.name.clone())),
         Column::new("verdict", "", texts(&|flight| verdict(flight, problem))),
     ];
-    if !told.is_empty() {
-        let float = |of: fn(&ReplaySummary) -> f64| {
-            Values::Float(told.iter().map(|told| told.as_ref().map_or(f64::NAN, of)).collect())
-        };
-        let text = |told: &Option<ReplaySummary>| {
-            told.as_ref().map_or(String::new(), |t| t.finding.words())
-        };
-        columns.push(Column::new("diagnosis", "", Values::Text(told.iter().map(text).collect())));
-        columns.push(Column::new("diagnosis_at_s", "s", float(|told| told.at_s)));
-        columns.push(Column::new("share_outside", "", float(|told| told.outside)));
-    }
     let mut push = |name: String, of: &dyn Fn(usize) -> Option<f64>| {
         let values = (0..count).map(|flight| of(flight).unwrap_or(f64::NAN)).collect();
         columns.push(Column::new(name, "", Values::Float(values)));
@@ -543,19 +471,11 @@ fn as_table(
 /// The maximum number of parameters drawn.
 const DRAWN: usize = 6;
 
-fn figure(
-    history: &History,
-    problem: &Fit,
-    told: &[Option<ReplaySummary>],
-    threshold: f64,
-) -> TimeSeries<'static> {
+fn figure(history: &History, problem: &Fit, threshold: f64) -> TimeSeries<'static> {
     let mut figure = TimeSeries::new(problem.system.title.clone(), "flight");
     figure.panel_height = 180.0;
     for track in &history.tracks {
         figure = figure.with(panel(track, history.flights.len(), threshold));
-    }
-    if !told.is_empty() {
-        figure = figure.with(said(told));
     }
     let mut parameters = Panel::new("parameters, in standard deviations of their tolerances", "σ");
     for unknown in drawn(history, problem) {
@@ -571,29 +491,6 @@ fn figure(
         true => figure,
         false => figure.with(parameters.with_band(Band::constant("tolerance", -3.0, 3.0))),
     }
-}
-
-/// The diagnosis of each flight as a height; a larger height is more severe.
-fn said(told: &[Option<ReplaySummary>]) -> Panel<'static> {
-    let height = |told: &ReplaySummary| match (told.finding.phase, told.finding.state) {
-        (Phase::Raised | Phase::Recovering, _) => Some(3.0),
-        (_, DiagnosisState::Isolated) => Some(2.0),
-        (_, DiagnosisState::Detected | DiagnosisState::Unknown) => Some(1.0),
-        (_, DiagnosisState::Healthy | DiagnosisState::Undecided) => Some(0.0),
-        (_, DiagnosisState::NoData | DiagnosisState::EnvironmentInvalid) => None,
-    };
-    let points = told.iter().enumerate();
-    let points = points.filter_map(|(n, told)| Some((n as f64, height(told.as_ref()?)?)));
-    let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
-    let title = "diagnosis: 0 healthy, 1 detected, 2 isolated, 3 a command is raised";
-    let mut panel = Panel::new(title, "").with(Series::new("said", x, y));
-    if told.iter().flatten().any(|told| told.outside > 0.0) {
-        let points =
-            told.iter().enumerate().filter_map(|(n, t)| Some((n as f64, t.as_ref()?.outside)));
-        let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
-        panel = panel.with(Series::new("share outside of what the band was learned from", x, y));
-    }
-    panel
 }
 
 /// The parameters that drift, or else those that the first healthy flight determines.

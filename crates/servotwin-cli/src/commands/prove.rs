@@ -1,6 +1,6 @@
 //! `servotwin prove`: an export decides as its diagnoser was trained to.
 
-use super::export::{study_beside, twin_of, unfit};
+use super::export::{twin_of, unfit};
 use super::find_study;
 use super::progress::Stages;
 use crate::Global;
@@ -8,15 +8,12 @@ use crate::failure::Failure;
 use crate::render::json;
 use serde_json::json;
 use servotwin::evaluation::model_file;
+use servotwin_export::ExportError;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::prove::{Build, Plan, ProofEvidence, SingleEvidence, prove, prove_single};
-use servotwin_export::{ExportError, Precision};
+use servotwin_export::prove::{Build, Plan, ProofEvidence, prove};
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// The number of flights beside an export in single precision.
-const FLIGHTS: u64 = 100;
 
 /// Compile an export and prove that it decides as it was trained.
 ///
@@ -26,10 +23,6 @@ const FLIGHTS: u64 = 100;
 /// through the whole chain with lost sensors, wrong inputs and commands of the flight control computer. The twin is compared
 /// with that of the toolkit over variants with random faults. The certificate is written beside the files, as proof.json
 /// and proof.html.
-///
-/// An export in single precision rounds differently than in training. Its trees must decide as they were trained for every
-/// row of single precision, its builds must give the same bits, and its hand-written text must give the bits of training
-/// in double precision. precision.csv lists what it decides differently, over the samples and over flights with faults.
 #[derive(clap::Args)]
 pub struct Options {
     /// The folder of the export.
@@ -47,9 +40,6 @@ pub struct Options {
     /// The duration of the samples through the whole chain, h.
     #[arg(long, value_name = "HOURS", default_value_t = 24.0, value_parser = hours)]
     hours: f64,
-    /// The number of flights beside an export in single precision [default: 100].
-    #[arg(long, value_name = "NUMBER")]
-    flights: Option<u64>,
     /// Compile with this command and its flags, such as 'gcc-13 -O1', instead of gcc and clang at three levels.
     #[arg(long, value_name = "COMMAND")]
     compiler: Option<String>,
@@ -76,38 +66,25 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if builds.is_empty() {
         return Err(ExportError::NoBuild.into());
     }
-    let flights = flights(options, description.precision)?;
-    let exported = description.twin.as_ref();
-    let place = match (exported, flights) {
-        (Some(twin), _) => Some(twin.study.clone()),
-        (None, 1..) => Some(study_beside(&file)),
-        (None, 0) => None,
-    };
-    let place = place.map(|place| options.study.clone().unwrap_or(place));
-    let study = place.map(|place| find_study(Some(&place)).map(|study| (study, place)));
-    let study = study.transpose()?;
-    let twin = study.as_ref().zip(exported).map(|((study, _), exported)| {
-        twin_of(study, &diagnoser, exported.has_fixed_step).map_err(unfit(&file))
-    });
-    let twin = twin.transpose()?;
-    let place = study.as_ref().map(|(_, place)| place.as_path());
-    let whole = (&*diagnoser, file.as_path());
+    let place = options.study.clone().unwrap_or_else(|| description.twin.study.clone());
+    let study = find_study(Some(&place))?;
+    let twin =
+        twin_of(&study, &diagnoser, description.twin.has_fixed_step).map_err(unfit(&file))?;
     folder.forget_certificate()?;
-    let compared = folder.compare(&description, whole, twin.as_ref().zip(place))?;
-    let (mut evidence, mut single) = (vec![], None);
+    let compared = folder.compare(&description, (&diagnoser, &file), (&twin, &place))?;
+    let mut evidence = vec![];
     if compared.differences.is_empty() {
         let plan = Plan {
-            twin: twin.as_ref(),
-            study: study.as_ref().map(|(study, _)| study),
-            precision: description.precision,
+            twin: Some(&twin),
+            study: Some(&study),
             samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
             variants: options.variants,
             kept: options.keep.as_deref(),
             ..Plan::new(&diagnoser, &compared.files)
         };
-        (evidence, single) = proven(&plan, &builds, flights, global)?;
+        evidence = proven(&plan, &builds, global)?;
     }
-    let certificate = Certificate::new(description, compared, evidence, single);
+    let certificate = Certificate::new(description, compared, evidence);
     let written = folder.write_certificate(&certificate)?;
     report(options, &certificate, &written, global)
 }
@@ -116,33 +93,16 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 fn proven(
     plan: &Plan,
     builds: &[Build],
-    flights: u64,
     global: Global,
-) -> Result<(Vec<ProofEvidence>, Option<SingleEvidence>), ExportError> {
+) -> Result<Vec<ProofEvidence>, ExportError> {
     let stages = Stages::new(global);
-    let tell = &mut |what: &str, share| stages.show(what, share);
-    let proven = match plan.precision {
-        Precision::F64 => prove(plan, builds, tell).map(|evidence| (evidence, None)),
-        Precision::F32 => prove_single(plan, builds, flights, tell)
-            .map(|(evidence, single)| (evidence, Some(single))),
-    };
+    let proven = prove(plan, builds, &mut |what: &str, share| stages.show(what, share));
     stages.end();
     match proven {
         Err(ExportError::Refused { compiler, messages }) => {
-            Ok((vec![ProofEvidence::refused(&compiler, &messages)], None))
+            Ok(vec![ProofEvidence::refused(&compiler, &messages)])
         }
         proven => proven,
-    }
-}
-
-/// The number of flights, which an export in single precision alone needs.
-fn flights(options: &Options, precision: Precision) -> Result<u64, ExportError> {
-    match (precision, options.flights) {
-        (Precision::F32, flights) => Ok(flights.unwrap_or(FLIGHTS)),
-        (Precision::F64, None) => Ok(0),
-        (Precision::F64, Some(_)) => Err(ExportError::Unsupported(
-            "an export in double precision decides as it was trained in every flight: leave '--flights' out",
-        )),
     }
 }
 
@@ -173,24 +133,22 @@ fn text_of(certificate: &Certificate) -> String {
     let mut text = String::new();
     if let Some(first) = certificate.builds.first().filter(|first| first.rows > 0) {
         text += &format!(
-            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n",
-            first.leaves, first.thresholds, first.rows, first.random_rows,
+            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n\
+             twin: {} points, {} variants ({} without a steady state), {} samples\n\
+             twin and diagnosis together: {} samples\n",
+            first.leaves,
+            first.thresholds,
+            first.rows,
+            first.random_rows,
+            first.points,
+            first.variants,
+            first.unsettled,
+            first.twin_samples,
+            first.hybrid_samples,
         );
-        if certificate.export.twin.is_some() {
-            text += &format!(
-                "twin: {} points, {} variants ({} without a steady state), {} samples\n\
-                 twin and diagnosis together: {} samples\n",
-                first.points,
-                first.variants,
-                first.unsettled,
-                first.twin_samples,
-                first.hybrid_samples,
-            );
-        }
         text += &format!("diagnosis: {} samples\n", first.samples);
     }
-    text += &decisions_text(certificate);
-    if let Some(first) = certificate.builds.first().filter(|_| certificate.single.is_none()) {
+    if let Some(first) = certificate.builds.first() {
         let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
         text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
     }
@@ -208,15 +166,4 @@ fn text_of(certificate: &Certificate) -> String {
         }
     }
     text + certificate.verdict() + "\n"
-}
-
-/// What single precision decides differently.
-fn decisions_text(certificate: &Certificate) -> String {
-    let Some(single) = &certificate.single else { return String::new() };
-    let lines = |title: &str, rows: Vec<(&str, String)>| {
-        let rows = rows.iter().map(|(name, count)| format!("  {name}: {count}\n"));
-        format!("{title} in single precision beside training\n{}", rows.collect::<String>())
-    };
-    let flights = single.flights.iter().map(|flights| lines("flights", flights.rows()));
-    lines("random samples", single.chain.rows()) + &flights.collect::<String>()
 }

@@ -49,10 +49,10 @@ pub struct Options {
     /// Write the timeline as an HTML file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write inputs, measured values, twin, residuals, bands and decisions as MCAP for Foxglove, Rerun and PlotJuggler:
-    /// into a file, or as a live stream to clients that connect to tcp://HOST:PORT. Repeat the option for both.
-    #[arg(long, value_name = "FILE|tcp://HOST:PORT")]
-    mcap: Vec<PathBuf>,
+    /// Write inputs, measured values, twin, residuals, bands and decisions as an MCAP file for Foxglove, Rerun and
+    /// PlotJuggler.
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
     /// Write every change as a line of JSON when it happens.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
@@ -82,8 +82,6 @@ const CHECKPOINT_S: f64 = 60.0;
 impl Options {
     /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
-        let is_file = |target: &&PathBuf| !target.to_string_lossy().contains("://");
-        let files = self.mcap.iter().filter(is_file);
         Paths::default()
             .read("the log", log_of(&self.source))
             .read_study(self.study.as_ref())
@@ -92,7 +90,7 @@ impl Options {
             .read("--map", &self.input.map)
             .write("--make-map", Format::TOML, &self.make_map)
             .write("--html", Format::HTML, &self.html)
-            .write("--mcap", Format::MCAP, files)
+            .write("--mcap", Format::MCAP, &self.mcap)
             .write("--events", Format::LINES, &self.events)
             .write("--checkpoint", Format::Any, &self.checkpoint)
     }

@@ -250,33 +250,6 @@ fn twin_and_diagnosis_say_in_c_what_a_watch_says() {
 }
 
 #[test]
-#[ignore = "slow: ./check --all"]
-fn an_export_in_single_precision_is_proven_and_lists_what_it_decides_otherwise() {
-    let (folder, model, double) = exported("export-single");
-    let out = folder.file("single");
-    let single = ["export", "c", "--precision", "f32", "--model", &model, "--out"];
-    let text = succeeds(&[&single[..], &[&out]].concat());
-    assert!(text.contains("without its twin"), "{text}");
-    assert!(!Path::new(&out).join("servotwin_twin.c").exists());
-    let text = succeeds(&["prove", &out, "--hours", "0.02", "--flights", "2"]);
-    assert!(text.contains("flights: 2\n") && text.contains("false alarms: "), "{text}");
-    assert!(text.contains("(the hand-written files in double precision)"), "{text}");
-    let rows = fs::read_to_string(Path::new(&out).join("precision.csv")).unwrap();
-    assert!(rows.starts_with("run,sample,time_s,samples,differs,finding"), "{rows}");
-
-    let message = fails(&[&single[..], &[&double]].concat(), 2);
-    assert!(message.contains("in the same precision"), "{message}");
-    let message = fails(&[&single[..], &[&out, "--fixed-step"]].concat(), 3);
-    assert!(message.contains("has no twin"), "{message}");
-    let message = fails(&["export", "c", "--precision", "f16", "--out", &out], 2);
-    assert!(message.contains("possible values: f64, f32"), "{message}");
-    let message = fails(&["prove", &double, "--flights", "1"], 3);
-    assert!(message.contains("leave '--flights' out"), "{message}");
-    let other = without_checksum(&model, &folder);
-    assert_not_proven(&["prove", &out, "--model", &other], "is not the one that was exported");
-}
-
-#[test]
 fn another_system_is_not_the_exported_one() {
     let (_folder, _, out) = exported("export-study");
     let message = fails(&["prove", &out, "--study", "press_axis"], 3);

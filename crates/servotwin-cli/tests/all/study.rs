@@ -1,7 +1,6 @@
 //! The main job and its stages, run as users run them, on a study small enough for a test.
 
 use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
-use servotwin_report::excerpt;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -158,7 +157,6 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     assert_same(&first, &contents(Path::new(&staged)));
     report_is_sound(&String::from_utf8(first[Path::new("report.html")].clone()).unwrap());
     explains(&staged);
-    shows_its_data(&staged);
     lists_its_results(&staged);
 }
 
@@ -253,35 +251,6 @@ fn lists_its_results(out: &str) {
     fails(&["results", &format!("{out}/nowhere")], 3, "nowhere");
 }
 
-/// Figure 8: what it shows stands in the data set, and a screen of 700 pixels shows all of it.
-fn shows_its_data(out: &str) {
-    let file = format!("{out}/dataset-noise.parquet");
-    let shown = excerpt::read(Path::new(&file)).unwrap().expect("detectable faults");
-    let table = servotwin::table::read(&file).unwrap();
-    let variants = table.u32("variant").unwrap();
-    assert!(shown.rows.len() >= 3 && shown.shown_faults.len() >= 2, "{shown:?}");
-    for row in &shown.rows {
-        let at = variants.iter().position(|variant| *variant == row.variant).unwrap();
-        assert!(
-            table.bool("detectable").unwrap()[at],
-            "an undetectable variant is not learned from"
-        );
-        let values = |prefix: &str, names: &[String]| -> Vec<f64> {
-            names.iter().map(|name| table.f64(&format!("{prefix}:{name}")).unwrap()[at]).collect()
-        };
-        assert_eq!(row.intensities, values("i", &shown.shown_faults));
-        assert_eq!(row.features, values("f", &shown.shown_features));
-        // One fault at a time.
-        assert_eq!(row.intensities.iter().filter(|&&intensity| intensity > 0.0).count(), 1);
-        let classes = ["actuator", "command", "detail"].map(|name| &table.text(name).unwrap()[at]);
-        assert_eq!(row.classes.each_ref(), classes);
-    }
-    let svg = std::fs::read_to_string(format!("{out}/figures/data_set.svg")).unwrap();
-    let width = svg.split("width=\"").nth(1).unwrap().split('"').next().unwrap();
-    assert!(width.parse::<f64>().unwrap() <= 700.0, "{width}");
-    assert!(svg.contains(">Fault classifier<") && svg.contains(">Residual features<"));
-}
-
 /// One file that needs nothing from elsewhere, with every section and a text for every figure.
 fn report_is_sound(html: &str) {
     for section in servotwin_report::CHAPTERS.iter().flat_map(|chapter| chapter.sections) {
@@ -317,7 +286,7 @@ fn a_study_that_is_killed_behind_each_kind_of_file_ends_with_the_same_bytes() {
     let folder = Folder::new("killed");
     let (study, killed) = (write_study(&folder, CLASSES), folder.file("killed"));
     std::fs::create_dir(&killed).unwrap();
-    // `panel` of `panel-noise.json`, `figures` of `figures/data_set.svg`.
+    // `panel` of `panel-noise.json`, `figures` of `figures/bands.svg`.
     let kind = |file: PathBuf| {
         let name = file.to_str().unwrap();
         name.split(['-', '.', '/']).find(|part| !part.is_empty()).unwrap().to_owned()

@@ -3,8 +3,7 @@
 
 use super::flights::learned;
 use super::{Folder, json, servotwin, stderr, stdout};
-use std::io::{Read, Write};
-use std::net::TcpListener;
+use std::io::Write;
 use std::process::{Command, Stdio};
 
 /// A flight as `simulate` writes it.
@@ -136,40 +135,6 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
         "{told}"
     );
 
-    // The same goes to a socket and into a file at once; one that closes ends nothing.
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let target = format!("tcp://{}", listener.local_addr().unwrap());
-    let both = folder.file("both.mcap");
-    let received = std::thread::spawn(move || {
-        let mut bytes = vec![];
-        listener.accept().unwrap().0.read_to_end(&mut bytes).unwrap();
-        (bytes, listener)
-    });
-    run(&["watch", &log, "--map", &map, "--mcap", &both, "--mcap", &target, "-q"]);
-    let (bytes, listener) = received.join().unwrap();
-    let streamed = folder.file("streamed.mcap");
-    std::fs::write(&streamed, bytes).unwrap();
-    let [one, other] = [&both, &streamed].map(|file| run(&["watch", file, "--json"]));
-    assert_eq!(one, other, "what a socket takes is what a file has");
-    let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
-        .args(["watch", "-", "--map", &map, "--json", "--heartbeat", "0s", "--mcap", &target])
-        .args(with)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    drop(listener.accept().unwrap());
-    child.stdin.take().unwrap().write_all(&std::fs::read(&log).unwrap()).unwrap();
-    let left = child.wait_with_output().unwrap();
-    let (told, warned) = (stdout(&left), stderr(&left));
-    assert!(left.status.success(), "{warned}");
-    assert_eq!(warned.matches("the connection is lost").count(), 1, "{warned}");
-    let summary: serde_json::Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
-    assert!(summary["summary"]["unsent"][&target].as_u64().unwrap() > 0, "{told}");
-    let findings = told.lines().filter(|line| !line.starts_with("{\"event\""));
-    assert_eq!(findings.count(), text.lines().count(), "the findings stay");
-
     // What was written is a log itself.
     let again = run(&["watch", &mcap, "--json"]);
     assert_eq!(again.lines().count(), text.lines().count());
@@ -284,12 +249,6 @@ fn mistakes_in_watching_are_said_with_their_place() {
             "without a value: p_a_1 in 401, p_b_1 in 401, x_v_1 in 401",
         ),
         (&[&["watch", &short], &with[..]].concat(), 3, "without a gap, the shortest window"),
-        (&[&["watch", &log, "--mcap", "ftp://rig"], &with[..]].concat(), 2, "tcp://HOST:PORT"),
-        (
-            &[&["watch", &log, "--mcap", "tcp://127.0.0.1:1"], &with[..]].concat(),
-            1,
-            "tcp://127.0.0.1:1: nobody takes the stream",
-        ),
         (&["watch", "/nowhere/a.csv"], 3, "no such file"),
         // Outputs are looked at before a stream begins, and a checkpoint to continue from is an input.
         (&["watch", "-", "--map", &map, "--html", "/nowhere/a.html"], 1, "/nowhere does not exist"),

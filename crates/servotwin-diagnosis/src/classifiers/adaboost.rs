@@ -1,6 +1,6 @@
 //! AdaBoost, trained: a weighted vote of trees.
 
-use super::Classifier;
+use super::{Classifier, sizes};
 use crate::error::{Error, same_length};
 use crate::tree::Branches;
 use alloc::vec::Vec;
@@ -31,13 +31,7 @@ pub struct WeightedTree {
 }
 
 impl Classifier for Model {
-    fn features(&self) -> usize {
-        self.features
-    }
-
-    fn classes(&self) -> usize {
-        self.classes
-    }
+    sizes!();
 
     /// The shares of the votes.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {

@@ -1,7 +1,7 @@
 //! Gradient-boosted trees, trained: each tree adds a number to the score of every class, and softmax turns the scores
 //! into probabilities.
 
-use super::Classifier;
+use super::{Classifier, sizes};
 use crate::error::{Error, same_length};
 use crate::numeric::softmax;
 use crate::tree::Branches;
@@ -43,13 +43,7 @@ impl Model {
 }
 
 impl Classifier for Model {
-    fn features(&self) -> usize {
-        self.features
-    }
-
-    fn classes(&self) -> usize {
-        self.classes
-    }
+    sizes!();
 
     /// The probabilities; 0 for a class without training rows.
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::linear::LinearFunctions;
-use super::{Classifier, Scores};
+use super::{Classifier, Scores, sizes};
 use crate::error::Error;
 
 /// A trained linear SVM.
@@ -17,13 +17,7 @@ pub struct Model {
 }
 
 impl Classifier for Model {
-    fn features(&self) -> usize {
-        self.functions.features
-    }
-
-    fn classes(&self) -> usize {
-        self.functions.classes
-    }
+    sizes!(functions);
 
     fn scores(&self) -> Scores {
         Scores::Margins
@@ -35,10 +29,6 @@ impl Classifier for Model {
     }
 
     fn predict_with(&self, row: &[f64], _scratch: &mut [f64]) -> u32 {
-        self.functions.predict(row)
-    }
-
-    fn predict_row(&self, row: &[f64]) -> u32 {
         self.functions.predict(row)
     }
 

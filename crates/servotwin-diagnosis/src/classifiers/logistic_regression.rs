@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Classifier;
 use super::linear::LinearFunctions;
+use super::{Classifier, sizes};
 use crate::error::Error;
 
 /// A trained logistic regression.
@@ -17,23 +17,13 @@ pub struct Model {
 }
 
 impl Classifier for Model {
-    fn features(&self) -> usize {
-        self.functions.features
-    }
-
-    fn classes(&self) -> usize {
-        self.functions.classes
-    }
+    sizes!(functions);
 
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
         self.functions.shares_into(row, scores);
     }
 
     fn predict_with(&self, row: &[f64], _scratch: &mut [f64]) -> u32 {
-        self.functions.predict(row)
-    }
-
-    fn predict_row(&self, row: &[f64]) -> u32 {
         self.functions.predict(row)
     }
 

@@ -79,6 +79,20 @@ pub trait Classifier {
     fn check(&self) -> Result<(), Error>;
 }
 
+/// The sizes of a model that are fields of it, or of one of its fields.
+macro_rules! sizes {
+    ($($part:ident)?) => {
+        fn features(&self) -> usize {
+            self.$($part.)?features
+        }
+
+        fn classes(&self) -> usize {
+            self.$($part.)?classes
+        }
+    };
+}
+use sizes;
+
 macro_rules! classifiers {
     ($($file:ident $kind:ident $title:literal,)*) => {
         /// The kinds of classifier.
@@ -165,10 +179,6 @@ impl Classifier for Model {
 
     fn predict_with(&self, row: &[f64], scratch: &mut [f64]) -> u32 {
         self.inner().predict_with(row, scratch)
-    }
-
-    fn predict_row(&self, row: &[f64]) -> u32 {
-        self.inner().predict_row(row)
     }
 
     fn check(&self) -> Result<(), Error> {

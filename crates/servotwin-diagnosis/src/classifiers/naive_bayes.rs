@@ -2,8 +2,8 @@
 //!
 //! `log p(k, x) = log π_k − ½ Σ_j [log(2π v_kj) + (x_j − m_kj)² / v_kj]`
 
-use super::Classifier;
 use super::linear::check_labels;
+use super::{Classifier, sizes};
 use crate::error::{Error, same_length};
 use crate::numeric::{arg_max, softmax};
 use alloc::vec::Vec;
@@ -40,13 +40,7 @@ impl Model {
 }
 
 impl Classifier for Model {
-    fn features(&self) -> usize {
-        self.features
-    }
-
-    fn classes(&self) -> usize {
-        self.classes
-    }
+    sizes!();
 
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
         scores.fill(f64::NEG_INFINITY);
@@ -56,13 +50,9 @@ impl Classifier for Model {
         softmax(scores);
     }
 
-    /// Compares logarithms; does not allocate and takes no exponential.
-    fn predict_row(&self, row: &[f64]) -> u32 {
-        self.labels[arg_max(self.log_densities(row))]
-    }
-
+    /// Compares logarithms; takes no exponential.
     fn predict_with(&self, row: &[f64], _scratch: &mut [f64]) -> u32 {
-        self.predict_row(row)
+        self.labels[arg_max(self.log_densities(row))]
     }
 
     fn check(&self) -> Result<(), Error> {

@@ -1,6 +1,6 @@
 //! A random forest, trained: the mean of the trees' class shares decides.
 
-use super::Classifier;
+use super::{Classifier, sizes};
 use crate::error::{Error, same_length};
 use crate::tree::Branches;
 use alloc::vec::Vec;
@@ -57,13 +57,7 @@ impl VotingTree {
 }
 
 impl Classifier for Model {
-    fn features(&self) -> usize {
-        self.features
-    }
-
-    fn classes(&self) -> usize {
-        self.classes
-    }
+    sizes!();
 
     fn scores_into(&self, row: &[f64], scores: &mut [f64]) {
         scores.fill(0.0);

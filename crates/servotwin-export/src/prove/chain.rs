@@ -89,7 +89,7 @@ fn accused(session: &Session) -> Option<(u32, u32)> {
 }
 
 /// Random commands of the flight control computer, as `prove_command` of the C text numbers them.
-pub(super) struct Commands {
+struct Commands {
     random: Random,
     /// A command that gives something back, its place, and the samples until then.
     to_undo: Option<(usize, usize, usize)>,
@@ -134,10 +134,7 @@ impl Commands {
 }
 
 /// Passes a command to a session.
-pub(super) fn obey(
-    session: &mut Session,
-    (command, place): (usize, usize),
-) -> Result<(), ExportError> {
+fn obey(session: &mut Session, (command, place): (usize, usize)) -> Result<(), ExportError> {
     match command {
         0 => session.switched_off(place)?,
         1 => session.release(place)?,
@@ -150,7 +147,7 @@ pub(super) fn obey(
 }
 
 /// Pushes a sample and writes the whole outcome of the session.
-pub(super) fn push(session: &mut Session, sample: &Sample, said: &mut SessionAnswer) {
+fn push(session: &mut Session, sample: &Sample, said: &mut SessionAnswer) {
     let outcome = *session.push(&sample.inputs, &sample.measured, &sample.twin);
     said.integers.clear();
     said.integers.extend(integers(&outcome));
@@ -298,7 +295,7 @@ fn has_same_rows(session: &Session, length: usize, other: &RunningSession) -> bo
     rows.all(|(view, row)| super::models::same_bits(row, &other.row(view, row.len())))
 }
 
-pub(super) fn is_same(a: &SessionAnswer, b: &SessionAnswer) -> bool {
+fn is_same(a: &SessionAnswer, b: &SessionAnswer) -> bool {
     a.integers == b.integers && super::models::same_bits(&a.numbers, &b.numbers)
 }
 

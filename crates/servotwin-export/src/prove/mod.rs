@@ -8,14 +8,11 @@ mod names;
 mod points;
 mod rows;
 mod samples;
-mod single;
 mod twin;
 
 pub use library::Build;
-pub use single::{Decisions, FlightDecisions, SingleEvidence, prove_single};
 
 use crate::error::ExportError;
-use crate::precision::Precision;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use library::Compiled;
@@ -70,11 +67,6 @@ pub struct ProofEvidence {
     pub thresholds: u64,
     /// Rows for leaves and thresholds.
     pub rows: u64,
-    /// Rows for which boosted trees decide differently, because two classes have the same sum but for rounding. There are
-    /// none in double precision.
-    pub ties: u64,
-    /// The largest difference of a probability or a novelty of a row; 0 in double precision.
-    pub largest_difference: f64,
     /// Random rows through whole hierarchies.
     pub random_rows: u64,
     /// Samples through the whole chain.
@@ -163,8 +155,6 @@ pub struct Plan<'p> {
     pub study: Option<&'p Study>,
     /// The export.
     pub files: &'p [SourceFile],
-    /// The precision of its numbers.
-    pub precision: Precision,
     /// Samples through the whole chain of the diagnosis.
     pub samples: u64,
     /// Variants of the twin, each of 90 s.
@@ -174,18 +164,9 @@ pub struct Plan<'p> {
 }
 
 impl<'p> Plan<'p> {
-    /// The comparison of trees alone, in double precision: no twin, and no samples.
+    /// The comparison of trees alone: no twin, and no samples.
     pub fn new(diagnoser: &'p Arc<Diagnoser>, files: &'p [SourceFile]) -> Self {
-        Plan {
-            diagnoser,
-            twin: None,
-            study: None,
-            files,
-            precision: Precision::F64,
-            samples: 0,
-            variants: 0,
-            kept: None,
-        }
+        Plan { diagnoser, twin: None, study: None, files, samples: 0, variants: 0, kept: None }
     }
 }
 
@@ -200,7 +181,19 @@ pub fn prove(
     builds: &[Build],
     tell: &mut dyn FnMut(&str, f64),
 ) -> Result<Vec<ProofEvidence>, ExportError> {
-    let (compiled, mut all) = compile(plan, builds, tell)?;
+    tell("compiling", 0.0);
+    let compiled = builds.iter().enumerate().map(|(number, build)| {
+        let kept = plan.kept.map(|folder| folder.join((number + 1).to_string()));
+        Compiled::new(plan.files, build, kept.as_deref())
+    });
+    let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
+    let mut all = Vec::new();
+    for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
+        tell("comparing trees", number as f64 / builds.len() as f64);
+        let mut evidence = ProofEvidence::of(build);
+        compare_parts(plan.diagnoser, compiled, &mut evidence)?;
+        all.push(evidence);
+    }
     if let Some(twin) = plan.twin {
         points::compare(twin, &compiled, POINTS, &mut all)?;
         let share = |done| done as f64 / plan.variants.max(1) as f64;
@@ -216,33 +209,10 @@ pub fn prove(
     Ok(all)
 }
 
-/// Compiles an export in every build, and compares start test, names and trees.
-fn compile(
-    plan: &Plan,
-    builds: &[Build],
-    tell: &mut dyn FnMut(&str, f64),
-) -> Result<(Vec<Compiled>, Vec<ProofEvidence>), ExportError> {
-    tell("compiling", 0.0);
-    let compiled = builds.iter().enumerate().map(|(number, build)| {
-        let kept = plan.kept.map(|folder| folder.join((number + 1).to_string()));
-        Compiled::new(plan.files, build, kept.as_deref())
-    });
-    let compiled = compiled.collect::<Result<Vec<_>, _>>()?;
-    let mut all = Vec::new();
-    for (number, (build, compiled)) in builds.iter().zip(&compiled).enumerate() {
-        tell("comparing trees", number as f64 / builds.len() as f64);
-        let mut evidence = ProofEvidence::of(build);
-        compare_parts(plan.diagnoser, (compiled, plan.precision), RANDOM_ROWS, &mut evidence)?;
-        all.push(evidence);
-    }
-    Ok((compiled, all))
-}
-
 /// Compares start test, names and trees.
 fn compare_parts(
     diagnoser: &Diagnoser,
-    (compiled, precision): (&Compiled, Precision),
-    random_rows: usize,
+    compiled: &Compiled,
     evidence: &mut ProofEvidence,
 ) -> Result<(), ExportError> {
     evidence.is_exact = compiled.is_exact()?;
@@ -251,5 +221,5 @@ fn compare_parts(
             .differ("start test".into(), "this build computes otherwise than in training".into());
     }
     names::compare(diagnoser, compiled, evidence)?;
-    models::compare(diagnoser, (compiled, precision), random_rows, evidence)
+    models::compare(diagnoser, compiled, RANDOM_ROWS, evidence)
 }

@@ -1,10 +1,9 @@
 //! Rows that reach every leaf of a tree and both sides of every threshold.
 //!
 //! The values that lead to a node form a box: an interval for each feature that a test above it reads. From a point of
-//! this box, the node's own feature is set one step of the precision below its threshold, to the threshold, one step above it, and to no
-//! value. A test that repeats a feature can leave a node without any row; such nodes are counted.
+//! this box, the node's own feature is set one step below its threshold, to the threshold, one step above it,
+//! and to no value. A test that repeats a feature can leave a node without any row; such nodes are counted.
 
-use crate::precision::Precision;
 use servotwin_diagnosis::tree::Branches;
 use std::collections::BTreeMap;
 
@@ -23,37 +22,31 @@ pub(super) struct TestRow {
 pub(super) struct Rows {
     pub rows: Vec<TestRow>,
     pub unreachable: Vec<usize>,
-    precision: Precision,
 }
 
 impl Rows {
-    /// The rows of all tests, with numbers of a precision.
-    pub fn of(branches: &Branches, precision: Precision) -> Self {
-        let mut rows = Rows { rows: Vec::new(), unreachable: Vec::new(), precision };
+    /// The rows of all tests.
+    pub fn of(branches: &Branches) -> Self {
+        let mut rows = Rows { rows: Vec::new(), unreachable: Vec::new() };
         rows.visit(branches, 0, &BTreeMap::new());
         rows
     }
 
     fn visit(&mut self, branches: &Branches, node: usize, above: &BTreeMap<usize, Interval>) {
-        let precision = self.precision;
-        if above.values().any(|&(low, high)| precision.next_up(low) > high) {
+        if above.values().any(|&(low, high)| low.next_up() > high) {
             self.unreachable.push(node);
         }
         let test = branches.split(node).zip(branches.children(node));
         let Some(((feature, threshold), (left, right))) = test else { return };
         let (low, high) =
             above.get(&feature).copied().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-        // The exported threshold; on numbers of this precision it decides as the trained one.
-        let threshold = precision.not_above(threshold);
-        let tried = [precision.next_down(threshold), threshold, precision.next_up(threshold)];
+        let tried = [threshold.next_down(), threshold, threshold.next_up()];
         let inside = tried.into_iter().filter(|value| *value > low && *value <= high);
         // A value that is missing here was missing in the tests above too, which then led elsewhere.
         let missing = (!above.contains_key(&feature)).then_some(f64::NAN);
         for value in inside.chain(missing) {
-            let mut values: BTreeMap<usize, f64> = above
-                .iter()
-                .map(|(&place, &interval)| (place, within(interval, precision)))
-                .collect();
+            let mut values: BTreeMap<usize, f64> =
+                above.iter().map(|(&place, &interval)| (place, within(interval))).collect();
             values.insert(feature, value);
             self.rows.push(TestRow { node, values });
         }
@@ -67,12 +60,12 @@ impl Rows {
     }
 }
 
-/// A value of an interval whose bounds are numbers of this precision.
-fn within((low, high): Interval, precision: Precision) -> f64 {
-    let middle = precision.nearest(0.5 * low + 0.5 * high);
+/// A value of an interval.
+fn within((low, high): Interval) -> f64 {
+    let middle = 0.5 * low + 0.5 * high;
     match (low.is_finite(), high.is_finite()) {
         (true, true) if middle > low && middle <= high => middle,
-        (true, false) => precision.next_up(low).max(precision.nearest(low + 1.0)),
+        (true, false) => low.next_up().max(low + 1.0),
         (false, false) => 0.0,
         _ => high,
     }

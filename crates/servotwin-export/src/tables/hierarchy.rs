@@ -3,13 +3,11 @@
 use super::{MOST_CLASSES, stage};
 use crate::error::ExportError;
 use crate::notation::{place, record, write_array, write_private};
-use crate::precision::Precision;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Names, Question, Stage};
 
 /// Writes a hierarchy with its stages.
 pub(super) fn write(
     text: &mut String,
-    precision: Precision,
     name: &str,
     hierarchy: &Hierarchy,
 ) -> Result<(), ExportError> {
@@ -21,7 +19,7 @@ pub(super) fn write(
     }
     let entries = hierarchy.stages.iter().enumerate().map(|(number, stage)| {
         *text += &format!("\n/* {name}, stage {} */\n", stage.id);
-        stage::write(text, precision, &format!("{name}_{number}"), stage)
+        stage::write(text, &format!("{name}_{number}"), stage)
     });
     let entries = entries.collect::<Result<Vec<_>, _>>()?;
     let find = |question, actuator: usize, action: usize| {

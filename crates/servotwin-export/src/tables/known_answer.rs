@@ -4,12 +4,12 @@
 
 use crate::error::ExportError;
 use crate::notation::{write_list, write_public};
-use crate::precision::Precision;
 use crate::twin::ExportedTwin;
 use servotwin_diagnosis::diagnoser::environment::InputRange;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::sliding::WindowSpan;
+use servotwin_model::c_source::hexadecimal;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{self, Knot};
 use std::sync::Arc;
@@ -34,19 +34,12 @@ impl Mixture {
     }
 }
 
-/// Writes plausible inputs, and the answer of the diagnosis; 0 in single precision, whose sums round differently.
-pub(super) fn write(
-    text: &mut String,
-    precision: Precision,
-    diagnoser: &Diagnoser,
-) -> Result<(), ExportError> {
+/// Writes plausible inputs, and the answer of the diagnosis.
+pub(super) fn write(text: &mut String, diagnoser: &Diagnoser) -> Result<(), ExportError> {
     let inputs = center(diagnoser, &mut Random::new(6));
-    let entries: Vec<String> = inputs.iter().map(|&input| precision.number(input)).collect();
-    write_list(text, precision.c_type(), "known_inputs", &entries, "0x0p+0");
-    let answer = match precision {
-        Precision::F64 => of_diagnosis(diagnoser, &inputs)?,
-        Precision::F32 => 0,
-    };
+    let entries: Vec<String> = inputs.iter().map(|&input| hexadecimal(input)).collect();
+    write_list(text, "double", "known_inputs", &entries, "0x0p+0");
+    let answer = of_diagnosis(diagnoser, &inputs)?;
     write_public(text, "uint64_t", "known_answer", &literal(answer));
     Ok(())
 }

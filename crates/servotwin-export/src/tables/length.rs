@@ -3,14 +3,13 @@
 use super::hierarchy;
 use crate::error::ExportError;
 use crate::notation::{record, write_array, write_numbers};
-use crate::precision::Precision;
 use servotwin_diagnosis::diagnoser::decision::IsNovel;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length, Novelty};
+use servotwin_model::c_source::hexadecimal;
 
 /// Writes the arrays of a length, and returns its entry in the array of lengths.
 pub(super) fn write(
     text: &mut String,
-    precision: Precision,
     place: usize,
     diagnoser: &Diagnoser,
 ) -> Result<String, ExportError> {
@@ -20,33 +19,27 @@ pub(super) fn write(
         return Err(ExportError::Unsupported(why));
     };
     let [trees, committee] = ["trees", "committee"].map(|kind| format!("{kind}_{place}"));
-    hierarchy::write(text, precision, &trees, &length.panel.trees)?;
-    hierarchy::write(text, precision, &committee, &length.panel.committee)?;
+    hierarchy::write(text, &trees, &length.panel.trees)?;
+    hierarchy::write(text, &committee, &length.panel.committee)?;
     *text += &format!("\n/* window length {} */\n", place + 1);
     let bands = length.panel.bands.iter().map(|band| band.half_width);
-    write_numbers(text, precision, &format!("bands_{place}"), bands);
-    known(text, precision, place, &length.novelty);
+    write_numbers(text, &format!("bands_{place}"), bands);
+    known(text, place, &length.novelty);
     let limits = diagnoser.limits_of(length);
     let of_pairs = limits.of_pairs().iter().copied();
-    write_numbers(text, precision, &format!("limits_{place}"), of_pairs);
+    write_numbers(text, &format!("limits_{place}"), of_pairs);
     let allowances = limits.allowances_nats().iter().copied();
-    write_numbers(text, precision, &format!("allowances_{place}"), allowances);
-    Ok(entry(precision, place, panes, diagnoser, length))
+    write_numbers(text, &format!("allowances_{place}"), allowances);
+    Ok(entry(place, panes, diagnoser, length))
 }
 
 /// The entry of a length.
-fn entry(
-    precision: Precision,
-    place: usize,
-    panes: u32,
-    diagnoser: &Diagnoser,
-    length: &Length,
-) -> String {
+fn entry(place: usize, panes: u32, diagnoser: &Diagnoser, length: &Length) -> String {
     let pane = length.span.pane_samples;
     let share = f64::from(pane) / (u64::from(pane) * u64::from(panes)) as f64;
     let tuning = diagnoser.tuning_of(length);
     let nats = |novel| IsNovel { novel, share_of_known: 1.0 - length.novelty.quantile }.nats();
-    let number = |number| precision.number(number);
+    let number = hexadecimal;
     let array = |what: &str| format!("{what}_{place}");
     let hierarchy = |what: &str| format!("&{what}_{place}");
     record(&[
@@ -70,17 +63,17 @@ fn entry(
     ])
 }
 
-fn known(text: &mut String, precision: Precision, place: usize, novelty: &Novelty) {
+fn known(text: &mut String, place: usize, novelty: &Novelty) {
     let mut entries = Vec::new();
     for (class, known) in novelty.classes.iter().enumerate() {
         let lists = [("lows", &known.lows), ("highs", &known.highs), ("widths", &known.widths)];
         let mut values = vec![known.lows.len().to_string()];
         for (what, list) in lists {
             let name = format!("{what}_{place}_{class}");
-            write_numbers(text, precision, &name, list.iter().copied());
+            write_numbers(text, &name, list.iter().copied());
             values.push(name);
         }
-        values.push(precision.number(known.limit));
+        values.push(hexadecimal(known.limit));
         entries.push(record(&values));
     }
     if entries.is_empty() {

@@ -11,7 +11,6 @@ pub(crate) use known_answer::center;
 
 use crate::error::ExportError;
 use crate::notation::{sizes_text, write_list};
-use crate::precision::Precision;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Length, common_mode};
 use servotwin_io::manifest::sha256_of_text;
 
@@ -40,17 +39,14 @@ pub(crate) fn check(diagnoser: &Diagnoser) -> Result<(), ExportError> {
 }
 
 /// The texts of both files: sizes and tables.
-pub(crate) fn texts(
-    diagnoser: &Diagnoser,
-    precision: Precision,
-) -> Result<[String; 2], ExportError> {
+pub(crate) fn texts(diagnoser: &Diagnoser) -> Result<[String; 2], ExportError> {
     let mut text = [HEAD, "#include \"servotwin_tables.h\"\n"].concat();
     let lengths = 0..diagnoser.lengths.len();
-    let lengths = lengths.map(|place| length::write(&mut text, precision, place, diagnoser));
+    let lengths = lengths.map(|place| length::write(&mut text, place, diagnoser));
     let lengths = lengths.collect::<Result<Vec<_>, _>>()?;
     write_list(&mut text, "servotwin_length", "lengths", &lengths, "");
-    system::write(&mut text, precision, diagnoser);
-    known_answer::write(&mut text, precision, diagnoser)?;
+    system::write(&mut text, diagnoser);
+    known_answer::write(&mut text, diagnoser)?;
     let made_of = [
         ("VERSION", env!("CARGO_PKG_VERSION").to_owned()),
         ("DIAGNOSER_SHA256", sha256_of_text(&file_text(diagnoser))),

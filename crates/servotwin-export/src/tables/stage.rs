@@ -3,11 +3,11 @@
 use super::MOST_CLASSES;
 use crate::error::ExportError;
 use crate::notation::{record, write_array, write_numbers, write_private};
-use crate::precision::Precision;
 use servotwin_diagnosis::calibration;
 use servotwin_diagnosis::classifiers::{Classifier, Model, boosted_trees, cart};
 use servotwin_diagnosis::hierarchy::{Question, Stage};
 use servotwin_diagnosis::tree::Branches;
+use servotwin_model::c_source::hexadecimal;
 
 /// Most nodes of a stage: children are 16-bit numbers with a sign.
 const MOST_NODES: usize = i16::MAX as usize;
@@ -76,13 +76,12 @@ impl Nodes {
     }
 
     /// Writes the arrays, and returns the struct of them.
-    fn write(&self, text: &mut String, precision: Precision, prefix: &str) -> String {
+    fn write(&self, text: &mut String, prefix: &str) -> String {
         let name = |what: &str| format!("{prefix}_{what}");
         write_array(text, "int16_t", &name("roots"), &self.roots);
         let features = self.features.iter().map(|feature| format!("{feature}U"));
         write_array(text, "uint16_t", &name("features"), features);
-        let thresholds = self.thresholds.iter().map(|&threshold| precision.threshold(threshold));
-        write_array(text, precision.c_type(), &name("thresholds"), thresholds);
+        write_numbers(text, &name("thresholds"), self.thresholds.iter().copied());
         write_array(text, "int16_t", &name("left"), &self.left);
         write_array(text, "int16_t", &name("right"), &self.right);
         let counts = [self.roots.len(), self.depth].map(|count| count.to_string());
@@ -92,12 +91,7 @@ impl Nodes {
 }
 
 /// Writes the arrays of a stage, and returns its entry in the array of stages.
-pub(super) fn write(
-    text: &mut String,
-    precision: Precision,
-    prefix: &str,
-    stage: &Stage,
-) -> Result<String, ExportError> {
+pub(super) fn write(text: &mut String, prefix: &str, stage: &Stage) -> Result<String, ExportError> {
     let nodes = match &stage.model {
         Model::Cart(tree) => Nodes::of([tree.branches()], &stage.columns),
         Model::BoostedTrees(model) => {
@@ -112,16 +106,16 @@ pub(super) fn write(
         }
     };
     check(stage, &nodes)?;
-    let branches = nodes.write(text, precision, prefix);
+    let branches = nodes.write(text, prefix);
     let names = format!("{prefix}_names");
     write_array(text, "uint8_t", &names, &stage.classes);
     let (mut cart, mut boosted) = (String::from("0"), String::from("0"));
     match &stage.model {
         Model::Cart(tree) => {
-            cart = write_cart(text, precision, prefix, tree, &nodes, stage.temperature);
+            cart = write_cart(text, prefix, tree, &nodes, stage.temperature);
         }
         Model::BoostedTrees(model) => {
-            boosted = write_boosted(text, precision, prefix, model, &nodes, stage.temperature);
+            boosted = write_boosted(text, prefix, model, &nodes, stage.temperature);
         }
         _ => {}
     }
@@ -146,7 +140,6 @@ fn check(stage: &Stage, nodes: &Nodes) -> Result<(), ExportError> {
 /// probability is a number of the table.
 fn write_cart(
     text: &mut String,
-    precision: Precision,
     prefix: &str,
     tree: &cart::Model,
     nodes: &Nodes,
@@ -163,7 +156,7 @@ fn write_cart(
     let [decisions, probabilities] =
         ["decisions", "probabilities"].map(|what| format!("{prefix}_{what}"));
     write_array(text, "uint8_t", &decisions, leaves().map(|node| tree.decision(node)));
-    write_numbers(text, precision, &probabilities, leaves().map(probability));
+    write_numbers(text, &probabilities, leaves().map(probability));
     let (name, record) = (format!("{prefix}_cart"), record(&[decisions, probabilities]));
     write_private(text, "servotwin_cart", &name, &record);
     format!("&{name}")
@@ -172,7 +165,6 @@ fn write_cart(
 /// Writes the rule of boosted trees; returns its address.
 fn write_boosted(
     text: &mut String,
-    precision: Precision,
     prefix: &str,
     model: &boosted_trees::Model,
     nodes: &Nodes,
@@ -188,9 +180,9 @@ fn write_boosted(
     let [of_outputs, of_start, of_values] =
         ["output_classes", "start", "values"].map(|what| format!("{prefix}_{what}"));
     write_array(text, "uint8_t", &of_outputs, outputs);
-    write_numbers(text, precision, &of_start, start);
-    write_numbers(text, precision, &of_values, values);
-    let inverse_temperature = precision.number(1.0 / temperature);
+    write_numbers(text, &of_start, start);
+    write_numbers(text, &of_values, values);
+    let inverse_temperature = hexadecimal(1.0 / temperature);
     let count = outputs.len().to_string();
     let record = record(&[count, of_outputs, of_start, of_values, inverse_temperature]);
     let name = format!("{prefix}_boosted");

@@ -3,26 +3,26 @@
 use crate::notation::{
     place, quoted, record, write_array, write_list, write_numbers, write_public,
 };
-use crate::precision::Precision;
 use servotwin_diagnosis::diagnoser::{Diagnoser, common_mode};
+use servotwin_model::c_source::hexadecimal;
 
 /// Writes all tables of the system.
-pub(super) fn write(text: &mut String, precision: Precision, diagnoser: &Diagnoser) {
-    sensors(text, precision, diagnoser);
-    inputs(text, precision, diagnoser);
+pub(super) fn write(text: &mut String, diagnoser: &Diagnoser) {
+    sensors(text, diagnoser);
+    inputs(text, diagnoser);
     views(text, diagnoser);
     common_pairs(text, diagnoser);
-    boundaries(text, precision, diagnoser);
+    boundaries(text, diagnoser);
     streams(text, diagnoser);
-    constants(text, precision, diagnoser);
+    constants(text, diagnoser);
     names(text, diagnoser);
 }
 
-fn sensors(text: &mut String, precision: Precision, diagnoser: &Diagnoser) {
+fn sensors(text: &mut String, diagnoser: &Diagnoser) {
     let entry = |sensor: &servotwin_diagnosis::diagnoser::DiagnosedSensor| {
         let stand_in_noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
         let [scale, noise, stand_in_noise] =
-            [sensor.scale, sensor.noise, stand_in_noise].map(|number| precision.number(number));
+            [sensor.scale, sensor.noise, stand_in_noise].map(hexadecimal);
         let actuator = place(sensor.actuator.map(|actuator| actuator as usize));
         record(&[scale, noise, stand_in_noise, actuator])
     };
@@ -31,9 +31,9 @@ fn sensors(text: &mut String, precision: Precision, diagnoser: &Diagnoser) {
     write_list(text, "servotwin_sensor", "sensors", &entries, empty);
 }
 
-fn inputs(text: &mut String, precision: Precision, diagnoser: &Diagnoser) {
+fn inputs(text: &mut String, diagnoser: &Diagnoser) {
     let environment = &diagnoser.environment;
-    let range = |least, largest| [least, largest].map(|number| precision.number(number));
+    let range = |least, largest| [least, largest].map(hexadecimal);
     let entry = |input: &servotwin_diagnosis::diagnoser::environment::InputRange| {
         let frozen = input.frozen_after_samples(diagnoser.period_s).unwrap_or(0);
         let frozen_after = format!("{}U", frozen.min(u64::from(u32::MAX)));
@@ -85,16 +85,16 @@ fn common_pairs(text: &mut String, diagnoser: &Diagnoser) {
     write_list(text, "servotwin_common_pair", "common_pairs", &entries, empty);
 }
 
-fn boundaries(text: &mut String, precision: Precision, diagnoser: &Diagnoser) {
+fn boundaries(text: &mut String, diagnoser: &Diagnoser) {
     let mut entries = Vec::new();
     for (number, boundary) in diagnoser.boundaries.iter().enumerate() {
         let effects = || boundary.effects.iter();
         let [sensors, changes] =
             ["sensors", "changes"].map(|what| format!("boundary_{number}_{what}"));
         write_array(text, "uint8_t", &sensors, effects().map(|(sensor, _)| *sensor));
-        write_numbers(text, precision, &changes, effects().map(|(_, change)| *change));
+        write_numbers(text, &changes, effects().map(|(_, change)| *change));
         let [input, sensor] = [boundary.input, boundary.sensor].map(|place| place.to_string());
-        let own_change = precision.number(boundary.effect().unwrap_or_default());
+        let own_change = hexadecimal(boundary.effect().unwrap_or_default());
         let count = boundary.effects.len().to_string();
         entries.push(record(&[input, sensor, own_change, count, sensors, changes]));
     }
@@ -126,14 +126,14 @@ fn streams(text: &mut String, diagnoser: &Diagnoser) {
     }
 }
 
-fn constants(text: &mut String, precision: Precision, diagnoser: &Diagnoser) {
+fn constants(text: &mut String, diagnoser: &Diagnoser) {
     let (tuning, period_s) = (&diagnoser.tuning, diagnoser.period_s);
     let switches_off = tuning.switches_off(diagnoser.names());
     let off: Vec<String> = switches_off.iter().map(|&off| format!("{}U", u8::from(off))).collect();
     write_list(text, "uint8_t", "switches_off", &off, "0U");
     let deviation = tuning.line_slope_deviation;
     let samples = |time_s: f64, least: u64| format!("{}U", diagnoser.samples(time_s).max(least));
-    let number = |number| precision.number(number);
+    let number = hexadecimal;
     let record = record(&[
         number(period_s),
         tuning.least_on.to_string(),

@@ -102,123 +102,94 @@ pub fn format_of(path: &Path) -> Result<&'static Format, TableError> {
     found.ok_or_else(|| TableError::UnknownFormat { path: path.to_path_buf() })
 }
 
-/// The kind of a column's values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ColumnKind {
-    /// `f64`.
-    Float,
-    /// `i64`.
-    Integer,
-    /// `u32`.
-    Unsigned,
-    /// `bool`.
-    Flag,
-    /// UTF-8 text.
-    Text,
-}
-
-impl ColumnKind {
-    /// The kind in words, for messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            ColumnKind::Float => "numbers",
-            ColumnKind::Integer => "whole numbers",
-            ColumnKind::Unsigned => "non-negative whole numbers",
-            ColumnKind::Flag => "true or false",
-            ColumnKind::Text => "text",
+/// Declares the kinds of columns, one per row: variant, type of a value, and name in messages.
+macro_rules! kinds {
+    ($($(#[$doc:meta])* $kind:ident($value:ty) = $name:literal;)*) => {
+        /// The kind of a column's values.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum ColumnKind {
+            $($(#[$doc])* $kind,)*
         }
-    }
-}
 
-/// The values of one column.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Values {
-    /// Floats, including NaN and infinities.
-    Float(Vec<f64>),
-    /// Whole numbers.
-    Integer(Vec<i64>),
-    /// Counts, indices and seeds.
-    Unsigned(Vec<u32>),
-    /// True or false.
-    Flag(Vec<bool>),
-    /// Text.
-    Text(Vec<String>),
-}
-
-impl Values {
-    /// An empty column of a kind.
-    pub fn empty(kind: ColumnKind) -> Self {
-        match kind {
-            ColumnKind::Float => Values::Float(Vec::new()),
-            ColumnKind::Integer => Values::Integer(Vec::new()),
-            ColumnKind::Unsigned => Values::Unsigned(Vec::new()),
-            ColumnKind::Flag => Values::Flag(Vec::new()),
-            ColumnKind::Text => Values::Text(Vec::new()),
-        }
-    }
-
-    /// The kind of the values.
-    pub fn kind(&self) -> ColumnKind {
-        match self {
-            Values::Float(_) => ColumnKind::Float,
-            Values::Integer(_) => ColumnKind::Integer,
-            Values::Unsigned(_) => ColumnKind::Unsigned,
-            Values::Flag(_) => ColumnKind::Flag,
-            Values::Text(_) => ColumnKind::Text,
-        }
-    }
-
-    /// The number of values.
-    pub fn len(&self) -> usize {
-        match self {
-            Values::Float(values) => values.len(),
-            Values::Integer(values) => values.len(),
-            Values::Unsigned(values) => values.len(),
-            Values::Flag(values) => values.len(),
-            Values::Text(values) => values.len(),
-        }
-    }
-
-    /// Whether there are no values.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The values of some rows.
-    pub fn rows(&self, rows: Range<usize>) -> Self {
-        match self {
-            Values::Float(values) => Values::Float(values[rows].to_vec()),
-            Values::Integer(values) => Values::Integer(values[rows].to_vec()),
-            Values::Unsigned(values) => Values::Unsigned(values[rows].to_vec()),
-            Values::Flag(values) => Values::Flag(values[rows].to_vec()),
-            Values::Text(values) => Values::Text(values[rows].to_vec()),
-        }
-    }
-
-    /// Appends values of the same kind; returns `false` and does nothing if the kinds differ.
-    pub fn append(&mut self, other: Values) -> bool {
-        match (self, other) {
-            (Values::Float(own), Values::Float(more)) => own.extend(more),
-            (Values::Integer(own), Values::Integer(more)) => own.extend(more),
-            (Values::Unsigned(own), Values::Unsigned(more)) => own.extend(more),
-            (Values::Flag(own), Values::Flag(more)) => own.extend(more),
-            (Values::Text(own), Values::Text(more)) => own.extend(more),
-            _ => return false,
-        }
-        true
-    }
-}
-
-macro_rules! values_from {
-    ($($item:ty => $variant:ident),*) => {$(
-        impl From<Vec<$item>> for Values {
-            fn from(values: Vec<$item>) -> Self {
-                Values::$variant(values)
+        impl ColumnKind {
+            /// The kind in words, for messages.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(ColumnKind::$kind => $name,)*
+                }
             }
         }
-    )*};
+
+        /// The values of one column.
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum Values {
+            $($(#[$doc])* $kind(Vec<$value>),)*
+        }
+
+        impl Values {
+            /// An empty column of a kind.
+            pub fn empty(kind: ColumnKind) -> Self {
+                match kind {
+                    $(ColumnKind::$kind => Values::$kind(Vec::new()),)*
+                }
+            }
+
+            /// The kind of the values.
+            pub fn kind(&self) -> ColumnKind {
+                match self {
+                    $(Values::$kind(_) => ColumnKind::$kind,)*
+                }
+            }
+
+            /// The number of values.
+            pub fn len(&self) -> usize {
+                match self {
+                    $(Values::$kind(values) => values.len(),)*
+                }
+            }
+
+            /// Whether there are no values.
+            pub fn is_empty(&self) -> bool {
+                self.len() == 0
+            }
+
+            /// The values of some rows.
+            pub fn rows(&self, rows: Range<usize>) -> Self {
+                match self {
+                    $(Values::$kind(values) => Values::$kind(values[rows].to_vec()),)*
+                }
+            }
+
+            /// Appends values of the same kind; returns `false` and does nothing if the kinds differ.
+            pub fn append(&mut self, other: Values) -> bool {
+                match (self, other) {
+                    $((Values::$kind(own), Values::$kind(more)) => own.extend(more),)*
+                    _ => return false,
+                }
+                true
+            }
+        }
+
+        $(impl From<Vec<$value>> for Values {
+            fn from(values: Vec<$value>) -> Self {
+                Values::$kind(values)
+            }
+        })*
+    };
 }
-values_from!(f64 => Float, i64 => Integer, u32 => Unsigned, bool => Flag, String => Text);
+
+kinds! {
+    /// Floats, including NaN and infinities.
+    Float(f64) = "numbers";
+    /// Whole numbers.
+    Integer(i64) = "whole numbers";
+    /// Counts, indices and seeds.
+    Unsigned(u32) = "non-negative whole numbers";
+    /// True or false.
+    Flag(bool) = "true or false";
+    /// Text.
+    Text(String) = "text";
+}
 
 /// A named column with its unit.
 #[derive(Debug, Clone, PartialEq)]

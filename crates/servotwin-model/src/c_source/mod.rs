@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | [`write_equations`] | C99 for one number | simulators without Rust |
 //! | [`write_step`] | macros for the lanes of a register | the compiled step of the solver |
-//! | [`write_twin`], [`write_statements`], [`write_single_statements`] | C99 with hexadecimal literals | exported code that is proven |
+//! | [`write_twin`], [`write_statements`] | C99 with hexadecimal literals | exported code that is proven |
 
 mod equations;
 mod functions;
@@ -18,7 +18,7 @@ mod step;
 mod twin;
 
 pub use equations::{BadPrefix, write_equations};
-pub use statements::{hexadecimal, hexadecimal_single, write_single_statements, write_statements};
+pub use statements::{hexadecimal, write_statements};
 pub use step::write_step;
 pub use twin::{write_tangent, write_twin};
 

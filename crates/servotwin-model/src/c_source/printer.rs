@@ -19,9 +19,7 @@ pub(super) trait Dialect {
     const TRUTH: &'static str = "const int";
 
     /// What stands before the name of a number.
-    fn number(&self) -> &'static str {
-        "const double"
-    }
+    const NUMBER: &'static str = "const double";
 
     fn entry(&self, array: &str, index: usize) -> String {
         format!("{array}[{index}]")
@@ -70,7 +68,7 @@ impl<D: Dialect> Printer<'_, D> {
     fn statement(&mut self, c: &mut String, node: usize) {
         let expression = self.expressions[node];
         if !is_argument(expression) && self.dialect.has_statement(node, expression) {
-            let kind = if expression.is_truth() { D::TRUTH } else { self.dialect.number() };
+            let kind = if expression.is_truth() { D::TRUTH } else { D::NUMBER };
             let value = self.value(expression);
             let comment = self.dialect.comment(expression);
             line(c, format_args!("    {kind} v{node} = {value};{comment}"));

@@ -17,33 +17,19 @@ type Stored<'g> = [(Symbol<'g>, &'static str, usize)];
 ///
 /// Transcendental functions of this crate are called by the names that [`write_twin`](super::write_twin) gives them.
 pub fn write_statements(graph: &Graph, stored: &Stored) -> String {
-    write(Statements::DOUBLE, graph, stored)
-}
-
-/// The same in single precision: constants become the nearest singles, and `sqrtf` and `fabsf` replace `sqrt` and `fabs`.
-pub fn write_single_statements(graph: &Graph, stored: &Stored) -> String {
-    write(Statements { is_single: true }, graph, stored)
-}
-
-fn write(dialect: Statements, graph: &Graph, stored: &Stored) -> String {
     let mut stores = Stores::new();
     for &(symbol, array, index) in stored {
         stores.entry(symbol.operand()).or_default().push((array, index));
     }
     let mut text = String::new();
-    print_statements(&mut text, dialect, &graph.expressions(), &stores);
+    print_statements(&mut text, &graph.expressions(), &stores);
     text
 }
 
 /// Prints the statements that compute the stored values.
-pub(super) fn print_statements(
-    text: &mut String,
-    dialect: Statements,
-    expressions: &[Expression],
-    stores: &Stores,
-) {
+pub(super) fn print_statements(text: &mut String, expressions: &[Expression], stores: &Stores) {
     let values: Vec<_> = stores.keys().copied().collect();
-    Printer { dialect, expressions }.statements(text, &values, stores);
+    Printer { dialect: Statements, expressions }.statements(text, &values, stores);
 }
 
 /// A finite number as a hexadecimal literal, which C reads back to the same bits.
@@ -62,54 +48,21 @@ pub fn hexadecimal(number: f64) -> String {
     }
 }
 
-/// The single nearest to a finite number as a hexadecimal literal of type `float`, which C reads back to the same bits. A
-/// number beyond all singles becomes the largest.
-///
-/// # Panics
-/// If the number is not finite.
-pub fn hexadecimal_single(number: f64) -> String {
-    assert!(number.is_finite(), "{number} has no literal");
-    let single = (number as f32).clamp(f32::MIN, f32::MAX);
-    let literal = hexadecimal(f64::from(single));
-    // Of the 13 digits of a double's fraction, a single needs the first six.
-    match literal.split_once('p') {
-        Some((digits, exponent)) if digits.contains('.') => {
-            format!("{}p{exponent}F", &digits[..digits.len() - 7])
-        }
-        _ => literal + "F",
-    }
-}
-
 /// Before the names of functions that C's library lacks.
 pub(super) const PREFIX: &str = "servotwin_twin";
 
-/// Plain C99 for one number of type `double` or `float`.
+/// Plain C99 for one number of type `double`.
 #[derive(Clone, Copy)]
-pub(super) struct Statements {
-    is_single: bool,
-}
-
-impl Statements {
-    /// Those of type `double`.
-    pub const DOUBLE: Self = Statements { is_single: false };
-}
+pub(super) struct Statements;
 
 impl Dialect for Statements {
-    fn number(&self) -> &'static str {
-        if self.is_single { "const float" } else { "const double" }
-    }
-
     fn literal(&self, value: f64) -> String {
-        let literal = if self.is_single { hexadecimal_single(value) } else { hexadecimal(value) };
+        let literal = hexadecimal(value);
         if value.is_sign_negative() { format!("({literal})") } else { literal }
     }
 
     fn unary(&mut self, operation: Unary, a: &str) -> String {
-        match operation {
-            Unary::SquareRoot if self.is_single => format!("sqrtf({a})"),
-            Unary::Absolute if self.is_single => format!("fabsf({a})"),
-            _ => unary_text(PREFIX, operation, a),
-        }
+        unary_text(PREFIX, operation, a)
     }
 
     fn call(&self, operation: Binary, a: &str, b: &str) -> String {
@@ -152,19 +105,6 @@ mod tests {
     }
 
     #[test]
-    fn a_literal_of_a_single_has_the_bits_of_the_nearest_one() {
-        for (number, literal) in [
-            (1.0, "0x1.000000p+0F"),
-            (-0.1, "-0x1.99999ap-4F"),
-            (0.0, "0x0p+0F"),
-            (f64::from(f32::from_bits(1)), "0x1.000000p-149F"),
-            (1e300, "0x1.fffffep+127F"),
-        ] {
-            assert_eq!(hexadecimal_single(number), literal);
-        }
-    }
-
-    #[test]
     fn a_statement_has_one_operation() {
         let graph = Graph::new();
         let (x, y) = (graph.variable("a", 0), graph.variable("a", 1));
@@ -178,8 +118,5 @@ mod tests {
     into[3] = v6;
 ";
         assert_eq!(c, expected);
-        let single = write_single_statements(&graph, &[((x - y).sqrt() * larger, "into", 3)]);
-        assert!(single.contains("const float v4 = (-0x1.000000p+1F) + v3;"), "{single}");
-        assert!(single.contains(" = sqrtf(v4);") && !single.contains("double"), "{single}");
     }
 }

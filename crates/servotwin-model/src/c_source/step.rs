@@ -210,10 +210,7 @@ impl<'a> Lanes<'a> {
 
 impl Dialect for Lanes<'_> {
     const TRUTH: &'static str = "const TRUTH";
-
-    fn number(&self) -> &'static str {
-        "const LANES"
-    }
+    const NUMBER: &'static str = "const LANES";
 
     fn entry(&self, array: &str, index: usize) -> String {
         format!("AT({array}, {index})")

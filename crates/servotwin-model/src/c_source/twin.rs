@@ -74,7 +74,7 @@ pub fn write_twin(program: &Program, method: Method) -> Option<String> {
     let tableau = method.tableau()?;
     let mut c = String::from(HEADING);
     let helpers = Function::ALL.into_iter().map(Helper::Function).collect();
-    print_helpers(&mut c, &format!("double {PREFIX}"), helpers, || Statements::DOUBLE);
+    print_helpers(&mut c, &format!("double {PREFIX}"), helpers, || Statements);
     line(&mut c, format_args!("{POWER}"));
     for traced in [
         functions::faults,
@@ -117,7 +117,7 @@ fn print_function(c: &mut String, trace: impl for<'g> FnOnce(&'g Graph) -> Trace
     for array in traced.reads.iter().chain(traced.writes) {
         line(c, format_args!("    (void){array};"));
     }
-    print_statements(c, Statements::DOUBLE, &graph.expressions(), &traced.stores());
+    print_statements(c, &graph.expressions(), &traced.stores());
     line(c, format_args!("}}\n"));
 }
 

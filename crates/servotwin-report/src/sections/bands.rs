@@ -61,7 +61,7 @@ pub fn write(material: &Material, page: &mut Page) {
 }
 
 /// Reports that more healthy specimens leave the bands than promised, if the interval proves it.
-pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
+fn broken_promise(result: &SubjectResult) -> Option<String> {
     lines::learned(result)?;
     let alarms = result.evaluation.false_alarms.as_ref()?.alarms;
     let records = result.evaluation.bands.iter().flatten().map(|band| band.records).max()?;
@@ -79,7 +79,7 @@ pub(super) fn broken_promise(result: &SubjectResult) -> Option<String> {
 }
 
 /// The label of a sensor in the system file, or its name.
-pub(super) fn label(study: &Study, sensor: &str) -> String {
+fn label(study: &Study, sensor: &str) -> String {
     let place = study.sensors.0.iter().position(|known| known.name == sensor);
     let known = place.and_then(|place| study.measured.get(place));
     known.map_or_else(|| sensor.to_owned(), |&place| study.system.sensors[place].label.clone())

@@ -2,12 +2,11 @@
 //! with the limits.
 
 use crate::Material;
-use crate::lines;
 use crate::looks::Looks;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{
-    NONE, begun, by_environment, by_environment_and_tail, chosen, number, rate, spoken, stacked,
+    NONE, begun, by_environment, by_environment_and_tail, chosen, number, spoken, stacked,
 };
 use servotwin::evaluation::metrics::{Rate, poisson_mean};
 use servotwin::flight::judge::{FlightMetrics, Latency, STRONG};
@@ -597,58 +596,6 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
     }
 }
 
-/// The finding for the first screen: one sentence about the hardest setting.
-pub(super) fn finding(results: &FlightResults, words: &Vocabulary) -> Option<String> {
-    let metrics = results.judged().last()?;
-    let (unit, run) = (words.unit(), words.run());
-    let all = lines::in_flight(metrics, words).into_iter().take(2);
-    let mut parts: Vec<String> = all
-        .map(|(title, own)| format!("{title} in {} of all {}", rate(Some(own)), own.of))
-        .collect();
-    let in_time = metrics.rates.of(&measure::ISOLATED_IN_TIME);
-    if in_time.of > 0 {
-        parts.push(format!(
-            "{} of the visible {} faults of intensity {STRONG} and more are isolated within {} s",
-            rate(Some(in_time)),
-            words.off(),
-            chosen(metrics.limit_s)
-        ));
-    }
-    let wrong = metrics.rates.of(&measure::WRONG_SHUTDOWN);
-    if wrong.of > 0 {
-        parts.push(format!(
-            "the wrong {unit} is {} in {} of {} {run}s ({})",
-            words.switched_off(),
-            wrong.count,
-            wrong.of,
-            at_most(wrong)
-        ));
-    }
-    let unseen = results.unseen_in(&metrics.group.scenario);
-    if let Some((wrong, of)) = unseen.map(|unseen| unseen.shutdowns_behind_wrong_sensor())
-        && words.has_off()
-        && of > 0
-    {
-        parts.push(format!(
-            "a healthy {unit} is {} behind a wrong boundary sensor in {wrong} of {of} {run}s",
-            words.switched_off()
-        ));
-    }
-    if metrics.healthy.hours > 0.0 {
-        parts.push(format!("false alarms are {}", lines::alarms_in_words(&metrics.healthy)));
-    }
-    (!parts.is_empty()).then(|| {
-        let other_plants: String =
-            results.of_other_plants().map(|metrics| of_other_plant(metrics, words)).collect();
-        format!(
-            "In {run}s in which a fault begins, setting {}, {}.{}",
-            metrics.title(),
-            parts.join("; "),
-            other_plants
-        )
-    })
-}
-
 /// A sentence on twins that are fitted to such plants; empty if there are none.
 fn fitted_plants(results: &FlightResults) -> String {
     let fitted = results.of_suite(OTHER_STRUCTURE_FITTED).find_map(|metrics| metrics.calibration);
@@ -660,36 +607,6 @@ fn fitted_plants(results: &FlightResults) -> String {
          of {flown} fits left a deviation that nothing unknown explains, and {rejected} records were rejected, so \
          that their twins stayed nominal."
     )
-}
-
-/// A sentence on plants that differ from their twin in structure.
-fn of_other_plant(metrics: &FlightMetrics, words: &Vocabulary) -> String {
-    let healthy = &metrics.healthy;
-    let [strong, wrong] = [&measure::RIGHT_ACTION_OF_STRONG, &measure::WRONG_SHUTDOWN]
-        .map(|measure| metrics.rates.of(measure));
-    let (unit, run, off) = (words.unit(), words.run(), words.switched_off());
-    let mut parts = vec![format!(
-        "{} false alarms in {:.1} healthy hours (95 %: at most {} per hour)",
-        healthy.alarms,
-        healthy.hours,
-        number(healthy.alarms_per_h_upper)
-    )];
-    parts.push(by_environment(healthy.environments));
-    let [flown, alarmed] = healthy.flights;
-    parts.push(format!("{alarmed} of {flown} healthy {run}s have an alarm"));
-    if words.has_off() {
-        let shutdowns = healthy.shutdowns;
-        parts.push(format!("a healthy {unit} is {off} {shutdowns} times with nothing wrong"));
-    }
-    if wrong.of > 0 {
-        let Rate { count, of, .. } = wrong;
-        parts.push(format!("the wrong {unit} is {off} in {count} of {of} {run}s"));
-    }
-    parts.push(format!(
-        "{} visible faults of intensity {STRONG} and more get the right action",
-        rate(Some(strong))
-    ));
-    format!(" In plants that are not their twin, {}: {}.", metrics.title(), parts.join("; "))
 }
 
 #[cfg(test)]

@@ -103,7 +103,7 @@ fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
 }
 
 /// Describes the gain from the sensor.
-pub(super) fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
+fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
     let (first, second) = (before.end_to_end, after.end_to_end);
     let overlap = match first.zip(second) {
         Some((first, second)) => first.low <= second.high && second.low <= first.high,

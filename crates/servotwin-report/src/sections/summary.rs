@@ -1,6 +1,7 @@
-//! The results on one screen: the findings in one sentence each, the settings side by side, and
+//! The results on one screen: the limits that are missed, the settings side by side, and
 //! separately the comparison with the seed paper.
 
+use super::flights;
 use crate::Material;
 use crate::lines::{self, OF_PAPER};
 use crate::page::{Alignment, HtmlTable, Page};
@@ -23,13 +24,11 @@ pub fn write(material: &Material, page: &mut Page) {
     let (study, words) = (material.study, &material.words());
     page.text(&format!(
         "The virtual twin ({}) is compared with plants that have one of {} faults each, in {} \
-             operating cases. Setting “{}”, intervals are 95 %:",
+             operating cases. Intervals are 95 %.",
         study.system.title,
         study.faults.len(),
         study.cases.len(),
-        hardest.title,
     ));
-    page.findings(&super::findings::all(material, hardest, words));
     page.table(&side_by_side(&settings, words), &format!(
             "{} Intervals are from drawing kinds of fault at their intensities, because rows of one are not \
              independent; those of healthy specimens, and above of single kinds, are Wilson's. In shaded \
@@ -46,9 +45,11 @@ pub fn write(material: &Material, page: &mut Page) {
                 false => String::new(),
             }
         ));
-    let more = more(&hardest.evaluation, words);
-    if !more.is_empty() {
-        page.findings(&more);
+    if let Some(results) = material.flights {
+        page.note(&missed_limits(&flights::limits(study, results, words)));
+    }
+    if let Some(remark) = beyond_sensors(&hardest.evaluation, words) {
+        page.note(&remark);
     }
     page.note(&bands_in_use(&settings, words));
     if let Some(remark) = tripping(material) {
@@ -76,25 +77,26 @@ fn held_out(evaluation: &Evaluation) -> &'static str {
     }
 }
 
-/// The errors that no training removes.
-fn more(evaluation: &Evaluation, words: &Vocabulary) -> Vec<(String, String)> {
-    let mut list = vec![];
-    let mut push = |about: &str, text: String| list.push((about.to_owned(), text));
-    if let Some((trees, committee)) =
-        evaluation.flips.as_ref().filter(|flips| flips.0.action.of > 0)
-    {
-        push(
-            "What sensors cannot show",
-            format!(
-                "Moved within the uncertainty of their windows, {} of the trees' answers about {} change, \
-                 and {} of the committee's.",
-                rate(Some(trees.action)),
-                words.action(),
-                rate(Some(committee.action)),
-            ),
-        );
+/// Names the limits at work that are missed.
+fn missed_limits(limits: &[flights::Limit]) -> String {
+    let missed = limits.iter().filter(|limit| limit.is_missed());
+    let missed: Vec<String> = missed.map(flights::Limit::in_words).collect();
+    match missed.as_slice() {
+        [] => "None of the limits at work is missed for certain.".to_owned(),
+        missed => format!("Limits missed: {}.", missed.join("; ")),
     }
-    list
+}
+
+/// Reports the answers that no training makes certain.
+fn beyond_sensors(evaluation: &Evaluation, words: &Vocabulary) -> Option<String> {
+    let (trees, committee) = evaluation.flips.as_ref().filter(|flips| flips.0.action.of > 0)?;
+    Some(format!(
+        "What sensors cannot show: moved within the uncertainty of their windows, {} of the trees' answers about {} \
+         change, and {} of the committee's.",
+        rate(Some(trees.action)),
+        words.action(),
+        rate(Some(committee.action)),
+    ))
 }
 
 /// A table with measures in rows and settings in columns.

@@ -1,48 +1,30 @@
-//! Writes the watch as an MCAP file or live stream for Foxglove, Rerun and PlotJuggler.
+//! Writes the watch as an MCAP file for Foxglove, Rerun and PlotJuggler.
 //!
 //! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`. `/bands` and `/decisions` have a
 //! message for each change of a band or of the finding. Messages are JSON with a schema. The name of a number ends with
 //! its unit, and a missing value is null. Notices of a live watch (no data, heartbeats) are on `/watch`; while the
 //! source is silent, `/decisions` has the state `no_data`.
-//!
-//! A stream goes to a listening socket, without seeking. It is flushed with each decision and after each second of
-//! samples. If the connection is lost, the watch continues.
 
-mod live;
 pub mod recording;
 
-use super::{Lost, Sample, Scene, Sink, SinkError, Trace};
+use super::{Sample, Scene, Sink, SinkError, Trace};
 use crate::watchdog::{Notice, WatchEvent};
 use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, WriteOptions, Writer};
-use live::{Live, Loss};
 use serde_json::json;
 use servotwin::observer::Finding;
 use servotwin_io::files::{AtomicFile, FileError};
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::io::{self, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// The size of a chunk, bytes; readers load chunks whole.
 const CHUNK: u64 = 1 << 17;
 
-/// A stream is flushed after this much sample time, s.
-const FLUSH_S: f64 = 1.0;
-
-/// The prefix of socket targets.
-const TCP: &str = "tcp://";
-
-/// Writes an MCAP file or stream.
+/// Writes an MCAP file.
 pub struct Mcap {
     path: PathBuf,
-    writer: Writer<Target>,
-    /// For a stream: the reason of a lost connection, once lost.
-    loss: Option<Loss>,
-    /// Sample time of the last flush of a stream, s.
-    flushed_s: f64,
-    /// Samples since the last flush.
-    waiting: u64,
+    writer: Writer<AtomicFile>,
     inputs: Channel,
     measured: Channel,
     twin: Channel,
@@ -66,44 +48,13 @@ struct Channel {
     keys: Vec<String>,
 }
 
-/// The destination of an MCAP.
-enum Target {
-    File(AtomicFile),
-    Live(Live),
-}
-
 impl Mcap {
-    /// Begins a file, which appears when [`finish`](Self::finish)ed, or connects to `tcp://HOST:PORT`.
-    ///
-    /// # Errors
-    /// The file cannot be written, or no listener accepts the connection.
-    pub fn open(target: &Path, scene: &Scene) -> Result<Self, SinkError> {
-        let name = target.to_str().unwrap_or_default();
-        match name.strip_prefix(TCP) {
-            Some(address) => {
-                let live = Live::connect(address)?;
-                let loss = live.loss();
-                Ok(Mcap { loss: Some(loss), ..Self::begin(target, Target::Live(live), scene)? })
-            }
-            None if name.contains("://") => Err(SinkError::Target { given: name.into() }),
-            None => Self::create(target, scene),
-        }
-    }
-
     /// Begins a file; it appears when [`finish`](Self::finish)ed.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn create(path: &Path, scene: &Scene) -> Result<Self, SinkError> {
-        Self::begin(path, Target::File(AtomicFile::create(path)?), scene)
-    }
-
-    fn begin(path: &Path, target: Target, scene: &Scene) -> Result<Self, SinkError> {
         let failed = |error| sink_error(path, error);
         let library = concat!("servotwin ", env!("CARGO_PKG_VERSION"));
         let options = WriteOptions::new().library(library).chunk_size(Some(CHUNK));
-        let is_live = matches!(target, Target::Live(_));
-        let mut writer = options.disable_seeking(is_live).create(target).map_err(failed)?;
+        let mut writer = options.create(AtomicFile::create(path)?).map_err(failed)?;
         let si = |traces: &[Trace]| -> Vec<(String, String)> {
             let name = |trace: &Trace| match trace.id.ends_with(trace.unit.suffix()) {
                 true => trace.id.clone(),
@@ -132,9 +83,6 @@ impl Mcap {
         Ok(Mcap {
             path: path.into(),
             writer,
-            loss: None,
-            flushed_s: f64::NEG_INFINITY,
-            waiting: 0,
             inputs,
             measured,
             twin,
@@ -149,38 +97,10 @@ impl Mcap {
         })
     }
 
-    /// Completes the file and moves it into place, or ends the stream.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn finish(mut self) -> Result<Option<Lost>, SinkError> {
+    /// Completes the file and moves it into place.
+    pub fn finish(mut self) -> Result<(), SinkError> {
         self.writer.finish().map_err(|error| sink_error(&self.path, error))?;
-        let lost = self.lost();
-        match self.writer.into_inner() {
-            Target::File(file) => file.commit()?,
-            Target::Live(live) => live.end(),
-        }
-        Ok(lost)
-    }
-
-    /// The lost connection, if any.
-    pub fn lost(&self) -> Option<Lost> {
-        let reason = self.loss.as_ref()?.get()?.clone();
-        Some(Lost { target: self.path.display().to_string(), reason, unsent: self.waiting })
-    }
-
-    /// Flushes a stream when it is due.
-    fn stream(&mut self, sample: &Sample) -> Result<(), McapError> {
-        self.waiting += 1;
-        let age_s = sample.time_s - self.flushed_s;
-        // A clock that was set back does not delay the flush.
-        if sample.changed || !(0.0..FLUSH_S).contains(&age_s) {
-            self.writer.flush()?;
-            self.flushed_s = sample.time_s;
-            let is_lost = self.lost().is_some();
-            self.waiting *= u64::from(is_lost);
-        }
-        Ok(())
+        Ok(self.writer.into_inner().commit()?)
     }
 
     fn write(&mut self, sample: &Sample) -> Result<(), McapError> {
@@ -238,64 +158,28 @@ impl Mcap {
             WatchEvent::DataAgain => self.decide(now_s, &self.last_finding.clone())?,
             _ => {}
         }
-        if self.loss.is_some() { self.writer.flush() } else { Ok(()) }
+        Ok(())
     }
 }
 
 impl Sink for Mcap {
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
-        if self.lost().is_some() {
-            self.waiting += 1;
-            return Ok(());
-        }
-        let written = self.write(sample);
-        let streamed =
-            written.and_then(|()| if self.loss.is_some() { self.stream(sample) } else { Ok(()) });
-        streamed.map_err(|error| sink_error(&self.path, error))
+        self.write(sample).map_err(|error| sink_error(&self.path, error))
     }
 
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         self.write_notice(notice).map_err(|error| sink_error(&self.path, error))
     }
 
-    fn lost_connection(&self) -> Option<Lost> {
-        self.lost()
-    }
-
-    fn close(self: Box<Self>) -> Result<Option<Lost>, SinkError> {
+    fn close(self: Box<Self>) -> Result<(), SinkError> {
         self.finish()
-    }
-}
-
-impl io::Write for Target {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self {
-            Target::File(file) => file.write(bytes),
-            Target::Live(live) => live.write(bytes),
-        }
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        match self {
-            Target::File(file) => file.flush(),
-            Target::Live(live) => live.flush(),
-        }
-    }
-}
-
-impl Seek for Target {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        match self {
-            Target::File(file) => file.seek(to),
-            Target::Live(live) => live.seek(to),
-        }
     }
 }
 
 impl Channel {
     /// Creates a topic for numbers with units.
     fn new(
-        writer: &mut Writer<Target>,
+        writer: &mut Writer<AtomicFile>,
         topic: &str,
         names: &[(String, String)],
     ) -> Result<Self, McapError> {
@@ -310,7 +194,7 @@ impl Channel {
         Ok(Channel { id, sequence: 0, keys: keys.collect() })
     }
 
-    fn decisions(writer: &mut Writer<Target>) -> Result<Self, McapError> {
+    fn decisions(writer: &mut Writer<AtomicFile>) -> Result<Self, McapError> {
         let text = json!({ "type": "string" });
         let properties = json!({
             "time_s": { "type": "number", "description": "s" },
@@ -328,7 +212,7 @@ impl Channel {
         Ok(Channel { id, sequence: 0, keys: vec![] })
     }
 
-    fn notices(writer: &mut Writer<Target>) -> Result<Self, McapError> {
+    fn notices(writer: &mut Writer<AtomicFile>) -> Result<Self, McapError> {
         let text = json!({ "type": "string" });
         let properties = json!({
             "event": text,
@@ -360,7 +244,7 @@ impl Channel {
 
     fn send(
         &mut self,
-        writer: &mut Writer<Target>,
+        writer: &mut Writer<AtomicFile>,
         time_s: f64,
         text: &str,
     ) -> Result<(), McapError> {
@@ -378,7 +262,7 @@ impl Channel {
 }
 
 fn channel_id(
-    writer: &mut Writer<Target>,
+    writer: &mut Writer<AtomicFile>,
     topic: &str,
     properties: serde_json::Map<String, serde_json::Value>,
 ) -> Result<u16, McapError> {

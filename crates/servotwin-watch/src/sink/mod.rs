@@ -42,24 +42,13 @@ pub trait Sink {
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
 
     /// Writes out buffered data.
-    ///
-    /// # Errors
-    /// It cannot be written.
     fn flush(&mut self) -> Result<(), SinkError> {
         Ok(())
     }
 
     /// Takes a notice that the watch reports besides the diagnosis.
-    ///
-    /// # Errors
-    /// It cannot be written.
     fn notice(&mut self, _notice: &Notice) -> Result<(), SinkError> {
         Ok(())
-    }
-
-    /// The lost connection of a sink that has one.
-    fn lost_connection(&self) -> Option<Lost> {
-        None
     }
 
     /// Name and reason of each failure since the last call that the watch survives.
@@ -72,25 +61,10 @@ pub trait Sink {
         vec![]
     }
 
-    /// Ends the output. A lost connection is not an error.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    fn close(mut self: Box<Self>) -> Result<Option<Lost>, SinkError> {
-        self.flush()?;
-        Ok(None)
+    /// Ends the output.
+    fn close(mut self: Box<Self>) -> Result<(), SinkError> {
+        self.flush()
     }
-}
-
-/// A connection that was lost.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Lost {
-    /// The destination.
-    pub target: String,
-    /// The reason.
-    pub reason: String,
-    /// How many samples were not sent.
-    pub unsent: u64,
 }
 
 /// Why a result cannot be written.
@@ -103,24 +77,18 @@ pub enum SinkError {
     /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Output(std::io::Error),
-    /// No listener accepts the stream.
-    #[error("tcp://{address}: nobody takes the stream: {cause}")]
-    Connection { address: String, cause: std::io::Error },
     /// An output whose writer is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },
-    /// A target that is neither a file nor a socket.
-    #[error("'{given}' is no target: a file or tcp://HOST:PORT is needed")]
-    Target { given: String },
 }
 
-/// Opens an MCAP file, or a stream to `tcp://HOST:PORT`.
+/// Opens an MCAP file.
 ///
 /// # Errors
 /// It cannot be opened; [`SinkError::Feature`] if the program is built without MCAP.
 #[cfg(feature = "mcap")]
-pub fn open_mcap(target: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
-    Ok(Box::new(mcap::Mcap::open(target, scene)?))
+pub fn open_mcap(path: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
+    Ok(Box::new(mcap::Mcap::create(path, scene)?))
 }
 
 /// Variant without the feature: always an error.
@@ -128,8 +96,8 @@ pub fn open_mcap(target: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, S
 /// # Errors
 /// [`SinkError::Feature`].
 #[cfg(not(feature = "mcap"))]
-pub fn open_mcap(target: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
-    Err(SinkError::Feature { what: target.display().to_string(), feature: "mcap" })
+pub fn open_mcap(path: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
+    Err(SinkError::Feature { what: path.display().to_string(), feature: "mcap" })
 }
 
 /// The signals of a watch, for sinks that display them.

@@ -6,7 +6,7 @@
 //!
 //! After a failure, a sink is reported as failed, and all its later messages count as lost.
 
-use super::{Lost, Sample, Sink, SinkError};
+use super::{Sample, Sink, SinkError};
 use crate::watchdog::{Notice, SinkLoss, WatchEvent};
 use servotwin::observer::{Finding, Observation};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -21,7 +21,7 @@ const WAITING: usize = 1024;
 /// The most waiting messages before samples without a change are dropped.
 const WAITING_SAMPLES: usize = WAITING / 2;
 
-/// How long a socket may take at the end for the waiting messages, and again for closing.
+/// How long standard output may take at the end for the waiting messages, and again for closing.
 const GRACE: Duration = Duration::from_secs(5);
 
 /// The behavior when a sink cannot keep up.
@@ -36,7 +36,7 @@ pub enum Delivery {
 /// How a sink is served.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SinkRules {
-    /// The file, socket or stream, for messages.
+    /// The file or stream, for messages.
     pub name: String,
     /// The behavior when it cannot keep up.
     pub delivery: Delivery,
@@ -51,7 +51,7 @@ pub struct SinkRules {
 pub enum SinkKind {
     /// A file, which must be complete: the end of the watch waits for it.
     File,
-    /// A socket or standard output.
+    /// Standard output.
     Stream,
     /// A terminal, which shows data that is stored elsewhere: its losses are not counted.
     Terminal,
@@ -130,8 +130,8 @@ struct Shared {
 /// Why a sink receives nothing any more.
 enum Fault {
     Error(SinkError),
-    /// The other end closed the connection, which is not a failure of the watch.
-    Connection(String),
+    /// At the end it takes nothing.
+    Stuck,
     /// Its thread ended early.
     Thread,
 }
@@ -140,7 +140,7 @@ impl Fault {
     fn words(&self) -> String {
         match self {
             Fault::Error(error) => error.to_string(),
-            Fault::Connection(reason) => format!("the connection is lost: {reason}"),
+            Fault::Stuck => "it takes nothing at the end".into(),
             Fault::Thread => "its thread has ended".into(),
         }
     }
@@ -202,7 +202,7 @@ impl SinkThreads {
         self.threads.push(SinkThread { rules, queue, shared, done, is_failure_told: false });
     }
 
-    /// Ends all outputs, and returns the losses of each. It waits for files; a socket gets a few seconds.
+    /// Ends all outputs, and returns the losses of each. It waits for files; standard output gets a few seconds.
     ///
     /// # Errors
     /// A sink failed, and the watch does not continue without it.
@@ -282,7 +282,7 @@ impl SinkThread {
         self.shared.is_abandoned.store(true, Ordering::Relaxed);
         if !has_ended(GRACE) {
             self.shared.lose(self.shared.waiting.load(Ordering::Relaxed) as u64);
-            self.shared.fail(Fault::Connection("it takes nothing at the end".into()));
+            self.shared.fail(Fault::Stuck);
         }
     }
 }
@@ -358,53 +358,29 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
             Some(sink) => give(&mut **sink, &message),
             None => {
                 shared.lose(u64::from(!matches!(message, Message::Flush(_))));
-                Delivered::Taken
+                Ok(())
             }
         };
-        match given {
-            Delivered::Taken => {}
-            Delivered::Failed(error) => {
-                sink = None;
-                shared.lose(1);
-                shared.fail(Fault::Error(error));
-            }
-            Delivered::Lost(lost) => {
-                sink = None;
-                shared.lose(lost.unsent);
-                shared.fail(Fault::Connection(lost.reason));
-            }
+        if let Err(error) = given {
+            sink = None;
+            shared.lose(1);
+            shared.fail(Fault::Error(error));
         }
         shared.waiting.fetch_sub(1, Ordering::Relaxed);
         if let Message::Flush(answer) = message {
             let _ = answer.send(());
         }
     }
-    match sink.filter(|_| !shared.is_cancelled.load(Ordering::Relaxed)).map(Sink::close) {
-        Some(Err(error)) => shared.fail(Fault::Error(error)),
-        Some(Ok(Some(lost))) => {
-            shared.lose(lost.unsent);
-            shared.fail(Fault::Connection(lost.reason));
-        }
-        Some(Ok(None)) | None => {}
+    let ended = sink.filter(|_| !shared.is_cancelled.load(Ordering::Relaxed)).map(Sink::close);
+    if let Some(Err(error)) = ended {
+        shared.fail(Fault::Error(error));
     }
 }
 
-/// The outcome of a message.
-enum Delivered {
-    Taken,
-    Failed(SinkError),
-    Lost(Lost),
-}
-
-fn give(sink: &mut dyn Sink, message: &Message) -> Delivered {
-    let given = match message {
+fn give(sink: &mut dyn Sink, message: &Message) -> Result<(), SinkError> {
+    match message {
         Message::Sample(sample) => sink.sample(&sample.borrow()),
         Message::Notice(notice) => sink.notice(notice),
         Message::Flush(_) => sink.flush(),
-    };
-    match (given, sink.lost_connection()) {
-        (Err(error), _) => Delivered::Failed(error),
-        (Ok(()), Some(lost)) => Delivered::Lost(lost),
-        (Ok(()), None) => Delivered::Taken,
     }
 }

@@ -22,8 +22,6 @@ use servotwin_watch::{
     Checkpoints, DiagnosisState, End, Finding, Observation, Observer, Phase, Watch, WatchError,
 };
 use sha2::{Digest, Sha256};
-use std::io::Read as _;
-use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -780,7 +778,7 @@ fn recorded(log: &Path, system: &System, path: &Path) -> Kept {
     let map = simple_map(system);
     let mut source = Address::File(log.to_path_buf()).open(map.wanted()).unwrap();
     let scene = Scene::new("a log", system, vec![], 0.01);
-    let mut mcap = Mcap::open(path, &scene).unwrap();
+    let mut mcap = Mcap::create(path, &scene).unwrap();
     let (mut fake, mut kept) = (Fake::default(), Kept::default());
     let mut watch = Watch::new(&mut *source, &map, &mut fake, 0.01);
     watch.sink(&mut kept);
@@ -836,85 +834,6 @@ fn messages(bytes: &[u8]) -> Vec<(String, u32, u64, Vec<u8>)> {
     let parts =
         |m: mcap::Message| (m.channel.topic.clone(), m.sequence, m.log_time, m.data.to_vec());
     stream.map(parts).collect()
-}
-
-#[test]
-fn a_socket_takes_the_messages_that_a_file_has() {
-    let folder = Folder::new("log-mcap-live");
-    let system = spring();
-    let log = folder.write("log.csv", episodes(1000));
-    let path = folder.0.join("flight.mcap");
-    recorded(&log, &system, &path);
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let target = PathBuf::from(format!("tcp://{}", listener.local_addr().unwrap()));
-    let received = std::thread::spawn(move || {
-        let mut bytes = vec![];
-        listener.accept().unwrap().0.read_to_end(&mut bytes).unwrap();
-        bytes
-    });
-    recorded(&log, &system, &target);
-    let (live, file) = (received.join().unwrap(), std::fs::read(&path).unwrap());
-    let (live, file) = (messages(&live), messages(&file));
-    assert!(live.len() > 4000 && live.iter().any(|(topic, ..)| topic == "/decisions"));
-    assert!(live == file, "{} and {} messages", live.len(), file.len());
-}
-
-/// One sample after the other, as a watch gives them.
-fn give(mcap: &mut Mcap, k: usize, changed: bool) {
-    let (inputs, sensors, finding) = ([0.5; 2], [1.0; 5], Finding::default());
-    let observation = Observation {
-        twin: &sensors,
-        residuals: &sensors,
-        bands: &[0.03; 5],
-        features: &[],
-        finding: &finding,
-    };
-    let (time_s, place) = (k as f64 * 0.01, 0);
-    let sample =
-        Sample { time_s, place, inputs: &inputs, measured: &sensors, observation, changed };
-    mcap.sample(&sample).unwrap();
-}
-
-#[test]
-fn a_stream_is_out_with_each_decision_and_a_lost_one_ends_nothing() {
-    let scene = Scene::new("a log", &spring(), vec![], 0.01);
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let target = PathBuf::from(format!("tcp://{}", listener.local_addr().unwrap()));
-    let mut mcap = Mcap::open(&target, &scene).unwrap();
-    let (mut socket, _) = listener.accept().unwrap();
-    socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
-    let mut read = Vec::new();
-    let mut until = |socket: &mut TcpStream, wanted: &str| {
-        let mut part = [0; 4096];
-        while !String::from_utf8_lossy(&read).contains(wanted) {
-            let count = socket.read(&mut part).unwrap();
-            assert!(count > 0, "the stream ends before {wanted}");
-            read.extend(&part[..count]);
-        }
-    };
-    // Nothing else pushes it out: the writer goes on only when it was read.
-    give(&mut mcap, 0, true);
-    until(&mut socket, "\"phase\":\"none\"");
-    give(&mut mcap, 1, false);
-    give(&mut mcap, 2, true);
-    until(&mut socket, "{\"time_s\":0.02,");
-    (3..=102).for_each(|k| give(&mut mcap, k, false));
-    until(&mut socket, "{\"time_s\":1.02,");
-    assert_eq!(mcap.lost(), None);
-    drop((socket, listener));
-    let mut given = 0_u64;
-    while mcap.lost().is_none() {
-        give(&mut mcap, 103 + given as usize, true);
-        given += 1;
-        assert!(given < 100_000, "nobody reads, and nothing is lost");
-    }
-    let before = mcap.lost().unwrap().unsent;
-    assert!(before >= 1 && before <= given, "{before} of {given}");
-    (0..50).for_each(|_| give(&mut mcap, 5000, false));
-    let lost = mcap.finish().unwrap().expect("it was lost");
-    assert_eq!((lost.target, lost.unsent), (target.display().to_string(), before + 50));
-    // Where nobody listens nothing begins.
-    assert!(matches!(Mcap::open(&target, &scene), Err(SinkError::Connection { .. })));
 }
 
 /// What the library of another language has written, packed in both ways.
@@ -1137,8 +1056,18 @@ fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
     let folder = Folder::new("log-mcap-notices");
     let scene = Scene::new("a log", &spring(), vec![], 0.01);
     let [path, unfinished] = ["a.mcap", "b.mcap"].map(|name| folder.0.join(name));
-    let mut mcap = Mcap::open(&path, &scene).unwrap();
-    give(&mut mcap, 0, true);
+    let mut mcap = Mcap::create(&path, &scene).unwrap();
+    let (values, finding) = ([0.5; 7], Finding::default());
+    let observation = Observation {
+        twin: &values[2..],
+        residuals: &values[2..],
+        bands: &[0.03; 5],
+        features: &[],
+        finding: &finding,
+    };
+    let (inputs, measured) = values.split_at(2);
+    let first = Sample { time_s: 0.0, place: 0, inputs, measured, observation, changed: true };
+    mcap.sample(&first).unwrap();
     let notice = |event, state| Notice {
         event,
         wall_time: "2026-11-25T17:05:37.123Z".into(),
@@ -1164,7 +1093,7 @@ fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
     assert_eq!(events, ["no_data", "data_again"]);
     // A watch that ends with an error leaves no file that looks complete.
     let mut threads = SinkThreads::new(false);
-    let mcap = Mcap::open(&unfinished, &scene).unwrap();
+    let mcap = Mcap::create(&unfinished, &scene).unwrap();
     threads.add(rules("b", Delivery::Wait), Box::new(mcap));
     drop(threads);
     assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 1);

@@ -48,10 +48,9 @@ impl Outputs {
         let is_live = address.is_live();
         let bar = bar(global, is_live);
         let mut threads = SinkThreads::new(is_live);
-        // A file or the writer of standard input can wait for slow outputs. A live source must not wait for a
-        // listener at a socket.
+        // A file or the writer of standard input can wait for slow outputs, but for no terminal.
         let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
-        let socket_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
+        let terminal_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
         let rules = |name: &str, delivery, only_changes, kind| SinkRules {
             name: name.into(),
             delivery,
@@ -59,15 +58,13 @@ impl Outputs {
             kind,
         };
         let terminal = Terminal { bar: bar.clone(), is_live, global };
-        threads
-            .add(rules("terminal", socket_delivery, false, SinkKind::Terminal), Box::new(terminal));
-        for target in &options.mcap {
-            let (name, is_socket) = (target.to_string_lossy(), is_socket(target));
-            let (delivery, kind) = match is_socket {
-                true => (socket_delivery, SinkKind::Stream),
-                false => (file_delivery, SinkKind::File),
-            };
-            threads.add(rules(&name, delivery, false, kind), open_mcap(target, &scene)?);
+        threads.add(
+            rules("terminal", terminal_delivery, false, SinkKind::Terminal),
+            Box::new(terminal),
+        );
+        if let Some(path) = &options.mcap {
+            let rules = rules(&path.to_string_lossy(), file_delivery, false, SinkKind::File);
+            threads.add(rules, open_mcap(path, &scene)?);
         }
         if let Some(path) = &options.events {
             let events = Box::new(Events::to_file(events_file(path, resumed)?, path));
@@ -121,11 +118,6 @@ impl Outputs {
         }
         Ok((Totals { counts, silences, losses }, self.shown))
     }
-}
-
-/// Whether a target of `--mcap` is a socket.
-fn is_socket(target: &Path) -> bool {
-    target.to_string_lossy().contains("://")
 }
 
 /// The outputs that stay in memory until the end.

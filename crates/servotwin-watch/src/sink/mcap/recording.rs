@@ -1,6 +1,6 @@
 //! Writes a finished recording as an MCAP file: topics of numbers with a message for each sample, and topics of JSON.
 
-use super::{Channel, Target, channel_id, sink_error};
+use super::{Channel, channel_id, sink_error};
 use crate::sink::SinkError;
 use ::mcap::{McapError, WriteOptions, Writer};
 use servotwin_io::files::AtomicFile;
@@ -28,7 +28,7 @@ pub struct Note {
 /// A recording that is written sample by sample.
 pub struct Recording<'p> {
     path: &'p Path,
-    writer: Writer<Target>,
+    writer: Writer<AtomicFile>,
     topics: Vec<Channel>,
     notes: BTreeMap<&'static str, Channel>,
     text: String,
@@ -36,24 +36,17 @@ pub struct Recording<'p> {
 
 impl<'p> Recording<'p> {
     /// Begins a file, which appears when [`finish`](Self::finish)ed.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn create(path: &'p Path, topics: &[Topic]) -> Result<Self, SinkError> {
         let failed = |error| sink_error(path, error);
-        let target = Target::File(AtomicFile::create(path)?);
         let library = concat!("servotwin ", env!("CARGO_PKG_VERSION"));
         let options = WriteOptions::new().library(library).chunk_size(Some(super::CHUNK));
-        let mut writer = options.create(target).map_err(failed)?;
+        let mut writer = options.create(AtomicFile::create(path)?).map_err(failed)?;
         let channels = topics.iter().map(|t| Channel::new(&mut writer, &t.name, &t.numbers));
         let topics = channels.collect::<Result<_, _>>().map_err(failed)?;
         Ok(Recording { path, writer, topics, notes: BTreeMap::new(), text: String::new() })
     }
 
     /// Writes one sample: for each topic its values; NaN becomes null.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn sample(&mut self, time_s: f64, values: &[Vec<f64>]) -> Result<(), SinkError> {
         for (topic, values) in self.topics.iter_mut().zip(values) {
             topic.numbers(time_s, values, &mut self.text);
@@ -64,9 +57,6 @@ impl<'p> Recording<'p> {
     }
 
     /// Writes a message of JSON; its topic appears with the first one.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn note(&mut self, note: &Note) -> Result<(), SinkError> {
         self.write_note(note).map_err(|error| sink_error(self.path, error))
     }
@@ -81,17 +71,8 @@ impl<'p> Recording<'p> {
     }
 
     /// Completes the file and moves it into place.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub fn finish(mut self) -> Result<(), SinkError> {
         self.writer.finish().map_err(|error| sink_error(self.path, error))?;
-        match self.writer.into_inner() {
-            Target::File(file) => Ok(file.commit()?),
-            Target::Live(live) => {
-                live.end();
-                Ok(())
-            }
-        }
+        Ok(self.writer.into_inner().commit()?)
     }
 }
