@@ -66,7 +66,11 @@ fn hours(text: &str) -> Result<f64, String> {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = ExportFolder::new(&options.folder);
-    let description = folder.description()?;
+    let description = folder.description();
+    if !matches!(description, Err(ExportError::NoExport(_))) {
+        folder.forget_certificate()?;
+    }
+    let description = description?;
     let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
     let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
     let builds = match &options.compiler {
@@ -92,7 +96,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let twin = twin.transpose()?;
     let place = study.as_ref().map(|(_, place)| place.as_path());
     let whole = (&*diagnoser, file.as_path());
-    folder.forget_certificate()?;
     let compared = folder.compare(&description, whole, twin.as_ref().zip(place))?;
     let (mut evidence, mut single) = (vec![], None);
     if compared.differences.is_empty() {
