@@ -49,7 +49,7 @@ pub fn read(path: &Path) -> Result<Texts, SafetyError> {
 /// The file cannot be written.
 pub fn write(path: &Path, sheet: &FmeaSheet) -> Result<(), SafetyError> {
     match format_of(path)? {
-        SheetFormat::Csv => Ok(csv::write_separated(path, &sheet.table()?, sheet.separator)?),
+        SheetFormat::Csv => Ok(csv::write_sheet(path, &sheet.table()?, sheet.separator)?),
         SheetFormat::Xlsx => xlsx::write(path, sheet),
     }
 }
