@@ -268,7 +268,7 @@ impl Diagnoser {
         Ok(self.session.release(unit).map_err(Failure::from)?)
     }
 
-    /// Withdraw everything that was raised. All is judged anew: a fault that lasts is raised again.
+    /// Withdraw everything that was raised. All is judged anew, also a fault that lasts.
     fn reset_alarm(&mut self) {
         self.session.reset_alarm();
     }

@@ -30,6 +30,7 @@ use commands::{
 use failure::Failure;
 use paths::Paths;
 use servotwin::compiled::{self, Policy};
+use servotwin::sanitize;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
@@ -223,7 +224,9 @@ fn main() -> ExitCode {
                 let _ = print(output);
             }
             // If standard error is closed too, there is no way to report that.
-            let _ = writeln!(out::stderr(), "{failure}");
+            for line in failure.to_string().lines() {
+                let _ = writeln!(out::stderr(), "{}", sanitize::clip(line.into()));
+            }
             ExitCode::from(failure.exit_code())
         }
     }

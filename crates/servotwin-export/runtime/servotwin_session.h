@@ -139,7 +139,7 @@ bool servotwin_session_switched_on(servotwin_session *session, int32_t actuator)
 /* An actuator is on and judged again, and what was raised for it is withdrawn. */
 bool servotwin_session_release(servotwin_session *session, int32_t actuator);
 
-/* Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again. */
+/* Withdraws everything that was raised. All is judged anew, also a fault that lasts. */
 void servotwin_session_reset_alarm(servotwin_session *session);
 
 /* Stops or resumes judging an actuator that is on. */

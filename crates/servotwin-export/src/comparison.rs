@@ -3,6 +3,7 @@
 use crate::description::{DESCRIPTION, Description};
 use crate::prove::RowDifference;
 use crate::source_file::SourceFile;
+use servotwin_io::sanitize;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The SHA-256 of files, by name.
@@ -60,15 +61,20 @@ impl FolderComparison {
     /// Compares the text of a file line by line.
     pub(crate) fn file(&mut self, right: &SourceFile, text: String) {
         if text != right.text {
-            let same = text.lines().zip(right.text.lines()).take_while(|(a, b)| a == b);
-            let line = same.count();
-            let shown = |text: &str| match text.lines().nth(line) {
-                Some(line) => format!("'{}'", line.trim().chars().take(80).collect::<String>()),
+            let pairs = text.split('\n').zip(right.text.split('\n'));
+            let line = pairs.take_while(|(a, b)| a == b).count();
+            let pair = [&text, &right.text].map(|text| text.split('\n').nth(line));
+            let (said, wanted) = (pair[0].unwrap_or_default(), pair[1].unwrap_or_default());
+            let same = said.chars().zip(wanted.chars()).take_while(|(a, b)| a == b).count();
+            let shown = pair.map(|line| match line {
+                Some(line) => {
+                    let part: String = line.chars().skip(same.saturating_sub(20)).collect();
+                    format!("'{}'", sanitize::text(&part))
+                }
                 None => "nothing".into(),
-            };
-            let (said, wanted) = (shown(&text), shown(&right.text));
+            });
             let place = format!("{}, line {}", right.name, line + 1);
-            self.differ(&place, &format!("{said} instead of {wanted}"));
+            self.differ(&place, &format!("{} instead of {}", shown[0], shown[1]));
         }
         self.files.push(SourceFile { name: right.name, text });
     }

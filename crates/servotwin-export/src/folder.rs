@@ -9,7 +9,7 @@ use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_io::files::{create_folder, read_text, write_atomically};
+use servotwin_io::files::{create_folder, read_bytes, read_text, write_atomically};
 use servotwin_io::manifest::sha256;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -97,10 +97,11 @@ impl ExportFolder {
         }
         self.forget_certificate()?;
         create_folder(&self.path)?;
+        // First: a folder that names itself an export can be written again after a failure.
+        self.write_json(DESCRIPTION, &description)?;
         for SourceFile { name, text } in &files {
             write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
         }
-        self.write_json(DESCRIPTION, &description)?;
         Ok(description)
     }
 
@@ -148,8 +149,9 @@ impl ExportFolder {
         let (files, right) = export(diagnoser, file, twin)?;
         compared.description(exported, &right);
         for right in &files {
-            match read_text(self.file(right.name)) {
-                Ok(text) => compared.file(right, text),
+            // Also a byte order mark is a difference.
+            match read_bytes(self.file(right.name)) {
+                Ok(bytes) => compared.file(right, String::from_utf8_lossy(&bytes).into_owned()),
                 Err(error) => compared.differ(right.name, &error.to_string()),
             }
         }

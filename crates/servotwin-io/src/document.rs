@@ -11,6 +11,7 @@
 //!    = nearest: 'orifice'
 //! ```
 
+use crate::sanitize;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -205,8 +206,8 @@ impl Diagnostic {
             width: text[start..stop].chars().count().max(1),
             source: line.skip(skipped).take(MAX_EXCERPT).collect(),
             skipped,
-            message: clip(mistake.to_string()),
-            help: mistake.help().map(clip),
+            message: sanitize::clip(mistake.to_string()),
+            help: mistake.help().map(sanitize::clip),
             range: mistake.range(),
             allowed: mistake.allowed(),
         }
@@ -221,15 +222,6 @@ fn floor(text: &str, byte: usize) -> usize {
 
 /// The most characters of a source line in a message.
 const MAX_EXCERPT: usize = 100;
-/// The most characters of a message or of advice. A name in the file may be as long as the file.
-const MAX_MESSAGE: usize = 2000;
-
-fn clip(text: String) -> String {
-    match text.char_indices().nth(MAX_MESSAGE) {
-        Some((end, _)) => format!("{} …", &text[..end]),
-        None => text,
-    }
-}
 
 impl Diagnostic {
     /// Writes the message with its source line.

@@ -36,6 +36,17 @@ pub fn list<T: AsRef<str>>(names: &[T]) -> String {
     }
 }
 
+/// The most characters of a line of a message. A name in a file may be as long as the file.
+const MESSAGE: usize = 2000;
+
+/// The beginning of a line of a message.
+pub fn clip(text: String) -> String {
+    match text.char_indices().nth(MESSAGE) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None => text,
+    }
+}
+
 /// Whether a terminal acts on a character instead of showing it. These are control characters (C0 except newline and
 /// tab, C1, delete), and those that change the writing direction.
 fn is_active(character: char) -> bool {

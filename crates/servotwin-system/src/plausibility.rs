@@ -67,13 +67,26 @@ fn parameter(instance: &Instance, name: &str) -> Option<f64> {
     Some(instance.parameters[instance.component.spec().parameter(name)?])
 }
 
-/// What is wrong with the relief valves of a pump: one is reversed, one opens below the pressure that a compensated pump
+fn is_tank(network: &Network, at: &PortOf) -> bool {
+    network.components[at.component].component.spec().kind == "tank"
+}
+
+/// What is wrong with a pump and its relief valves: one is reversed, one opens below the pressure that a compensated pump
 /// holds, or a pump of constant displacement would reach a pressure beyond the model if its flow had no way out.
 fn relief_of_pump(network: &Network, component: usize) -> Vec<String> {
     let instance = &network.components[component];
     let (spec, id) = (instance.component.spec(), &instance.id);
     let Some(port) = spec.port("outlet") else { return vec![] };
-    let reached = reached(network, PortOf { component, port }, passes);
+    let from = PortOf { component, port };
+    if let Some(tank) =
+        reached(network, from, |_, _, _| false).iter().find(|at| is_tank(network, at))
+    {
+        let tank = &network.components[tank.component].id;
+        return vec![format!(
+            "the pump '{id}' is reversed: its outlet is at the tank '{tank}'; exchange '{id}.inlet' and '{id}.outlet'"
+        )];
+    }
+    let reached = reached(network, from, passes);
     let at = |kind: &str, port: &str| -> Vec<&Instance> {
         let own = reached.iter().map(|at| (&network.components[at.component], at.port));
         let own = own.filter(|(found, own)| {
@@ -151,9 +164,8 @@ fn sensors_without_head_room(network: &Network, component: usize) -> Vec<String>
         }
     }
     let is_at_tank = |at: &&PortOf| {
-        let is_tank =
-            |at: &PortOf| network.components[at.component].component.spec().kind == "tank";
-        network.connections.iter().any(|ports| ports.contains(at) && ports.iter().any(is_tank))
+        let joined = network.connections.iter().filter(|ports| ports.contains(at));
+        joined.flatten().any(|at| is_tank(network, at))
     };
     let from = PortOf { component, port };
     let reached = reached(network, from, |spec, entered, left| {

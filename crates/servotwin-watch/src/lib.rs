@@ -67,6 +67,9 @@ struct Progress {
     place: u64,
     /// How many rows were read, including flawed ones.
     rows: u64,
+    /// The values of the row at this place, by which a resumed watch knows its file.
+    #[serde(with = "bits::many")]
+    last_row: Vec<f64>,
     sequencer: Sequencer,
     counts: WatchCounts,
     /// For each channel, the last value and its age in periods.
@@ -129,6 +132,7 @@ impl<'w> Watch<'w> {
         let progress = Progress {
             place: 0,
             rows: 0,
+            last_row: vec![],
             sequencer: Sequencer::new(period_s, width, map.rules),
             counts: WatchCounts::new(source.counted(), width),
             held: vec![f64::NAN; width],
@@ -200,17 +204,24 @@ impl<'w> Watch<'w> {
     /// Resumes from a checkpoint. A file is read up to its row; a stream continues with the next data.
     ///
     /// # Errors
-    /// The checkpoint belongs to another map or cannot be used, or the file is shorter.
+    /// The checkpoint belongs to another map or log or cannot be used, or the file is shorter.
     pub fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), WatchError> {
         let (map, period_s, counted) = (self.map, self.period_s, self.source.counted());
         self.progress = checkpoint.progress(&Expected { map, period_s, counted })?;
         self.observer.restore(&checkpoint.observer).map_err(CheckpointError::Observer)?;
         let last = self.progress.place;
-        let mut row = LogRow::default();
+        let (mut row, mut place, mut last_row) = (LogRow::default(), 0, vec![]);
         while !self.source.is_live() && row.place < last {
-            if self.source.read(&mut row)? == Read::End {
-                return Err(CheckpointError::ShortLog { needed: last }.into());
+            match self.source.read(&mut row)? {
+                Read::End => return Err(CheckpointError::ShortLog { needed: last }.into()),
+                Read::Row if row.place != place => last_row.clone_from(&row.values),
+                _ => {}
             }
+            place = row.place;
+        }
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        if !self.source.is_live() && bits(&last_row) != bits(&self.progress.last_row) {
+            return Err(CheckpointError::Other { what: "log" }.into());
         }
         if self.source.is_live() {
             // Lines of a live source are counted anew.
@@ -219,7 +230,7 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
+    /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
     pub fn reset_alarm(&mut self) {
         self.observer.reset_alarm();
     }
@@ -282,6 +293,9 @@ impl<'w> Watch<'w> {
         match read {
             Read::Row => {
                 let sample = self.map.sample(row, progress.rows);
+                if row.place != progress.place {
+                    progress.last_row.clone_from(&row.values);
+                }
                 progress.begin(row.place);
                 if row.bad > 0 {
                     let detail = row.bad_in_words(self.map.wanted());

@@ -91,7 +91,7 @@ impl<'s> Monitor<'s> {
         self.watcher.restart();
     }
 
-    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
+    /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
     pub fn reset_alarm(&mut self) {
         self.watcher.reset_alarm();
     }

@@ -12,7 +12,7 @@ pub trait Observer {
     /// one.
     fn restart(&mut self);
 
-    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
+    /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
     fn reset_alarm(&mut self) {}
 
     /// Saves the complete state.

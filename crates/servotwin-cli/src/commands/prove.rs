@@ -56,7 +56,11 @@ fn hours(text: &str) -> Result<f64, String> {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = ExportFolder::new(&options.folder);
-    let description = folder.description()?;
+    let description = folder.description();
+    if !matches!(description, Err(ExportError::NoExport(_))) {
+        folder.forget_certificate()?;
+    }
+    let description = description?;
     let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
     let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
     let builds = match &options.compiler {
@@ -70,7 +74,6 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = find_study(Some(&place))?;
     let twin =
         twin_of(&study, &diagnoser, description.twin.has_fixed_step).map_err(unfit(&file))?;
-    folder.forget_certificate()?;
     let compared = folder.compare(&description, (&diagnoser, &file), (&twin, &place))?;
     let mut evidence = vec![];
     if compared.differences.is_empty() {

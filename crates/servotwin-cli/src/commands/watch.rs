@@ -62,8 +62,8 @@ pub struct Options {
     /// Continue from the checkpoint.
     #[arg(long, requires = "checkpoint")]
     resume: bool,
-    /// Withdraw the actions that stand before continuing from the checkpoint. All is judged anew: a fault that lasts is
-    /// raised again.
+    /// Withdraw the actions that stand before continuing from the checkpoint. All is judged anew, also a fault that
+    /// lasts.
     #[arg(long, requires = "resume")]
     reset: bool,
     /// For a live source: report missing data when the source or a column sends nothing for this time, by the wall

@@ -301,16 +301,21 @@ fn what_is_no_export_is_named() {
         fs::write(&description, other.to_string()).unwrap();
         assert_not_proven(&["prove", &out], place);
     }
-    fs::write(&description, whole).unwrap();
+    // A description that cannot be read leaves no certificate of an earlier one.
     let (own, proof) =
         (Path::new(&out).join("servotwin_tables.c"), Path::new(&out).join("proof.json"));
+    assert!(proof.exists());
+    fs::write(&description, &whole[1..]).unwrap();
+    assert!(fails(&["prove", &out], 2).contains("this describes no export"));
+    assert!(!proof.exists());
+    fs::write(&description, whole).unwrap();
     let swapped = fs::read_to_string(&own).unwrap().replace("\"shut_down\"", "\"warning\"");
     fs::write(&own, swapped).unwrap();
     for quiet in [&[][..], &["--quiet"]] {
         let failed = servotwin(&[&["prove", &out], quiet].concat());
         assert_eq!(failed.status.code(), Some(1));
         assert!(stdout(&failed).contains("NOT PROVEN: the folder"), "{}", stdout(&failed));
-        let is_named = stdout(&failed).contains("'\"warning\"");
+        let is_named = stdout(&failed).contains("\"warning\",' instead of");
         assert!(is_named || !quiet.is_empty(), "{}", stdout(&failed));
         assert!(fs::read_to_string(&proof).unwrap().contains("\"holds\": false"));
     }

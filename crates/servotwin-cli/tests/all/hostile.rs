@@ -38,6 +38,20 @@ fn fails(arguments: &[&str]) -> String {
 }
 
 #[test]
+fn a_message_about_a_long_text_is_short() {
+    let folder = Folder::new("hostile-long");
+    let model = folder.file("long.json");
+    fs::write(&model, format!("\"{}\"", "x".repeat(1_000_000))).unwrap();
+    let message = fails(&["export", "c", "--model", &model, "--out", &folder.file("export")]);
+    assert!(message.contains("no model of servotwin: invalid type: string"), "{message}");
+    assert!(message.len() < 5000, "{}", message.len());
+    let log = folder.file("long.csv");
+    fs::write(&log, format!("\n{}", ",".repeat(1_100_000))).unwrap();
+    let message = fails(&["watch", &log]);
+    assert!(message.contains("line 2 is longer than 1 MiB"), "{message}");
+}
+
+#[test]
 fn labels_and_columns_of_a_hostile_table_are_printed_escaped() {
     let folder = Folder::new("hostile-table");
     let table = folder.file("table.csv");

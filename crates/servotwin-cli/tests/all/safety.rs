@@ -230,6 +230,7 @@ fn a_spreadsheet_that_only_saves_the_sheet_makes_no_cell_a_persons() {
         let _ = fs::remove_file(&sheet);
         succeeds(&["fmea", "press_axis", "--rates", &rates, "--out", &sheet]);
         let text = fs::read_to_string(&sheet).unwrap();
+        assert!(text.starts_with("\u{feff}fault,"), "a spreadsheet reads UTF-8");
         for formula in ["'=HYPERLINK", "'+49", "'@handbook", "'-1+2"] {
             assert!(text.contains(&format!("\"{formula}")), "{formula} may be computed");
         }

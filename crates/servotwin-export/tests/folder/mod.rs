@@ -61,6 +61,8 @@ fn every_change_of_a_folder_is_named() {
         ("servotwin_hybrid.c", "[parameter] = value", "[parameter] = -value"),
         ("main.c", "COLUMNS)", "COLUMNS - 1)"),
         ("servotwin_equations.h", "/* x^exponent", "/* x^ exponent"),
+        ("servotwin_exact.h", "/*", "\u{feff}/*"),
+        ("servotwin_math.h", "\n", "\r\n"),
     ];
     for (name, old, new) in changes {
         change(&path(name), old, new);
@@ -107,4 +109,14 @@ fn an_export_that_cannot_be_read_or_keeps_a_certificate_is_not_replaced() {
     fs::write(path("export.json"), text).unwrap();
     assert!(again().is_ok());
     assert_ne!(fs::read_to_string(path("main.c")).unwrap(), "mine");
+    // After a failure on the way the folder names itself what was begun, and can be written again.
+    let mut earlier = folder.description().unwrap();
+    earlier.version = "0".into();
+    fs::write(path("export.json"), serde_json::to_string(&earlier).unwrap()).unwrap();
+    fs::remove_file(path("main.c")).unwrap();
+    fs::create_dir(path("main.c")).unwrap();
+    assert!(again().unwrap_err().contains("main.c"));
+    assert_ne!(folder.description().unwrap().version, "0");
+    fs::remove_dir(path("main.c")).unwrap();
+    assert!(again().is_ok());
 }

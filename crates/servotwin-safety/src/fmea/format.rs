@@ -46,7 +46,7 @@ pub fn read(path: &Path) -> Result<Texts, SafetyError> {
 /// Writes a sheet atomically.
 pub fn write(path: &Path, sheet: &FmeaSheet) -> Result<(), SafetyError> {
     match format_of(path)? {
-        SheetFormat::Csv => Ok(csv::write_separated(path, &sheet.table()?, sheet.separator)?),
+        SheetFormat::Csv => Ok(csv::write_sheet(path, &sheet.table()?, sheet.separator)?),
         SheetFormat::Xlsx => xlsx::write(path, sheet),
     }
 }

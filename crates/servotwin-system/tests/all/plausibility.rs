@@ -75,6 +75,21 @@ fn a_relief_valve_of_a_compensated_pump_opens_above_its_pressure_and_the_right_w
 }
 
 #[test]
+fn the_outlet_of_a_pump_is_not_at_the_tank() {
+    let exchanged = [
+        ("\"pump.inlet\"", "\"pump.x\""),
+        ("\"pump.outlet\"", "\"pump.inlet\""),
+        ("pump.x", "pump.outlet"),
+    ];
+    let found = of_press(&exchanged);
+    assert_one_with(
+        &found,
+        "the pump 'pump' is reversed: its outlet is at the tank 'tank'; exchange 'pump.inlet' and 'pump.outlet'",
+    );
+    assert!(!found.iter().any(|warning| warning.contains("'relief'")), "{found:#?}");
+}
+
+#[test]
 fn a_pressure_sensor_reads_beyond_the_supply() {
     let short = |found: &[String]| found.iter().filter(|w| w.contains("head room")).count();
     let found = of_press(&[("full_scale_pa = 250e5", "full_scale_pa = 210e5")]);

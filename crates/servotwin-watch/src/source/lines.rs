@@ -193,17 +193,24 @@ fn first_lines(
     mut reader: Box<dyn BufRead + Send>,
     count: usize,
 ) -> Result<Vec<Vec<u8>>, SourceError> {
-    let (mut line, mut found) = (vec![], vec![]);
-    for _ in 0..count {
+    let (mut line, mut found, mut too_long) = (vec![], vec![], None);
+    for place in 1..=count {
         let next = next_line(&mut *reader, &mut line);
         match next.map_err(|cause| FileError::from_io(path, cause))? {
             Line::None => break,
-            Line::TooLong => {}
+            Line::TooLong => _ = too_long.get_or_insert(place),
             Line::Whole | Line::Unended => found.push(line.clone()),
         }
     }
     if found.iter().all(|line| line.trim_ascii().is_empty()) {
-        return Err(SourceError::Empty { address: path.display().to_string() });
+        let address = path.display().to_string();
+        return Err(match too_long {
+            Some(place) => {
+                let seen = format!("line {place} is longer than {} MiB", LONGEST >> 20);
+                SourceError::NoHeader { address, seen }
+            }
+            None => SourceError::Empty { address },
+        });
     }
     Ok(found)
 }

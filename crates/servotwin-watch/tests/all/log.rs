@@ -472,10 +472,12 @@ fn a_checkpoint_of_something_else_is_refused() {
     run(&map, &log, 0.01, false).unwrap();
     let other = Map::parse(&(map.text().to_owned() + "# other\n"), "map", &system).unwrap();
     let short = folder.write("short.csv", episodes(10));
+    let next = folder.write("next.csv", episodes(50).replace("0.49,", "0.485,"));
     for (result, expected) in [
         (run(&other, &log, 0.01, true), "another map"),
         (run(&map, &log, 0.02, true), "another period"),
         (run(&map, &short, 0.01, true), "the log ends before row 51"),
+        (run(&map, &next, 0.01, true), "another log"),
     ] {
         let error = result.unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");

@@ -300,7 +300,7 @@ impl<'s> Runtime<'s> {
         Ok(())
     }
 
-    /// Withdraws everything that was raised. All is judged anew: a fault that lasts is raised again.
+    /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
     pub fn reset_alarm(&mut self) {
         self.session.reset_alarm();
     }

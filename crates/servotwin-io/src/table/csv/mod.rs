@@ -45,12 +45,16 @@ pub fn read(path: &Path) -> Result<Table, TableError> {
 
 /// Writes a CSV file atomically.
 pub fn write(path: &Path, table: &Table) -> Result<(), TableError> {
-    write_separated(path, table, b',')
+    Ok(write_atomically(path, |out| write_to(out, table))?)
 }
 
-/// Writes a CSV file atomically, with a separator of one byte between two cells.
-pub fn write_separated(path: &Path, table: &Table, separator: u8) -> Result<(), TableError> {
-    Ok(write_atomically(path, |out| write_cells(out, table, separator))?)
+/// Writes a CSV file atomically for a spreadsheet, with a separator of one byte between two cells. It begins with a byte
+/// order mark, without which spreadsheets take UTF-8 for Windows-1252.
+pub fn write_sheet(path: &Path, table: &Table, separator: u8) -> Result<(), TableError> {
+    Ok(write_atomically(path, |out| {
+        out.write_all("\u{feff}".as_bytes())?;
+        write_cells(out, table, separator)
+    })?)
 }
 
 /// Writes a table as CSV text.
