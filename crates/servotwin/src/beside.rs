@@ -13,8 +13,6 @@ use servotwin_system::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 const UNEXPLAINED: f64 = 0.05;
 /// Fewer samples are no evidence.
 const LEAST_SAMPLES: u64 = 20;
-/// Values of two sensors that differ by less than this share are the same number.
-const SAME_NUMBER: f64 = 1e-6;
 /// A position that leaves its mean by this share of its scale, beside a twin at rest, is moved by something else than
 /// the bias of a sensor or of a controller.
 const LARGE_SHARE: f64 = 0.05;
@@ -234,9 +232,8 @@ impl Comparisons {
             let (values, twins) = ([measured[one], measured[other]], twin[one] - twin[other]);
             if values.iter().chain([&twins]).all(|value| value.is_finite()) {
                 let pair = &mut self.pairs[one * self.width + other];
-                let apart = (values[0] - values[1]).abs();
                 pair.changes += u64::from(values[0] != self.last[one]);
-                pair.differences += u64::from(apart > SAME_NUMBER * values[0].abs());
+                pair.differences += u64::from(values[0] != values[1]);
                 pair.twins.take(twins);
             }
         }
@@ -519,9 +516,6 @@ impl Comparisons {
         if left.first().is_none_or(|least| *least < LEAST_UNEXPLAINED) {
             return Ok(None);
         }
-        if let Some(mistake) = self.still_input(columns, rerun)? {
-            return Ok(Some(mistake.in_words(input, declared, names)));
-        }
         for mistake in self.likely_mistakes(declared, columns) {
             let Some(undone) = rerun(&mistake)? else { continue };
             let then = undone.unexplained(columns);
@@ -531,7 +525,8 @@ impl Comparisons {
                 return Ok(Some(mistake.in_words(input, declared, names)));
             }
         }
-        Ok(None)
+        let still = self.still_input(columns, rerun)?;
+        Ok(still.map(|mistake| mistake.in_words(input, declared, names)))
     }
 
     /// All mistakes of columns, as sentences with these names of the sensors.
