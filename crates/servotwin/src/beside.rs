@@ -13,9 +13,10 @@ use servotwin_system::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 const UNEXPLAINED: f64 = 0.05;
 /// Fewer samples are no evidence.
 const LEAST_SAMPLES: u64 = 20;
-/// A position that leaves its mean by this share of its scale, beside a twin at rest, is moved by something else than
-/// the bias of a sensor or of a controller.
-const LARGE_SHARE: f64 = 0.05;
+/// A position that leaves its mean by the first share of its scale, beside a twin at rest, moves far. By the second, no
+/// bias of a sensor, a valve or a controller moves it, however slowly it drifts.
+const FAR: f64 = 0.05;
+const BEYOND_BIAS: f64 = 0.1;
 /// A difference or a motion below this share of a sensor's scale is no evidence.
 const LEAST_SHARE: f64 = 0.01;
 /// A difference below this many deviations of a sensor is noise.
@@ -468,7 +469,7 @@ impl Comparisons {
         let mut positions =
             columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal).peekable();
         let moves_far = |(sensor, column): (usize, &SensorColumn)| {
-            self.of(sensor).own.variance().sqrt() > LARGE_SHARE * column.sensor.scale
+            self.of(sensor).own.variance().sqrt() > FAR * column.sensor.scale
         };
         !positions.clone().any(|(sensor, c)| self.of(sensor).moves(c.sensor.scale))
             && positions.any(moves_far)
@@ -482,7 +483,10 @@ impl Comparisons {
         rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
     ) -> Result<Option<InputMistake>, E> {
         let positions = columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
-        for (sensor, _) in positions.filter(|_| self.is_still(columns)) {
+        let is_commanded = |(sensor, column): &(usize, &SensorColumn)| {
+            self.of(*sensor).own.variance().sqrt() > BEYOND_BIAS * column.sensor.scale
+        };
+        for (sensor, _) in positions.filter(|p| is_commanded(p) && self.is_still(columns)) {
             let mut mistake = InputMistake::Still(sensor, 1.0);
             // The twin of the first run says how far the position goes for a command.
             let Some(first) = rerun(&mistake)? else { continue };

@@ -437,6 +437,7 @@ fn files_of_other_writers_give_the_columns_and_rows_of_a_plain_one() {
         ("groups", rows(",", ";").replace(";7000000", ";7,000,000.0")),
         ("array", objects.trim_end().trim_end_matches(',').to_owned() + "]\n"),
         ("cut first line", format!("7,0.2,7e\n{plain}")),
+        ("a line that a spreadsheet made as wide", format!("Logger,V1,\n{plain}")),
     ] {
         let log = folder.write("log.csv", text.trim_end_matches('"'));
         let whole = intake::read(&log, None, LogSpan::default(), &study)
