@@ -16,6 +16,8 @@ pub struct NamedUnit {
     pub si: f64,
     /// Zero of it in SI.
     pub offset: f64,
+    /// Whether it states that a pressure is absolute.
+    pub is_absolute: bool,
     /// How messages name it.
     pub spoken: &'static str,
     /// Other spellings.
@@ -25,7 +27,8 @@ pub struct NamedUnit {
 }
 
 const fn named(symbol: &'static str, unit: Unit, si: f64) -> NamedUnit {
-    NamedUnit { symbol, unit, si, offset: 0.0, spoken: symbol, also: &[], is_usual: false }
+    let (offset, is_absolute, is_usual) = (0.0, false, false);
+    NamedUnit { symbol, unit, si, offset, is_absolute, spoken: symbol, also: &[], is_usual }
 }
 
 const fn usual(symbol: &'static str, unit: Unit, si: f64) -> NamedUnit {
@@ -45,6 +48,11 @@ pub const ATMOSPHERE_PA: f64 = 101_325.0;
 /// A gauge pressure: zero is the atmosphere.
 const fn gauge(symbol: &'static str, si: f64) -> NamedUnit {
     NamedUnit { offset: ATMOSPHERE_PA, ..named(symbol, Unit::Pascal, si) }
+}
+
+/// A pressure that is said to be absolute.
+const fn absolute(symbol: &'static str, si: f64) -> NamedUnit {
+    NamedUnit { is_absolute: true, ..named(symbol, Unit::Pascal, si) }
 }
 
 /// Days since a day that is so many days before 1970.
@@ -90,7 +98,14 @@ pub static TABLE: &[NamedUnit] = &[
     gauge("kPag", 1e3),
     gauge("MPag", 1e6),
     gauge("psig", 6894.757293168),
-    NamedUnit { also: &["kg/cm2g", "kp/cm2g"], ..gauge("kgf/cm2g", 98_066.5) },
+    NamedUnit { also: &["kg/cm2g", "kp/cm2g", "atü"], ..gauge("kgf/cm2g", 98_066.5) },
+    absolute("bara", 1e5),
+    absolute("mbara", 1e2),
+    absolute("Paa", 1.0),
+    absolute("kPaa", 1e3),
+    absolute("MPaa", 1e6),
+    absolute("psia", 6894.757293168),
+    NamedUnit { also: &["kg/cm2a", "kp/cm2a", "ata"], ..absolute("kgf/cm2a", 98_066.5) },
     si(Unit::Kelvin),
     NamedUnit {
         offset: 273.15,
@@ -197,9 +212,9 @@ impl NamedUnit {
         self.symbol == word(self.unit)
     }
 
-    /// Whether zero of it is zero in SI.
+    /// Whether it is a multiple of the SI unit, and says no more.
     pub fn is_proportional(&self) -> bool {
-        self.offset == 0.0
+        self.offset == 0.0 && !self.is_absolute
     }
 
     /// The end of a name in it, without the `_` before: `l_min`. Empty for a pure number.
@@ -250,7 +265,7 @@ fn by_reference(text: &str) -> Option<&'static NamedUnit> {
     let gauge = behind(["gauge", "rel", "g"]).or_else(|| text.strip_suffix('ü'));
     let wanted = match gauge {
         Some(stem) => format!("{stem}g"),
-        None => behind(["absolute", "abs", "a"])?.to_owned(),
+        None => format!("{}a", behind(["absolute", "abs", "a"])?),
     };
     let mut pressures = TABLE.iter().filter(|row| row.unit == Unit::Pascal);
     pressures.find(|row| [row.symbol].iter().chain(row.also).any(|own| letters(own) == wanted))
@@ -477,7 +492,8 @@ mod tests {
                 let rounding = 1e-15 * (offset / factor).abs();
                 assert!((back - value).abs() < 1e-12 + rounding, "{value} {}", row.symbol);
             }
-            assert_eq!(row.is_si(), (factor, offset) == (1.0, 0.0), "{}", row.symbol);
+            let is_one = (factor, offset) == (1.0, 0.0) && !row.is_absolute;
+            assert_eq!(row.is_si(), is_one, "{}", row.symbol);
         }
     }
 

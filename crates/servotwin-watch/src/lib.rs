@@ -32,9 +32,10 @@ use checkpoint::{Checkpoint, CheckpointError, Expected};
 use checkpoint_writer::CheckpointWriter;
 use counts::{Irregularity, WatchCounts};
 use map::Map;
-use plausibility::Plausibility;
+use plausibility::{Lookout, Plausibility};
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
+use servotwin::system::System;
 use servotwin_io::document::NumberWithUnit;
 use sink::{Sample, Sink, SinkError};
 use source::{LogRow, Read, Source, SourceError};
@@ -109,6 +110,10 @@ pub struct Watch<'w> {
     progress: Progress,
     /// Evidence from the rows read since this watch began.
     plausibility: Plausibility,
+    /// Looks for mistakes of columns that begin later.
+    lookout: Option<Lookout<'w>>,
+    /// What it found and no sink knows.
+    implausible: Vec<String>,
 }
 
 /// How a watch ended.
@@ -118,6 +123,8 @@ pub enum End {
     Complete,
     /// The caller requested the stop.
     Stopped,
+    /// The rest of the log contradicts the map.
+    Contradicted,
 }
 
 impl<'w> Watch<'w> {
@@ -154,6 +161,8 @@ impl<'w> Watch<'w> {
             period_s,
             progress,
             plausibility,
+            lookout: None,
+            implausible: vec![],
         }
     }
 
@@ -162,9 +171,11 @@ impl<'w> Watch<'w> {
         self.sinks.push(sink);
     }
 
-    /// Sets the ranges in which the observer accepts the inputs.
-    pub fn accept_ranges(&mut self, ranges: &[(f64, f64)]) {
+    /// Looks all the time whether the sensors can be those of a system, and reports it when they cannot; such a log ends
+    /// there. `ranges` are those in which the observer accepts the inputs.
+    pub fn expect(&mut self, system: &'w System, ranges: &[(f64, f64)]) {
         self.plausibility.narrow(ranges);
+        self.lookout = Some(Lookout::new(system, self.map, self.period_s, self.source.counted()));
     }
 
     /// Enables checkpoints. For a live source, a separate thread writes them, and a failed write does not end the
@@ -255,6 +266,9 @@ impl<'w> Watch<'w> {
                 break End::Complete;
             }
             self.check_clock_and_sinks()?;
+            if !self.source.is_live() && self.plausibility.is_contradicted() {
+                return Ok(End::Contradicted);
+            }
             let samples = self.progress.counts.samples;
             let due = |every: u64| samples - saved >= every;
             if self.checkpoints.as_ref().is_some_and(|checkpoints| due(checkpoints.every)) {
@@ -354,6 +368,7 @@ impl<'w> Watch<'w> {
             let (now_s, place, values) = match tick {
                 Tick::Restart => {
                     self.observer.restart();
+                    self.lookout.iter_mut().for_each(Lookout::restart);
                     held.fill(f64::NAN);
                     continue;
                 }
@@ -373,6 +388,13 @@ impl<'w> Watch<'w> {
             // A twin whose input is not accepted follows an earlier value, and is no comparison for a sensor.
             if observation.finding.state != DiagnosisState::EnvironmentInvalid {
                 self.plausibility.twin(as_logged, observation.twin);
+                let (twin, whole) = (observation.twin, self.plausibility.beside());
+                let lookout = self.lookout.as_mut();
+                let late = lookout.and_then(|l| l.take((place, now_s), as_logged, twin, whole));
+                if let Some(late) = late {
+                    let words = late.words.clone();
+                    self.implausible.extend(self.plausibility.find(late).then_some(words));
+                }
             }
             counts.judged += u64::from(observation.finding.state.is_judgement());
             let changed = !observation.finding.says_the_same(finding);
@@ -396,6 +418,9 @@ impl<'w> Watch<'w> {
         for alert in std::mem::take(&mut self.alerts) {
             let (event, lasts) = self.event(alert);
             self.report(event, lasts)?;
+        }
+        for reason in std::mem::take(&mut self.implausible) {
+            self.report(WatchEvent::Implausible { reason }, None)?;
         }
         let of_sinks = self.sinks.iter_mut().flat_map(|sink| sink.failures());
         let failed: Vec<(String, String)> = of_sinks

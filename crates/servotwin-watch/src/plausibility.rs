@@ -39,6 +39,113 @@ pub struct Plausibility {
     /// The inputs, followed by the sensors.
     columns: Vec<Column>,
     beside: Comparisons,
+    /// What a [`Lookout`] found.
+    found: Vec<LateMistake>,
+}
+
+/// Something implausible that began within a log or a stream.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LateMistake {
+    /// Since when, and what, as a sentence.
+    pub words: String,
+    /// Whether it contradicts the map beyond doubt. A fault may explain the others.
+    pub is_certain: bool,
+}
+
+/// Compares the sensors with their twins in one pane after the other, because columns may change within a log.
+pub(super) struct Lookout<'s> {
+    columns: Vec<SensorColumn<'s>>,
+    names: Vec<&'s str>,
+    /// The samples of a pane, and of the current one.
+    samples: (u64, u64),
+    pane: Comparisons,
+    /// All panes since the first of those that contradict the map, the place and the time of its begin, s, and their
+    /// number.
+    since: Comparisons,
+    begin: (u64, f64),
+    wrong: u32,
+    /// How many panes had motion.
+    moving: u32,
+    /// What places count.
+    counted: &'static str,
+    is_still_known: bool,
+}
+
+/// The length of a pane, s, and how many in succession contradict the map. Panes without motion do not count.
+const PANE_S: f64 = 2.0;
+const PANES: u32 = 4;
+
+impl<'s> Lookout<'s> {
+    pub(super) fn new(system: &'s System, map: &Map, period_s: f64, counted: &'static str) -> Self {
+        let width = system.sensors.len();
+        Lookout {
+            columns: columns(system, map),
+            names: system.sensors.iter().map(|sensor| &*sensor.id).collect(),
+            samples: ((PANE_S / period_s).ceil() as u64, 0),
+            pane: Comparisons::new(width),
+            since: Comparisons::new(width),
+            begin: (0, f64::NAN),
+            counted,
+            wrong: 0,
+            moving: 0,
+            is_still_known: false,
+        }
+    }
+
+    /// Begins a pane anew.
+    pub(super) fn restart(&mut self) {
+        (self.samples.1, self.wrong) = (0, 0);
+        self.pane = Comparisons::new(self.names.len());
+    }
+
+    /// Takes the place and the time of a period, s, its sensor values, as the log has them, and those of the twin.
+    /// `whole` has taken all periods.
+    pub(super) fn take(
+        &mut self,
+        begin: (u64, f64),
+        measured: &[f64],
+        twin: &[f64],
+        whole: &Comparisons,
+    ) -> Option<LateMistake> {
+        if self.samples.1 == 0 && self.wrong == 0 {
+            (self.begin, self.since) = (begin, Comparisons::new(self.names.len()));
+        }
+        self.pane.take(measured, twin);
+        self.since.take(measured, twin);
+        self.samples.1 += 1;
+        if self.samples.1 < self.samples.0 {
+            return None;
+        }
+        self.samples.1 = 0;
+        let pane = std::mem::replace(&mut self.pane, Comparisons::new(self.names.len()));
+        if !pane.has_motion(&self.columns) {
+            return None;
+        }
+        let mistakes = |beside: &Comparisons| beside.mistakes_in_motion(&self.columns, &self.names);
+        self.wrong = if mistakes(&pane).is_empty() { 0 } else { self.wrong + 1 };
+        self.moving += 1;
+        if self.moving == PANES {
+            // A stream has no other trial.
+            let found = whole.mistakes(&self.columns, &self.names);
+            if !found.is_empty() {
+                return Some(LateMistake { words: found.join("; "), is_certain: true });
+            }
+        }
+        let found = if self.wrong < PANES { vec![] } else { mistakes(&self.since) };
+        let ((place, time_s), counted) = (self.begin, self.counted);
+        let since = format!("from {} ({counted} {place}) on", moment::shown(time_s));
+        if !found.is_empty() {
+            let words = format!("{since}, {}", found.join("; "));
+            return Some(LateMistake { words, is_certain: true });
+        }
+        let is_new = !self.is_still_known && pane.is_still(&self.columns);
+        self.is_still_known |= is_new;
+        let words = format!(
+            "{since}, the actuator moves while the twin stands still: unless a fault moves it, its command is in another \
+             column"
+        );
+        is_new.then_some(LateMistake { words, is_certain: false })
+    }
 }
 
 /// Evidence about one input or sensor.
@@ -60,7 +167,15 @@ impl Plausibility {
         let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
         let beside = Comparisons::new(map.width() - map.inputs());
         let ends = [(0, f64::NAN); 2];
-        Plausibility { last_s: f64::NAN, ends, steps_s: vec![], unit_s, columns, beside }
+        Plausibility {
+            last_s: f64::NAN,
+            ends,
+            steps_s: vec![],
+            unit_s,
+            columns,
+            beside,
+            found: vec![],
+        }
     }
 
     /// Restricts the accepted ranges of the inputs.
@@ -92,6 +207,19 @@ impl Plausibility {
     /// Adds the sensor values, as the log has them, and the twin's values of a period.
     pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
         self.beside.take(measured, twin);
+    }
+
+    /// Adds what began within the log; `false` if that is known.
+    pub(super) fn find(&mut self, late: LateMistake) -> bool {
+        let is_known = |other: &LateMistake| other.is_certain == late.is_certain;
+        let is_new = !self.found.iter().any(is_known);
+        self.found.extend(is_new.then_some(late));
+        is_new
+    }
+
+    /// Whether something began that contradicts the map beyond doubt.
+    pub(super) fn is_contradicted(&self) -> bool {
+        self.found.iter().any(|late| late.is_certain)
     }
 
     /// The typical time between samples, s.
@@ -126,6 +254,7 @@ impl Plausibility {
                 .or_else(|| beside::other_units_in_words(&sensors, &names, beside.as_slice()))
         });
         let mut all = self.contradictions(system, map, counts);
+        all.extend(self.late(false));
         all.extend(self.pace(period_s).into_iter().chain(columns));
         if all.is_empty() {
             // Other problems can also make inputs missing, and holding values would not fix those.
@@ -137,8 +266,16 @@ impl Plausibility {
     /// What contradicts the map beyond doubt, as sentences.
     pub fn contradictions(&self, system: &System, map: &Map, counts: &WatchCounts) -> Vec<String> {
         let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
-        let found = self.beside.mistakes(&columns(system, map), &names);
+        let mut found: Vec<String> = self.late(true).collect();
+        if found.is_empty() {
+            found = self.beside.mistakes(&columns(system, map), &names);
+        }
         coarse_in_words(counts, self.ends, map).into_iter().chain(found).collect()
+    }
+
+    fn late(&self, is_certain: bool) -> impl Iterator<Item = String> {
+        let found = self.found.iter().filter(move |late| late.is_certain == is_certain);
+        found.map(|late| late.words.clone())
     }
 
     /// The sensors beside the twin.

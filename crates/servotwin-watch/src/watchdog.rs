@@ -105,6 +105,11 @@ pub enum WatchEvent {
         /// The reason.
         reason: String,
     },
+    /// The values of the source cannot be those of its map, or hardly.
+    Implausible {
+        /// Since when, and why.
+        reason: String,
+    },
     /// The watch is alive.
     Heartbeat {
         /// How many lines, rows, datagrams or messages arrived.
@@ -140,6 +145,7 @@ impl Notice {
                 let reason = without_name(sink, reason);
                 format!("{sink} failed and gets nothing more ({reason}); the watch goes on")
             }
+            WatchEvent::Implausible { reason } => reason.clone(),
             WatchEvent::Heartbeat { .. } => return None,
         })
     }

@@ -1,4 +1,4 @@
-//! Compares sensors with their twins: units, signs, exchanged columns, and pressures without the atmosphere.
+//! Compares sensors with their twins: units, signs, exchanged and copied columns, and pressures without the atmosphere.
 //!
 //! These are mistakes of columns, not faults of the actuator. Each one is claimed only if it explains the difference
 //! almost completely; a fault of a sensor or of a component leaves more.
@@ -13,6 +13,10 @@ use servotwin_system::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 const UNEXPLAINED: f64 = 0.05;
 /// Fewer samples are no evidence.
 const LEAST_SAMPLES: u64 = 20;
+/// A position that leaves its mean by the first share of its scale, beside a twin at rest, moves far. By the second, no
+/// bias of a sensor, a valve or a controller moves it, however slowly it drifts.
+const FAR: f64 = 0.05;
+const BEYOND_BIAS: f64 = 0.1;
 /// A difference or a motion below this share of a sensor's scale is no evidence.
 const LEAST_SHARE: f64 = 0.01;
 /// A difference below this many deviations of a sensor is noise.
@@ -165,6 +169,8 @@ pub enum InputMistake {
     Unit(Misread),
     /// It is exchanged with the column of this sensor.
     Exchanged(usize),
+    /// It stands still while the actuator flies this sensor's values, times a factor.
+    Still(usize, f64),
 }
 
 impl InputMistake {
@@ -179,21 +185,42 @@ impl InputMistake {
                 "{input} and {} look exchanged: the twin follows the sensors the other way round",
                 names[*sensor]
             ),
+            Self::Still(sensor, _) => format!(
+                "{input} stands still while the sensors move as those of a healthy actuator that is commanded to the \
+                 values of {}: it is no column of the command; if the actuator moves without a command, \
+                 {input} = {{ value = … }} in a map file says that it stands still",
+                names[*sensor]
+            ),
         }
     }
 }
 
-/// Every sensor beside the twin of every sensor.
+/// Two sensors whose values may be copies.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct SensorPair {
+    /// In how many samples the first changed, and in how many they differ.
+    changes: u64,
+    differences: u64,
+    /// Spread of the difference between their twins.
+    twins: Spread,
+}
+
+/// Every sensor beside the twin of every sensor, and beside every other sensor.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Comparisons {
     width: usize,
     cells: Vec<TwinComparison>,
+    pairs: Vec<SensorPair>,
+    last: Vec<f64>,
 }
 
 impl Comparisons {
     /// An empty comparison of a number of sensors.
     pub fn new(width: usize) -> Self {
-        Comparisons { width, cells: vec![TwinComparison::default(); width * width] }
+        let square = width * width;
+        let (cells, pairs) =
+            (vec![TwinComparison::default(); square], vec![SensorPair::default(); square]);
+        Comparisons { width, cells, pairs, last: vec![f64::NAN; width] }
     }
 
     /// Takes one sample of all sensors and of their twins, SI; NaN is missing.
@@ -201,6 +228,33 @@ impl Comparisons {
         for (cells, &own) in self.cells.chunks_exact_mut(self.width.max(1)).zip(measured) {
             cells.iter_mut().zip(twin).for_each(|(cell, &twin)| cell.take(own, twin));
         }
+        let pairs = (0..self.width).flat_map(|one| (0..one).map(move |other| (one, other)));
+        for (one, other) in pairs {
+            let (values, twins) = ([measured[one], measured[other]], twin[one] - twin[other]);
+            if values.iter().chain([&twins]).all(|value| value.is_finite()) {
+                let pair = &mut self.pairs[one * self.width + other];
+                pair.changes += u64::from(values[0] != self.last[one]);
+                pair.differences += u64::from(values[0] != values[1]);
+                pair.twins.take(twins);
+            }
+        }
+        self.last.copy_from_slice(measured);
+    }
+
+    /// Pairs of sensors with the same changing values, although their twins differ.
+    fn copies(&self, columns: &[SensorColumn]) -> Vec<[usize; 2]> {
+        let pairs = (0..self.width).flat_map(|one| (0..one).map(move |other| [other, one]));
+        let is_copy = |&[other, one]: &[usize; 2]| {
+            let pair = &self.pairs[one * self.width + other];
+            let least = |sensor: usize| {
+                let SensorColumn { sensor, deviation, .. } = columns[sensor];
+                (CLEAR_DEVIATIONS * deviation).max(LEAST_SHARE * sensor.scale)
+            };
+            pair.changes >= LEAST_SAMPLES
+                && pair.differences == 0
+                && pair.twins.mean_square().sqrt() > least(one).max(least(other))
+        };
+        pairs.filter(is_copy).collect()
     }
 
     /// A sensor beside its own twin.
@@ -327,10 +381,11 @@ impl Comparisons {
     }
 
     /// The pressures that are one atmosphere below (`-1.0`) or, if they are read as gauge pressures, above (`1.0`) their
-    /// twins: all, or some beside others that agree with theirs.
+    /// twins: all, or some beside others that agree with theirs. A unit that states *absolute* is believed.
     pub fn without_atmosphere(&self, columns: &[SensorColumn]) -> Option<(f64, Vec<usize>)> {
         let is_pressure = |sensor: &usize| {
             columns[*sensor].sensor.unit == Unit::Pascal
+                && !columns[*sensor].unit.is_absolute
                 && self.of(*sensor).own.count >= LEAST_SAMPLES
         };
         let pressures: Vec<usize> = (0..self.width).filter(is_pressure).collect();
@@ -409,6 +464,45 @@ impl Comparisons {
         units.map(InputMistake::Unit).chain(sensors.map(InputMistake::Exchanged)).collect()
     }
 
+    /// Whether positions move far while the twins of all stand still.
+    pub fn is_still(&self, columns: &[SensorColumn]) -> bool {
+        let mut positions =
+            columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal).peekable();
+        let moves_far = |(sensor, column): (usize, &SensorColumn)| {
+            self.of(sensor).own.variance().sqrt() > FAR * column.sensor.scale
+        };
+        !positions.clone().any(|(sensor, c)| self.of(sensor).moves(c.sensor.scale))
+            && positions.any(moves_far)
+    }
+
+    /// A column of the command that stands still while all sensors move as those of a healthy actuator that flies one of
+    /// them.
+    fn still_input<E>(
+        &self,
+        columns: &[SensorColumn],
+        rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
+    ) -> Result<Option<InputMistake>, E> {
+        let positions = columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
+        let is_commanded = |(sensor, column): &(usize, &SensorColumn)| {
+            self.of(*sensor).own.variance().sqrt() > BEYOND_BIAS * column.sensor.scale
+        };
+        for (sensor, _) in positions.filter(|p| is_commanded(p) && self.is_still(columns)) {
+            let mut mistake = InputMistake::Still(sensor, 1.0);
+            // The twin of the first run says how far the position goes for a command.
+            let Some(first) = rerun(&mistake)? else { continue };
+            let TwinComparison { own, twin, .. } = first.of(sensor);
+            mistake = InputMistake::Still(sensor, (own.variance() / twin.variance()).sqrt());
+            let Some(undone) = rerun(&mistake)? else { continue };
+            let moving = (0..self.width).filter(|&s| undone.of(s).moves(columns[s].sensor.scale));
+            if moving.clone().count() > 1
+                && moving.into_iter().all(|s| undone.follows(s, columns) == Some(true))
+            {
+                return Ok(Some(mistake));
+            }
+        }
+        Ok(None)
+    }
+
     /// Reports a mistake of the column of an input: with it the twin follows the sensors, which it does not without.
     /// `rerun` compares the sensors with the twin of a log with the mistake undone; `None` if that is impossible.
     ///
@@ -435,15 +529,27 @@ impl Comparisons {
                 return Ok(Some(mistake.in_words(input, declared, names)));
             }
         }
-        Ok(None)
+        let still = self.still_input(columns, rerun)?;
+        Ok(still.map(|mistake| mistake.in_words(input, declared, names)))
     }
 
     /// All mistakes of columns, as sentences with these names of the sensors.
     pub fn mistakes(&self, columns: &[SensorColumn], names: &[&str]) -> Vec<String> {
+        let low = self.without_atmosphere(columns).map(|(sign, low)| {
+            let low: Vec<&str> = low.iter().map(|&sensor| names[sensor]).collect();
+            atmosphere_in_words(sign, &low)
+        });
+        self.mistakes_in_motion(columns, names).into_iter().chain(low).collect()
+    }
+
+    /// The mistakes that motion shows. An offset is none: a drifting sensor has any offset for a while.
+    pub fn mistakes_in_motion(&self, columns: &[SensorColumn], names: &[&str]) -> Vec<String> {
         let units = other_units_in_words(columns, names, &self.other_units(columns));
-        let low = self.without_atmosphere(columns);
         let named = |group: &[usize]| group.iter().map(|&s| names[s]).collect::<Vec<_>>();
-        let low = low.map(|(sign, low)| atmosphere_in_words(sign, &named(&low)));
+        let copies = self.copies(columns).into_iter().map(|pair| {
+            let [one, other] = pair.map(|sensor| names[sensor]);
+            format!("{one} and {other} have the same values: one is a copy of the other")
+        });
         // A command of the wrong sign exchanges chambers, too.
         let turned = self.turned_positions(columns, names).or_else(|| {
             let groups: Vec<_> = self.exchanged(columns).iter().map(|g| named(g)).collect();
@@ -452,7 +558,7 @@ impl Comparisons {
                 true => self.turned_pressures(columns, names),
             }
         });
-        [units, low, turned].into_iter().flatten().collect()
+        copies.chain(units).chain(turned).collect()
     }
 
     /// Reports positions that move against the twin. If most do, the command has the wrong sign.
@@ -529,7 +635,11 @@ fn atmosphere_in_words(sign: f64, names: &[&str]) -> String {
         _ => ("are all", "they seem"),
     };
     let (where_is, what) = match sign < 0.0 {
-        true => ("below", "gauge; give the unit with a g (barg, psig) in a map file"),
+        true => (
+            "below",
+            "gauge; give the unit with a g (barg, psig) in a map file, or with an a (bara, psia) for absolute pressures \
+             that are so low",
+        ),
         false => ("above", "absolute; give the unit without a g (bar, psi) in a map file"),
     };
     let names = names.join(", ");

@@ -200,7 +200,7 @@ impl Setup<'_> {
         let system = &study.system;
         let mut outputs = Outputs::new(options, address, scene, resumed.as_ref(), global)?;
         let mut watch = Watch::new(source, map, observer, period_s);
-        watch.accept_ranges(accepted_ranges);
+        watch.expect(system, accepted_ranges);
         if let Some(checkpoint) = resumed {
             watch.resume(checkpoint)?;
         }
@@ -248,7 +248,7 @@ impl Setup<'_> {
     /// Returns the text for standard output, or the reason why the run failed.
     fn conclude(&self, watched: Watched) -> Result<String, Failure> {
         let Setup { options, study, diagnoser, address, map, global, .. } = *self;
-        let Watched { end, totals, doubts, contradictions, unjudged, text } = watched;
+        let Watched { end, totals, mut doubts, contradictions, unjudged, text } = watched;
         // Ctrl-C is the normal end of a stream, but leaves a file unfinished.
         if end == End::Stopped && !address.is_live() {
             return Err(Failure::Stopped);
@@ -267,12 +267,16 @@ impl Setup<'_> {
             let reason = format!("nothing could be judged, every period is {states}: {reasons}");
             return Err(Failure::Unjudged { output, log: address.to_string(), reason });
         }
+        doubts.retain(|doubt| !contradictions.contains(doubt));
         warn(global, &doubts);
-        if !contradictions.is_empty() && !address.is_live() {
+        if !contradictions.is_empty() {
+            let remedy = if end == End::Contradicted { "; --to reads the part before" } else { "" };
             let reason = format!(
-                "the findings are not those of the actuator, because the log contradicts its map: {}",
+                "the findings are not those of the actuator, because it contradicts its map: {}{remedy}",
                 contradictions.join("; ")
             );
+            // False findings are not shown where no line was written before they were known to be false.
+            let output = if global.json || address.is_live() { output } else { String::new() };
             return Err(Failure::Unjudged { output, log: address.to_string(), reason });
         }
         match totals.lost_files() {

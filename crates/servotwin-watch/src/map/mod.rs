@@ -213,7 +213,7 @@ impl Map {
     /// The map with a mistake of the column of an input undone; `None` if the log has no such column.
     pub(crate) fn without_mistake(&self, input: usize, mistake: &InputMistake) -> Option<Self> {
         let mut map = self.clone();
-        let Origin::Column { place, factor, .. } = &mut map.channels[input].from else {
+        let Origin::Column { place, factor, offset } = &mut map.channels[input].from else {
             return None;
         };
         match mistake {
@@ -228,6 +228,14 @@ impl Map {
                 {
                     *place = own;
                 }
+            }
+            &InputMistake::Still(sensor, share) => {
+                let flown = self.channels[self.inputs + sensor].from;
+                let Origin::Column { place: own, factor: si, offset: zero } = flown else {
+                    return None;
+                };
+                (*place, *factor, *offset) = (own, share * si, share * zero);
+                map.channels[input].possible = (f64::NEG_INFINITY, f64::INFINITY);
             }
         }
         Some(map)

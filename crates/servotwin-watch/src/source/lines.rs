@@ -124,7 +124,8 @@ pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
 /// else the last of them behind `#`. Without such a row it is the first line with the most names.
 fn find_header(lines: &[Vec<u8>]) -> Option<usize> {
     let heads = 0..lines.len().min(PREAMBLE);
-    let count = |line: &usize| frame::marked_columns(&lines[*line]).map_or(0, |names| names.len());
+    let filled = |names: Vec<String>| names.iter().filter(|name| !name.is_empty()).count();
+    let count = |line: &usize| frame::marked_columns(&lines[*line]).map_or(0, filled);
     let is_marked = |line: &usize| frame::behind_mark(&lines[*line]).is_some();
     let has_rows = |line: &usize| {
         let (separator, names) = frame::header(&lines[*line]);

@@ -324,6 +324,14 @@ impl FitRecord {
             InputMistake::Unit(misread) => {
                 (0..self.samples()).map(|k| sampled(k) * misread.factor()).collect()
             }
+            &InputMistake::Still(place, factor) => {
+                let flown = self.measured.iter().skip(place).step_by(self.sensors.len());
+                let held = |last: &mut f64, value: &f64| {
+                    *last = if value.is_nan() { *last } else { factor * value };
+                    Some(*last)
+                };
+                flown.scan(0.0, held).collect()
+            }
             &InputMistake::Exchanged(place) => {
                 let si = system.sensors[self.sensors[place]].unit;
                 let other = self.unit(inputs.len() + place, si);

@@ -69,7 +69,7 @@ fn exchanged_columns_are_found_in_pairs_and_cycles_and_a_healthy_log_has_none() 
     // A leak that makes both chambers alike is no exchange.
     let leak = look(&|values| {
         let mean = 0.5 * (values[a] + values[b]);
-        (values[a], values[b]) = (mean, mean);
+        (values[a], values[b]) = (mean + 1e3, mean - 1e3);
     });
     assert_eq!(leak, "");
 }
@@ -95,6 +95,9 @@ fn pressures_without_the_atmosphere_are_recognized_all_of_them_or_some() {
     // Only what is read as a gauge pressure can be too large by an atmosphere.
     assert_eq!(one(&[], ATMOSPHERE_PA), "");
     assert!(one(&[("p_a_1", "barg")], ATMOSPHERE_PA).contains("p_a_1 is one atmosphere above"));
+    // A unit that states absolute is believed.
+    assert_eq!(one(&[("p_a_1", "bara")], -ATMOSPHERE_PA), "");
+    assert_eq!(one(&[("p_a_1", "psia")], ATMOSPHERE_PA), "");
     // The bias of a sensor is no atmosphere.
     assert_eq!(one(&[], -2.0 * ATMOSPHERE_PA), "");
     assert_eq!(one(&[], -0.5 * ATMOSPHERE_PA), "");
@@ -129,4 +132,19 @@ fn a_ratio_of_units_is_told_and_the_gain_of_a_faulty_sensor_is_not() {
             assert_eq!(of(id, unit, gain), "", "{id} {unit} {gain}");
         }
     }
+}
+
+#[test]
+fn a_copy_of_a_sensor_is_told_and_two_sensors_that_are_alike_or_stuck_are_not() {
+    let [a, b, x, y] = ["p_a_1", "p_b_1", "x_p_1", "x_p_3"].map(place);
+    let look = |log: &dyn Fn(usize, &mut [f64])| told(&[], log);
+    let copied = look(&|_, values| values[b] = values[a]);
+    assert!(copied.starts_with("p_a_1 and p_b_1 have the same values: one is a copy"), "{copied}");
+    let copied = look(&|_, values| values[y] = values[x]);
+    assert!(copied.starts_with("x_p_1 and x_p_3 have the same values"), "{copied}");
+    // One different value, or two sensors at the end of their range, are no copy.
+    let alike = look(&|k, values| values[b] = values[a] + if k == 399 { 1e3 } else { 0.0 });
+    assert!(!alike.contains("copy"), "{alike}");
+    let stuck = look(&|_, values| (values[a], values[b]) = (0.0, 0.0));
+    assert!(!stuck.contains("copy"), "{stuck}");
 }

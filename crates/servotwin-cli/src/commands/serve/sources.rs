@@ -86,6 +86,10 @@ fn log(
         let (log, reason) = (address.to_string(), guard::nothing(&measured.map, &counts));
         return Err(Failure::NoSample { log, reason });
     }
+    if end == End::Contradicted {
+        let text = "it contradicts its map, and is shown up to there; servotwin watch reports why";
+        warn(global, &[format!("{address}: {text}")]);
+    }
     if counts.judged == 0 {
         warn(global, &[format!("{address}: nothing could be judged; servotwin watch reports why")]);
     }

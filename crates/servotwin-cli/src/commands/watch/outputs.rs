@@ -179,6 +179,10 @@ impl Sink for Terminal {
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         let time_s = notice.time_s.unwrap_or(0.0);
         let Some(words) = notice.words() else { return Ok(()) };
+        if !self.is_live {
+            // A log ends with all warnings.
+            return Ok(());
+        }
         let is_over = matches!(
             notice.event,
             WatchEvent::DataAgain | WatchEvent::ChannelDataAgain { .. } | WatchEvent::Reconnected
