@@ -1,7 +1,6 @@
 """The exported C in the hands of independent checkers. Each also gets violations that it must find."""
 
 import csv
-import platform
 import re
 import shutil
 import subprocess
