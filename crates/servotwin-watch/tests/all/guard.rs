@@ -638,29 +638,25 @@ fn columns_that_are_exchanged_within_a_log_end_it_and_are_reported_by_a_stream()
 
 const INTENSITIES: [f64; 7] = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
 
-/// What the trial and the watch say of each fault of a study's system that begins in flight, at several intensities.
+/// What the trial says of each fault of a study's system, at several intensities, and the watch of one that begins in
+/// flight.
 fn contradicted_by_faults(study: &Study, command: &str) -> Vec<String> {
-    let simulation = Simulation::new(&study.system).input("command", command).noise(3);
-    let simulation = simulation.duration_s(14.0);
-    let twin = simulation.run().unwrap().table().unwrap();
-    let plan = guard::plan("twin", &table_columns(&twin), study, true).unwrap();
+    let short = Simulation::new(&study.system).input("command", command).noise(3);
+    let long = short.clone().duration_s(14.0);
+    let [twin, long_twin] = [&short, &long].map(|healthy| healthy.run().unwrap().table().unwrap());
+    let map = guard::plan("twin", &table_columns(&twin), study, true).unwrap().map;
     let mut found = vec![];
-    let mut look = |name: &str, table: &Table| {
-        let mut said = tried_table(study, &plan.map, table, &twin);
-        said.extend(watched(study, (&plan.map, table, &twin), false).1);
-        found.extend(said.iter().map(|text| format!("{name}: {text}")));
-    };
     for fault in study.system.fault_list() {
+        let mut add = |said: Vec<String>| {
+            found.extend(said.iter().map(|text| format!("{}: {text}", fault.id)));
+        };
         // A fault may end a simulation.
-        if let Ok(runs) = simulation.run_sweep(&fault.id, &INTENSITIES) {
+        if let Ok(runs) = short.run_sweep(&fault.id, &INTENSITIES) {
             let tables = (0..INTENSITIES.len()).filter_map(|run| runs.table_of_run(run).ok());
-            tables.for_each(|table| look(&fault.id, &table));
+            tables.for_each(|table| add(tried_table(study, &map, &table, &twin)));
         }
-        for intensity in [0.3, 1.0] {
-            let late = simulation.clone().fault_from(&fault.id, intensity, 4.0);
-            if let Some(table) = late.run().ok().and_then(|run| run.table().ok()) {
-                look(&format!("{} from 4 s on", fault.id), &table);
-            }
+        if let Ok(late) = long.clone().fault_from(&fault.id, 1.0, 4.0).run() {
+            add(watched(study, (&map, &late.table().unwrap(), &long_twin), false).1);
         }
     }
     found
