@@ -25,7 +25,6 @@ mod evidence;
 pub mod judge;
 pub mod measure;
 pub mod outcome;
-pub mod replay;
 pub mod runtime;
 pub mod tracking;
 pub mod train;

@@ -19,9 +19,6 @@ pub enum RuntimeError {
     /// The diagnoser reads a sensor that the study does not have.
     #[error("the diagnoser reads sensor '{name}', which the study '{study}' does not have")]
     Sensor { name: String, study: String },
-    /// The sampling period differs from the diagnoser's.
-    #[error("the diagnoser is for a sample every {needed_s} s, and these come every {period_s} s")]
-    Period { period_s: f64, needed_s: f64 },
     /// The simulation of the twin failed.
     #[error(
         "the twin cannot be simulated: {} at {:.4} s in {state}",

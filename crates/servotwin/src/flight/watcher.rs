@@ -122,11 +122,6 @@ impl<'s> Watcher<'s> {
         self
     }
 
-    /// Whether the last sample was outside the range from which the conditional band was learned.
-    pub fn is_outside(&self) -> bool {
-        self.last.is_some_and(|outcome| outcome.outside > 0.0)
-    }
-
     /// The outcome of the last sample; `None` if there is none, or if the twin could not be simulated.
     pub fn outcome(&self) -> Option<&Outcome> {
         self.last.as_ref()

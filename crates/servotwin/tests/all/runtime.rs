@@ -2,10 +2,8 @@
 
 use crate::flights::{diagnoser, fault, fly, study};
 use crate::places::places;
-use servotwin::fit::FitRecord;
 use servotwin::flight::closed_loop::{self, Scenario};
-use servotwin::flight::replay::replay_record;
-use servotwin::flight::runtime::{Runtime, RuntimeError, place_of};
+use servotwin::flight::runtime::{Runtime, place_of};
 use servotwin::flight::watcher::Watcher;
 use servotwin::observer::{DiagnosisState, Finding, Observer, Phase};
 use servotwin::parallel::Workers;
@@ -351,42 +349,6 @@ fn a_twin_that_fails_leaves_no_old_outcome_and_settles_again() {
         }
     }
     assert_eq!(runtime.session().outcome().finding, IndexedFinding::Healthy);
-}
-
-/// The flight of `replay` as a record.
-fn record() -> FitRecord {
-    let flown = fly(vec![(2.0, fault("actuator_1.servo_valve.bias_positive"))]);
-    let signal = |column: &Vec<f64>| {
-        let slopes = vec![0.0; column.len()];
-        Piecewise::hermite(&flown.time_s, column, &slopes).unwrap()
-    };
-    let samples = 0..flown.time_s.len();
-    let sample = |k: usize| flown.measured.iter().map(move |column| column[k]);
-    FitRecord {
-        name: "flight".into(),
-        period_s: study().sample_period_s,
-        inputs: flown.inputs.iter().map(signal).collect(),
-        sensors: study().measured[..flown.measured.len()].to_vec(),
-        measured: samples.flat_map(sample).collect(),
-        units: vec![],
-        left_out: vec![],
-    }
-}
-
-#[test]
-fn of_a_flight_that_is_over_the_most_is_told_that_was_said() {
-    let said = replay(&[]);
-    let raised = said.iter().position(|(finding, _)| finding.phase == Phase::Raised).unwrap();
-    let told = replay_record(study(), diagnoser(), &record()).unwrap();
-    assert_eq!(told.finding.phase, Phase::Raised);
-    assert_eq!((told.finding.actuator, told.finding.command.as_str()), (Some(1), "shut_down"));
-    assert!((told.at_s - raised as f64 * study().sample_period_s).abs() < 1e-9, "{told:?}");
-    assert_eq!((told.outside, told.finding.is_outside), (0.0, false));
-    let slower = FitRecord { period_s: 0.025, ..record() };
-    assert!(matches!(
-        replay_record(study(), diagnoser(), &slower),
-        Err(RuntimeError::Period { .. })
-    ));
 }
 
 #[test]
