@@ -394,7 +394,9 @@ impl Comparisons {
         let atmospheres = |sensor: usize| self.of(sensor).offset() / ATMOSPHERE_PA;
         let sign = if steady.iter().any(|&s| atmospheres(s) > 1.0 - NEARLY) { 1.0 } else { -1.0 };
         let error = |sensor: usize| (sign * atmospheres(sensor) - 1.0).abs();
-        if steady.len() > 1 && steady.iter().all(|&sensor| error(sensor) < NEARLY) {
+        // A fault may lower two chambers by one atmosphere, and the supply by more.
+        let are_most = steady.len() > 2 || steady.len() == pressures.len().max(2);
+        if are_most && steady.iter().all(|&sensor| error(sensor) < NEARLY) {
             return Some((sign, steady));
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
