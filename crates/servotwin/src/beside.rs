@@ -401,7 +401,7 @@ impl Comparisons {
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
         let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
-        // A gain that is too low by a few per cent shifts the level, and shrinks the motion: where there is motion, it
+        // A gain that is too low by a few per cent shifts the level, and shrinks the motion, which
         // must tell the two apart.
         let is_shifted = |own: &TwinComparison, deviation: f64| {
             let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
@@ -414,7 +414,7 @@ impl Comparisons {
             column.unit.is_proportional() == (sign < 0.0)
                 && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
                 && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
-                && (!own.moves(column.sensor.scale) || is_shifted(own, column.deviation))
+                && is_shifted(own, column.deviation)
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;
