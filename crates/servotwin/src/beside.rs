@@ -394,12 +394,14 @@ impl Comparisons {
         let atmospheres = |sensor: usize| self.of(sensor).offset() / ATMOSPHERE_PA;
         let sign = if steady.iter().any(|&s| atmospheres(s) > 1.0 - NEARLY) { 1.0 } else { -1.0 };
         let error = |sensor: usize| (sign * atmospheres(sensor) - 1.0).abs();
-        if steady.len() > 1 && steady.iter().all(|&sensor| error(sensor) < NEARLY) {
+        // A fault may lower two chambers by one atmosphere, and the supply by more.
+        let are_most = steady.len() > 2 || steady.len() == pressures.len().max(2);
+        if are_most && steady.iter().all(|&sensor| error(sensor) < NEARLY) {
             return Some((sign, steady));
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
         let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
-        // A gain that is too low by a few per cent shifts the level, and shrinks the motion: where there is motion, it
+        // A gain that is too low by a few per cent shifts the level, and shrinks the motion, which
         // must tell the two apart.
         let is_shifted = |own: &TwinComparison, deviation: f64| {
             let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
@@ -412,7 +414,7 @@ impl Comparisons {
             column.unit.is_proportional() == (sign < 0.0)
                 && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
                 && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
-                && (!own.moves(column.sensor.scale) || is_shifted(own, column.deviation))
+                && is_shifted(own, column.deviation)
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;
