@@ -401,8 +401,7 @@ impl Comparisons {
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
         let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
-        // A gain that is too low by a few per cent shifts the level, and shrinks the motion, which
-        // must tell the two apart.
+        // A gain that is too low by a few per cent shifts the level, too. Only motion, which it shrinks, tells the two apart.
         let is_shifted = |own: &TwinComparison, deviation: f64| {
             let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
             let too_high = own.gain() - 1.0;
