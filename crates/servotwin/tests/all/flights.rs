@@ -452,7 +452,7 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     assert_eq!(other.healthy.flights[0], 2);
     let judged: Vec<_> = results.judged().collect();
     assert_eq!(judged.len(), 1, "it is no further scenario");
-    assert!(text(&other.rates) != text(&judged[0].rates));
+    assert!(text(&other.classes) != text(&judged[0].classes));
     // Without such plants the diagnoser is the same.
     learn(&folder, (self::study(), false), setting[0], &crew).unwrap();
     assert!(taught == std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap());
