@@ -1,5 +1,5 @@
 //! The measured results of a study on one page: safety, detection and isolation of the campaign's variants, and the
-//! figures of metrics of the flights. Each has its count and interval.
+//! figures of merit of the flights. Each has its count and interval.
 //!
 //! The page contains nothing that depends on the machine, so the same study gives the same page everywhere.
 

@@ -1,4 +1,4 @@
-//! The first screen: figures of metrics with their targets, the intensity at which each fault becomes detectable, and the
+//! The first screen: figures of merit with their targets, the intensity at which each fault becomes detectable, and the
 //! faults that need attention. One tab for each scenario; the hardest is in front.
 
 use crate::Material;
@@ -20,7 +20,7 @@ const TARGET: f64 = 0.95;
 /// The maximum number of weak faults listed.
 const WEAKEST: usize = 5;
 
-/// The target of a figure of metrics.
+/// The target of a figure of merit.
 #[derive(Clone, Copy, PartialEq)]
 enum Target {
     /// The event should never happen.
@@ -29,7 +29,7 @@ enum Target {
     AtLeast(f64),
 }
 
-/// A figure of metrics.
+/// A figure of merit.
 struct Card {
     name: String,
     rate: Rate,
