@@ -267,8 +267,11 @@ fn by_reference(text: &str) -> Option<&'static NamedUnit> {
         Some(stem) => format!("{stem}g"),
         None => format!("{}a", behind(["absolute", "abs", "a"])?),
     };
-    let mut pressures = TABLE.iter().filter(|row| row.unit == Unit::Pascal);
-    pressures.find(|row| [row.symbol].iter().chain(row.also).any(|own| letters(own) == wanted))
+    let is_of = |row: &&NamedUnit| row.unit == Unit::Pascal && !row.is_proportional();
+    TABLE
+        .iter()
+        .filter(is_of)
+        .find(|row| [row.symbol].iter().chain(row.also).any(|own| letters(own) == wanted))
 }
 
 fn by_suffix(suffix: &str) -> Option<&'static NamedUnit> {
