@@ -7,7 +7,6 @@
 //! - [`boundaries`]: what a wrong reading of a boundary value does
 //! - [`runtime`]: a twin and a diagnosis beside an actuator, one call per sample
 //! - [`watcher`]: the runtime on a log or a live stream
-//! - [`replay`]: the diagnosis of a recorded flight
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
 //! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
