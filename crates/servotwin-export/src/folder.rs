@@ -167,6 +167,9 @@ impl ExportFolder {
     }
 
     /// Writes a certificate as data and as a page; returns their paths.
+    ///
+    /// # Errors
+    /// A file cannot be written.
     pub fn write_certificate(
         &self,
         certificate: &Certificate,

@@ -188,6 +188,9 @@ impl Network {
 
     /// Joins ports to nodes and lets every component wire its equations. Returns the collected wiring and, for each
     /// component, the one that determines its circuit's fluid.
+    ///
+    /// # Errors
+    /// The mistakes found.
     pub(crate) fn wired(&self) -> Result<(Collected, Vec<usize>), Vec<Mistake>> {
         let mut joints = Joints::new(self);
         let mut mistakes = Vec::new();

@@ -60,6 +60,9 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
 }
 
 /// Reads the learned bands.
+///
+/// # Errors
+/// A file cannot be read.
 fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
     let files = Setting::ALL.map(|setting| folder.band(setting));
     let there = files.into_iter().filter(|file| file.exists());
@@ -80,6 +83,9 @@ struct OfLength {
 }
 
 /// Reads the constants of the stored diagnosers.
+///
+/// # Errors
+/// A file cannot be read.
 fn constants(folder: &Folder) -> Result<Vec<(Setting, Vec<Constant>)>, JobError> {
     let stored = Setting::ALL.into_iter().filter(|setting| folder.diagnoser(*setting).exists());
     let read = |setting: Setting| {

@@ -75,6 +75,9 @@ impl FaultTreeArtefact {
     }
 
     /// Writes all files and returns their paths.
+    ///
+    /// # Errors
+    /// A file cannot be written.
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
         create_folder(results.folder.path().join(FOLDER))?;
         let mut written = vec![];

@@ -136,6 +136,9 @@ pub(crate) fn find_columns<const N: usize>(
 }
 
 /// Writes a table of rates to be filled in: every kind of fault once, without a rate.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_template(path: &Path, faults: &[RatedFault]) -> Result<(), SafetyError> {
     let mut kinds: Vec<String> = vec![];
     for fault in faults {

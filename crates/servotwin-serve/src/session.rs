@@ -54,11 +54,17 @@ pub struct SavedSession {
 
 impl SavedSession {
     /// Writes the session as a Parquet file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), SessionError> {
         Ok(parquet::write(path, &self.table()?)?)
     }
 
     /// Writes the session as an MCAP file: a topic for each part of the page, and `/events` and `/states`.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     #[cfg(feature = "mcap")]
     pub fn write_mcap(&self, path: &Path) -> Result<(), SessionError> {
         let groups = Groups::of(&self.about);

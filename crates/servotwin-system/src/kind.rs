@@ -45,6 +45,9 @@ impl FileType {
 
     /// The text at a path, and its name in messages. Built-in texts come before files, and those of this type before
     /// the others.
+    ///
+    /// # Errors
+    /// The file cannot be read.
     pub fn read(self, path: &Path) -> Result<(Cow<'static, str>, String), FileError> {
         let systems = ("systems", &built_in::SYSTEMS[..]);
         let studies = ("studies", &built_in::STUDIES[..]);

@@ -292,11 +292,17 @@ impl<'s> Simulation<'s> {
     }
 
     /// Simulates the variant.
+    ///
+    /// # Errors
+    /// See [`SimulationError`].
     pub fn run(&self) -> Result<SimulationResults<'s>, SimulationError> {
         self.prepare(None)?.run(&|_| {}, None)
     }
 
     /// Simulates once for each value of a parameter (SI) or of a fault's intensity.
+    ///
+    /// # Errors
+    /// See [`SimulationError`].
     pub fn run_sweep(
         &self,
         id: &str,
@@ -315,6 +321,9 @@ impl<'s> Simulation<'s> {
     }
 
     /// Resolves all names and checks all numbers of a single run, or of a sweep.
+    ///
+    /// # Errors
+    /// The first mistake.
     pub fn prepare(&self, sweep: Option<Sweep>) -> Result<PreparedSimulation<'s>, SimulationError> {
         let Some(sweep) = sweep else {
             return self.prepared(&[VariantSpec::default()], None);
@@ -324,6 +333,9 @@ impl<'s> Simulation<'s> {
     }
 
     /// Resolves all names and checks all numbers of several variants.
+    ///
+    /// # Errors
+    /// The first mistake.
     pub fn prepare_variants(
         &self,
         variants: &[VariantSpec],

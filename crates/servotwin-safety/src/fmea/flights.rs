@@ -147,6 +147,9 @@ impl FmeaFlights {
     }
 
     /// Reads the stored flights of a folder; `None` without any in the quoted scenario.
+    ///
+    /// # Errors
+    /// The file is damaged.
     pub fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
         let path = results.artefact(FILE);
         if !path.exists() {

@@ -44,6 +44,9 @@ pub fn read(path: &Path) -> Result<Texts, SafetyError> {
 }
 
 /// Writes a sheet atomically.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write(path: &Path, sheet: &FmeaSheet) -> Result<(), SafetyError> {
     match format_of(path)? {
         SheetFormat::Csv => Ok(csv::write_sheet(path, &sheet.table()?, sheet.separator)?),

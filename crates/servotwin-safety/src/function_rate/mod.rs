@@ -159,6 +159,9 @@ impl FunctionRate {
     }
 
     /// Writes all files and returns their paths.
+    ///
+    /// # Errors
+    /// A file cannot be written.
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
         create_folder(results.folder.path().join(FOLDER))?;
         let tables =

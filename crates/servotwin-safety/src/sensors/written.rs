@@ -29,6 +29,9 @@ const RATES: [(&str, RateOf); 10] = [
 
 impl SensorTrade {
     /// Writes all files and returns their paths.
+    ///
+    /// # Errors
+    /// A file cannot be written.
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
         create_folder(results.folder.path().join(FOLDER))?;
         let [sets, pairs, figure] =

@@ -69,6 +69,9 @@ pub struct SearchLog {
 
 impl SearchLog {
     /// The stored flights of the same basis; none without a file, or if its flights have another basis.
+    ///
+    /// # Errors
+    /// The file is damaged.
     pub fn read(path: &Path, basis: SearchBasis) -> Result<Self, SafetyError> {
         let mut rows = vec![];
         if path.exists() {
@@ -133,6 +136,9 @@ impl SearchLog {
     }
 
     /// Writes all flights. `space` gives the space of an objective.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn write<'p>(
         &self,
         path: &Path,

@@ -106,6 +106,9 @@ impl ObjectiveSummary {
     }
 
     /// Draws the smallest margin so far over the number of flights, and returns the file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn draw(
         &self,
         results: &StudyResultsFolder,
@@ -203,6 +206,9 @@ fn held_fixed(study: &Study, space: &SearchSpace) -> Vec<String> {
 }
 
 /// Writes the cells of all objectives, and returns the file.
+///
+/// # Errors
+/// The file cannot be written.
 pub fn write_cells(
     results: &StudyResultsFolder,
     summaries: &[ObjectiveSummary],

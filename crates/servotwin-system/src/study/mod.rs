@@ -240,6 +240,9 @@ pub enum StudyError {
 impl Study {
     /// Parses a study. `path` appears in errors, and the file of its system is resolved relative to
     /// it.
+    ///
+    /// # Errors
+    /// All mistakes in the text.
     pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
         let understood = read_text(text, path)?;
         let system = find_system(&understood.parsed.system, path);
@@ -254,6 +257,9 @@ impl Study {
     }
 
     /// Parses a study and reads its system from a separate file, as stored beside results.
+    ///
+    /// # Errors
+    /// All mistakes in the text.
     pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, StudyError> {
         let system = System::read(system).map_err(StudyError::System)?;
         Self::parse_for(text, &path.display().to_string(), system)
@@ -269,6 +275,9 @@ impl Study {
     }
 
     /// Parses a study for an existing system.
+    ///
+    /// # Errors
+    /// All mistakes in the text.
     pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, StudyError> {
         Self::build(text, read_text(text, path)?, path, system)
     }

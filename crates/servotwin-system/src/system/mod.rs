@@ -126,6 +126,9 @@ impl System {
     }
 
     /// Parses a system; `path` appears only in messages.
+    ///
+    /// # Errors
+    /// All mistakes in the text.
     pub fn parse(text: &str, path: &str) -> Result<Self, SystemError> {
         if let Some(mistakes) = FileType::System.wanted(text) {
             return Err(SystemError::Mistakes { path: path.into(), mistakes });
@@ -153,6 +156,9 @@ impl System {
     }
 
     /// Reads a system file, or a built-in system by its name.
+    ///
+    /// # Errors
+    /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, SystemError> {
         let (text, name) = FileType::System.read(path.as_ref()).map_err(SystemError::File)?;
         Self::parse(&text, &name)

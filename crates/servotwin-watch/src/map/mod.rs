@@ -101,6 +101,9 @@ fn in_si(value: f64, factor: f64, offset: f64) -> f64 {
 
 impl Map {
     /// Reads a map file for a system.
+    ///
+    /// # Errors
+    /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>, system: &System) -> Result<Self, MapError> {
         let path = path.as_ref();
         let text = files::read_document(path).map_err(MapError::File)?;
@@ -108,6 +111,9 @@ impl Map {
     }
 
     /// Parses the text of a map file; `path` appears only in messages.
+    ///
+    /// # Errors
+    /// All mistakes in the text.
     pub fn parse(text: &str, path: &str, system: &System) -> Result<Self, MapError> {
         read::read(text, path, system)
     }

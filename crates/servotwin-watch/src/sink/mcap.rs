@@ -50,6 +50,9 @@ struct Channel {
 
 impl Mcap {
     /// Begins a file; it appears when [`finish`](Self::finish)ed.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn create(path: &Path, scene: &Scene) -> Result<Self, SinkError> {
         let failed = |error| sink_error(path, error);
         let library = concat!("servotwin ", env!("CARGO_PKG_VERSION"));
@@ -98,6 +101,9 @@ impl Mcap {
     }
 
     /// Completes the file and moves it into place.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn finish(mut self) -> Result<(), SinkError> {
         self.writer.finish().map_err(|error| sink_error(&self.path, error))?;
         Ok(self.writer.into_inner().commit()?)

@@ -42,11 +42,17 @@ pub trait Sink {
     fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
 
     /// Writes out buffered data.
+    ///
+    /// # Errors
+    /// It cannot be written.
     fn flush(&mut self) -> Result<(), SinkError> {
         Ok(())
     }
 
     /// Takes a notice that the watch reports besides the diagnosis.
+    ///
+    /// # Errors
+    /// It cannot be written.
     fn notice(&mut self, _notice: &Notice) -> Result<(), SinkError> {
         Ok(())
     }
@@ -62,6 +68,9 @@ pub trait Sink {
     }
 
     /// Ends the output.
+    ///
+    /// # Errors
+    /// It cannot be written.
     fn close(mut self: Box<Self>) -> Result<(), SinkError> {
         self.flush()
     }

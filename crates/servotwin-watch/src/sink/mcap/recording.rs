@@ -36,6 +36,9 @@ pub struct Recording<'p> {
 
 impl<'p> Recording<'p> {
     /// Begins a file, which appears when [`finish`](Self::finish)ed.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn create(path: &'p Path, topics: &[Topic]) -> Result<Self, SinkError> {
         let failed = |error| sink_error(path, error);
         let library = concat!("servotwin ", env!("CARGO_PKG_VERSION"));
@@ -47,6 +50,9 @@ impl<'p> Recording<'p> {
     }
 
     /// Writes one sample: for each topic its values; NaN becomes null.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn sample(&mut self, time_s: f64, values: &[Vec<f64>]) -> Result<(), SinkError> {
         for (topic, values) in self.topics.iter_mut().zip(values) {
             topic.numbers(time_s, values, &mut self.text);
@@ -57,6 +63,9 @@ impl<'p> Recording<'p> {
     }
 
     /// Writes a message of JSON; its topic appears with the first one.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn note(&mut self, note: &Note) -> Result<(), SinkError> {
         self.write_note(note).map_err(|error| sink_error(self.path, error))
     }
@@ -71,6 +80,9 @@ impl<'p> Recording<'p> {
     }
 
     /// Completes the file and moves it into place.
+    ///
+    /// # Errors
+    /// The file cannot be written.
     pub fn finish(mut self) -> Result<(), SinkError> {
         self.writer.finish().map_err(|error| sink_error(self.path, error))?;
         Ok(self.writer.into_inner().commit()?)

@@ -74,6 +74,9 @@ impl Timeline {
     }
 
     /// Writes the file, whole or not at all.
+    ///
+    /// # Errors
+    /// It cannot be written.
     pub fn write(&self, path: &Path, counts: &WatchCounts) -> Result<(), SinkError> {
         let html = self.html(counts);
         Ok(files::write_atomically(path, |out| out.write_all(html.as_bytes()))?)
