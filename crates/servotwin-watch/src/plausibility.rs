@@ -59,8 +59,7 @@ pub(super) struct Lookout<'s> {
     /// The samples of a pane, and of the current one.
     samples: (u64, u64),
     pane: Comparisons,
-    /// All panes since the first of those that contradict the map, the place and the time of its begin, s, and their
-    /// number.
+    /// All panes since the first of those that contradict the map, its first place and time, s, and their number.
     since: Comparisons,
     begin: (u64, f64),
     wrong: u32,
@@ -68,7 +67,6 @@ pub(super) struct Lookout<'s> {
     moving: u32,
     /// What places count.
     counted: &'static str,
-    is_still_known: bool,
 }
 
 /// The length of a pane, s, and how many in succession contradict the map. Panes without motion do not count.
@@ -88,7 +86,6 @@ impl<'s> Lookout<'s> {
             counted,
             wrong: 0,
             moving: 0,
-            is_still_known: false,
         }
     }
 
@@ -111,13 +108,13 @@ impl<'s> Lookout<'s> {
             (self.begin, self.since) = (begin, Comparisons::new(self.names.len()));
         }
         self.pane.take(measured, twin);
-        self.since.take(measured, twin);
         self.samples.1 += 1;
         if self.samples.1 < self.samples.0 {
             return None;
         }
         self.samples.1 = 0;
         let pane = std::mem::replace(&mut self.pane, Comparisons::new(self.names.len()));
+        self.since.add(&pane);
         if !pane.has_motion(&self.columns) {
             return None;
         }
@@ -138,13 +135,11 @@ impl<'s> Lookout<'s> {
             let words = format!("{since}, {}", found.join("; "));
             return Some(LateMistake { words, is_certain: true });
         }
-        let is_new = !self.is_still_known && pane.is_still(&self.columns);
-        self.is_still_known |= is_new;
         let words = format!(
             "{since}, the actuator moves while the twin stands still: unless a fault moves it, its command is in another \
              column"
         );
-        is_new.then_some(LateMistake { words, is_certain: false })
+        pane.is_still(&self.columns).then_some(LateMistake { words, is_certain: false })
     }
 }
 

@@ -61,6 +61,13 @@ impl Spread {
         self.square += value * value;
     }
 
+    /// Takes the values of another.
+    fn add(&mut self, other: &Self) {
+        self.count += other.count;
+        self.sum += other.sum;
+        self.square += other.square;
+    }
+
     /// The mean; 0 without a value.
     pub fn mean(&self) -> f64 {
         self.sum / self.count.max(1) as f64
@@ -95,6 +102,13 @@ impl TwinComparison {
             self.twin.take(twin);
             self.product += own * twin;
         }
+    }
+
+    /// Takes the pairs of another.
+    fn add(&mut self, other: &Self) {
+        self.own.add(&other.own);
+        self.twin.add(&other.twin);
+        self.product += other.product;
     }
 
     /// The mean of sensor minus twin.
@@ -198,9 +212,10 @@ impl InputMistake {
 /// Two sensors whose values may be copies.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct SensorPair {
-    /// In how many samples the first changed, and in how many they differ.
+    /// Whether they differ in a sample, which ends the comparison.
+    is_other: bool,
+    /// In how many samples the first changed.
     changes: u64,
-    differences: u64,
     /// Spread of the difference between their twins.
     twins: Spread,
 }
@@ -230,15 +245,26 @@ impl Comparisons {
         }
         let pairs = (0..self.width).flat_map(|one| (0..one).map(move |other| (one, other)));
         for (one, other) in pairs {
+            let pair = &mut self.pairs[one * self.width + other];
             let (values, twins) = ([measured[one], measured[other]], twin[one] - twin[other]);
-            if values.iter().chain([&twins]).all(|value| value.is_finite()) {
-                let pair = &mut self.pairs[one * self.width + other];
+            if !pair.is_other && values.iter().chain([&twins]).all(|value| value.is_finite()) {
                 pair.changes += u64::from(values[0] != self.last[one]);
-                pair.differences += u64::from(values[0] != values[1]);
+                pair.is_other = values[0] != values[1];
                 pair.twins.take(twins);
             }
         }
         self.last.copy_from_slice(measured);
+    }
+
+    /// Takes the samples of another comparison of the same sensors, which come after its own.
+    pub fn add(&mut self, later: &Self) {
+        self.cells.iter_mut().zip(&later.cells).for_each(|(cell, later)| cell.add(later));
+        for (pair, later) in self.pairs.iter_mut().zip(&later.pairs) {
+            pair.is_other |= later.is_other;
+            pair.changes += later.changes;
+            pair.twins.add(&later.twins);
+        }
+        self.last.clone_from(&later.last);
     }
 
     /// Pairs of sensors with the same changing values, although their twins differ.
@@ -251,7 +277,7 @@ impl Comparisons {
                 (CLEAR_DEVIATIONS * deviation).max(LEAST_SHARE * sensor.scale)
             };
             pair.changes >= LEAST_SAMPLES
-                && pair.differences == 0
+                && !pair.is_other
                 && pair.twins.mean_square().sqrt() > least(one).max(least(other))
         };
         pairs.filter(is_copy).collect()

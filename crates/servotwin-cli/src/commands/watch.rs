@@ -271,8 +271,9 @@ impl Setup<'_> {
         warn(global, &doubts);
         if !contradictions.is_empty() {
             let remedy = if end == End::Contradicted { "; --to reads the part before" } else { "" };
+            let source = if address.is_live() { "stream" } else { "log" };
             let reason = format!(
-                "the findings are not those of the actuator, because it contradicts its map: {}{remedy}",
+                "the findings are not those of the actuator, because the {source} contradicts its map: {}{remedy}",
                 contradictions.join("; ")
             );
             // False findings are not shown where no line was written before they were known to be false.

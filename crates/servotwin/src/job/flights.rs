@@ -57,8 +57,8 @@ impl FlightResults {
     }
 
     /// Figures of merit of [`JUDGE`], by scenario.
-    pub fn judged(&self) -> impl DoubleEndedIterator<Item = &FlightMetrics> {
-        self.suites.iter().filter(|metrics| metrics.group.suite == JUDGE)
+    pub fn judged(&self) -> impl Iterator<Item = &FlightMetrics> {
+        self.of_suite(JUDGE)
     }
 
     /// Figures of merit in plants that differ from their twin in structure: beside nominal twins, then beside fitted ones.
