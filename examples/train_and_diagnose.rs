@@ -21,7 +21,7 @@ pub fn train_and_diagnose(
     servotwin_report::write(results.folder(), study)?;
     println!("the report is {}", results.folder().report().display());
 
-    let diagnoser = results.diagnoser(Setting::Noise)?;
+    let diagnoser = results.diagnoser(Scenario::Noise)?;
     let record = Simulation::new(&study.system)
         .input("command", "noise:rms=3deg,bandwidth=1Hz,seed=99")
         .fault(fault, 1.0)

@@ -1,8 +1,8 @@
 """scikit-learn on the exported data sets, beside servotwin's own results.
 
-    peers/setup.sh && peers/.venv/bin/python peers/sklearn_data_set.py FOLDER [SETTING ...]
+    peers/setup.sh && peers/.venv/bin/python peers/sklearn_data_set.py FOLDER [SCENARIO ...]
 
-FOLDER is the output of `servotwin study`; settings are `ideal`, `noise` and `realistic` (default: all
+FOLDER is the output of `servotwin study`; scenarios are `ideal`, `noise` and `realistic` (default: all
 that are there). The hierarchy of CART trees (A: the actuator, learning from mirror images too; B: the
 command; below it the detail, both seen from the failed actuator with its own sensors' features) is trained
 with the criterion and depth that `evaluation.json` names, and asked end to end,
@@ -131,28 +131,28 @@ def ours(evaluation, field, protocol):
     return next(p["end_to_end"] for p in evaluation[field] if p["protocol"] == protocol)
 
 
-def show(setting, name, theirs, rate):
+def show(scenario, name, theirs, rate):
     inside = rate["low"] <= theirs <= rate["high"]
     print(
-        f"{setting:10} {name:28} scikit-learn {100 * theirs:6.2f} %   servotwin "
+        f"{scenario:10} {name:28} scikit-learn {100 * theirs:6.2f} %   servotwin "
         f"{100 * rate['share']:6.2f} % ({100 * rate['low']:.2f} ... {100 * rate['high']:.2f})"
         f"{'' if inside else '   outside'}"
     )
 
 
-def compare(setting):
+def compare(scenario):
     with open(folder / "evaluation.json") as file:
         subjects = json.load(file)["subjects"]
-    subject = next(s for s in subjects if s["subject"] == setting)
+    subject = next(s for s in subjects if s["subject"] == scenario)
     evaluation, trees = subject["evaluation"], trees_of(subject)
-    with open(folder / f"panel-{setting}.json") as file:
+    with open(folder / f"panel-{scenario}.json") as file:
         panel = json.load(file)
     bands = {b["sensor"]: b["half_width"] for b in panel["bands"]}
     names = panel["trees"]["names"]["features"]
     of_committee = [names[column] for column in panel["committee"]["stages"][0]["columns"]]
-    data = Rows(folder / f"dataset-{setting}.parquet", bands, names)
+    data = Rows(folder / f"dataset-{scenario}.parquet", bands, names)
     faults = data.faults()
-    path = folder / f"dataset-{setting}-training.parquet"
+    path = folder / f"dataset-{scenario}-training.parquet"
     if not path.exists():
         return
     train = Rows(path, bands, names)
@@ -164,9 +164,9 @@ def compare(setting):
     ):
         known, asked = train.reading(features), data.reading(features)
         theirs = [end_to_end(model, known, everything, asked, test) for model in models]
-        show(setting, name, np.mean(theirs), ours(evaluation, field, "new_command"))
+        show(scenario, name, np.mean(theirs), ours(evaluation, field, "new_command"))
 
 
 there = [s for s in ("ideal", "noise", "realistic") if (folder / f"panel-{s}.json").exists()]
-for setting in sys.argv[2:] or there:
-    compare(setting)
+for scenario in sys.argv[2:] or there:
+    compare(scenario)

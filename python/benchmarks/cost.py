@@ -2,7 +2,7 @@
 
     python python/benchmarks/cost.py
 
-Simulates the whole setting `realistic`: a part of it says little, because some variants cost twenty times as much as
+Simulates the whole scenario `realistic`: a part of it says little, because some variants cost twenty times as much as
 others. The merge is measured with runs of 0.1 s, whose windows are as large. Plans are measured with ten million
 variants, the study's faults in 12,196 cases of 0.1 s, of which one share is run.
 """
@@ -16,7 +16,7 @@ import polars
 from studies import ROOT, binary, run
 
 MANY = 10_000_000
-SETTING = ("--setting", "realistic")
+SCENARIO = ("--scenario", "realistic")
 
 
 def paper():
@@ -44,10 +44,10 @@ def size(folder, pattern):
     return sum(path.stat().st_size for path in folder.glob(pattern))
 
 
-def share(folder, study, number, *settings):
+def share(folder, study, number, *scenarios):
     """Cost of a share of the parts, and the folder of its files."""
     out = folder / f"out-{number.replace('/', '-')}"
-    cost = run(binary(), "campaign", study, "--out", out, "--share", number, "--quiet", *settings)
+    cost = run(binary(), "campaign", study, "--out", out, "--share", number, "--quiet", *scenarios)
     return cost, out
 
 
@@ -60,7 +60,7 @@ def main():
         folder = Path(name)
         study = folder / "paper.toml"
         study.write_text(paper(), encoding="utf-8")
-        cost, out = share(folder, study, "1/1", *SETTING)
+        cost, out = share(folder, study, "1/1", *SCENARIO)
         variants = rows_of(out)
         seconds, stored = cost.processor_s / variants, size(out, "parts/*.parquet") / variants
         print(f"{variants} variants: {cost.wall_s:.0f} s, {cost.processor_s:.0f} s of processor, {cost.memory_mb:.0f} MB")
@@ -68,8 +68,8 @@ def main():
 
         brief = folder / "short.toml"
         brief.write_text(short(paper()), encoding="utf-8")
-        _, out = share(folder / "short", brief, "1/1", *SETTING)
-        merge = run(binary(), "merge", out, "--quiet", *SETTING)
+        _, out = share(folder / "short", brief, "1/1", *SCENARIO)
+        merge = run(binary(), "merge", out, "--quiet", *SCENARIO)
         rows = rows_of(out)
         table = size(out, "dataset-*.parquet") / rows
         merged = merge.processor_s / rows
@@ -77,7 +77,7 @@ def main():
 
         long = folder / "long.toml"
         long.write_text(many_cases(short(paper())), encoding="utf-8")
-        tiny, out = share(folder, long, "1/100000", *SETTING)
+        tiny, out = share(folder, long, "1/100000", *SCENARIO)
         print(f"{rows_of(out)} of ten million variants: {tiny.processor_s:.0f} s, {tiny.memory_mb:.0f} MB")
 
     shares = 1000

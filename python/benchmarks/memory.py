@@ -2,7 +2,7 @@
 
     python python/benchmarks/memory.py [variants ...]
 
-Eight sensors, runs of 0.1 s (the length of runs with a fault takes no memory), three settings, twenty parts.
+Eight sensors, runs of 0.1 s (the length of runs with a fault takes no memory), three scenarios, twenty parts.
 """
 
 import shutil

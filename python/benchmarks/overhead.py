@@ -3,7 +3,7 @@
     python python/benchmarks/overhead.py [rounds]
 
 The two sides take turns, and medians over the rounds are compared: others may use the machine. The campaign is
-the command line's test study with runs of 20 s, some 1,600 variants in three settings, beside which a start of a
+the command line's test study with runs of 20 s, some 1,600 variants in three scenarios, beside which a start of a
 tenth of a second is small.
 """
 

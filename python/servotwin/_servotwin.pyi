@@ -358,25 +358,25 @@ def run_study(
 def run_campaign(
     study: Study,
     out: Path,
-    settings: Optional[Sequence[str]] = None,
+    scenarios: Optional[Sequence[str]] = None,
     threads: Optional[int] = None,
     share: Optional[str] = None,
     progress: Optional[Progress] = None,
 ) -> list[_Ran]: ...
-def tasks(study: Study, settings: Optional[Sequence[str]] = None) -> list[_Task]: ...
+def tasks(study: Study, scenarios: Optional[Sequence[str]] = None) -> list[_Task]: ...
 def run_calibration(
     study: Study, out: Path, training: bool, threads: Optional[int] = None
 ) -> None: ...
 def run_task(
     study: Study,
     out: Path,
-    settings: Sequence[str],
+    scenarios: Sequence[str],
     training: bool,
     part: int,
     threads: Optional[int] = None,
 ) -> tuple[int, int]: ...
 def merge_parts(
-    out: Path, settings: Optional[Sequence[str]] = None, progress: Optional[Progress] = None
+    out: Path, scenarios: Optional[Sequence[str]] = None, progress: Optional[Progress] = None
 ) -> list[_Ran]: ...
 def join_study(study: Study, out: Path) -> None: ...
 def make_features(out: Path, progress: Optional[Progress] = None) -> list[Any]: ...
@@ -394,7 +394,7 @@ def flight_pieces(study: Study, full: bool = False) -> list[tuple[str, str, list
 def fly_piece(
     study: Study,
     full: bool,
-    setting: str,
+    scenario: str,
     suite: str,
     environment: int,
     diagnoser: Optional[str] = None,
@@ -404,7 +404,7 @@ def learn_from_flights(
     study: Study,
     out: Path,
     full: bool,
-    setting: str,
+    scenario: str,
     flown: Sequence[str],
     threads: Optional[int] = None,
 ) -> None: ...
@@ -418,6 +418,6 @@ def evaluate_folder(
     out: Path, threads: Optional[int] = None, progress: Optional[Progress] = None
 ) -> str: ...
 def write_report(out: Path) -> Any: ...
-def data_set(out: Path, setting: str = "noise", training: bool = False) -> Table: ...
+def data_set(out: Path, scenario: str = "noise", training: bool = False) -> Table: ...
 def feature_columns(names: list[str]) -> list[str]: ...
 def study_of(out: Path) -> Study: ...

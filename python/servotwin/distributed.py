@@ -36,7 +36,7 @@ def campaign(
     client: Client,
     out: str,
     *,
-    settings: Optional[list[str]] = None,
+    scenarios: Optional[list[str]] = None,
     threads: Optional[int] = None,
     storage_options: Optional[dict[str, Any]] = None,
     progress: Union[bool, Progress] = True,
@@ -53,7 +53,7 @@ def campaign(
         The client.
     out : str
         A folder, or an address that fsspec knows, such as "s3://bucket/study"; every worker must reach it.
-    settings : list of str, optional
+    scenarios : list of str, optional
         The scenarios; "ideal", "noise" and "realistic" by default.
     threads : int, optional
         The threads of each piece; 1 by default, because a worker computes one piece on each of its threads.
@@ -67,7 +67,7 @@ def campaign(
     list of Ran
     """
     options = storage_options or {}
-    tasks = _native.tasks(study, settings)
+    tasks = _native.tasks(study, scenarios)
     store = _Store(out, options)
     store.keep("study.toml", study.text)
     store.keep("system.toml", study.system.text)
@@ -75,7 +75,7 @@ def campaign(
     try:
         with told(progress) as show:
             _watched("simulating on Dask", futures, [task[4] for task in tasks], show)
-        return _merge(store, tasks, settings)
+        return _merge(store, tasks, scenarios)
     finally:
         client.cancel([*futures, *calibrations])  # type: ignore[no-untyped-call]
 
@@ -180,30 +180,30 @@ def flights(
     watched: list[tuple[str, str, list[str]]] = []
     sent: list[Any] = []
 
-    def flown(setting: str, suite: str, runs: list[int], diagnoser: Optional[tuple[str, str]]) -> list[Any]:
+    def flown(scenario: str, suite: str, runs: list[int], diagnoser: Optional[tuple[str, str]]) -> list[Any]:
         """What came of every environment of a suite."""
         futures = []
         for environment in range(len(runs)):
-            key = _key(f"{study.name} {setting} {suite} {environment}", where[:2], full, diagnoser)
-            about = (full, setting, suite, environment, diagnoser, threads or 1)
+            key = _key(f"{study.name} {scenario} {suite} {environment}", where[:2], full, diagnoser)
+            about = (full, scenario, suite, environment, diagnoser, threads or 1)
             futures.append(client.submit(_flown, where, *about, key=key, pure=False, retries=3))
         sent.extend(futures)
-        return _watched(f"{setting}: {suite}", futures, runs, show)
+        return _watched(f"{scenario}: {suite}", futures, runs, show)
 
     with told(progress) as show, _mirrored(store, parts=False) as folder:
         try:
             diagnosers: dict[str, tuple[str, str]] = {}
-            for setting, suite, runs in pieces:
+            for scenario, suite, runs in pieces:
                 # The first suite of a scenario is the one to learn from.
-                if setting in diagnosers:
-                    texts = flown(setting, suite, runs, diagnosers[setting])
-                    watched.append((setting, suite, texts))
+                if scenario in diagnosers:
+                    texts = flown(scenario, suite, runs, diagnosers[scenario])
+                    watched.append((scenario, suite, texts))
                     continue
-                texts = flown(setting, suite, runs, None)
-                _native.learn_from_flights(study, folder, full, setting, texts, threads)
-                file = f"diagnoser-{setting}.json"
+                texts = flown(scenario, suite, runs, None)
+                _native.learn_from_flights(study, folder, full, scenario, texts, threads)
+                file = f"diagnoser-{scenario}.json"
                 store.put_all(folder, [file])
-                diagnosers[setting] = (file, _mark((folder / file).read_bytes()))
+                diagnosers[scenario] = (file, _mark((folder / file).read_bytes()))
         finally:
             client.cancel(sent)  # type: ignore[no-untyped-call]
         results: dict[str, Any] = json.loads(_native.join_flights(study, folder, full, watched))
@@ -272,15 +272,15 @@ def _key(name: str, *about: Any) -> str:
 
 
 def _piece_key(name: str, task: Any, *about: Any) -> str:
-    settings, training, part = task[:3]
+    scenarios, training, part = task[:3]
     role = "training" if training else "judged"
-    return _key(f"{name} {'+'.join(settings)} {role}-{part}", *about)
+    return _key(f"{name} {'+'.join(scenarios)} {role}-{part}", *about)
 
 
-def _merge(store: _Store, tasks: Any, settings: Optional[list[str]]) -> list[Ran]:
+def _merge(store: _Store, tasks: Any, scenarios: Optional[list[str]]) -> list[Ran]:
     """Join the parts here, and put what comes of it into the storage."""
     if store.local is not None:
-        return merge(store.local, settings=settings, progress=False)
+        return merge(store.local, scenarios=scenarios, progress=False)
     with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
         folder = _Path(name)
         (folder / "parts").mkdir()
@@ -289,7 +289,7 @@ def _merge(store: _Store, tasks: Any, settings: Optional[list[str]]) -> list[Ran
         for file in ["study.toml", "system.toml", *calibrations, *parts]:
             if not store.fetch(file, folder / file):
                 raise FileNotFoundError(f"{store.address}/{file} has vanished from the storage")
-        ran = merge(folder, settings=settings, progress=False)
+        ran = merge(folder, scenarios=scenarios, progress=False)
         # The manifest last: where it is, everything is.
         data_sets = sorted(folder.glob("dataset-*.parquet"))
         files = [*data_sets, folder / "data-card.md", folder / "manifest.json"]
@@ -361,7 +361,7 @@ def _diagnoser(store: _Store, about: tuple[str, str]) -> str:
 def _flown(
     where: tuple[str, str, dict[str, Any]],
     full: bool,
-    setting: str,
+    scenario: str,
     suite: str,
     environment: int,
     about: Optional[tuple[str, str]],
@@ -372,7 +372,7 @@ def _flown(
     store = _Store(out, options)
     diagnoser = None if about is None else _diagnoser(store, about)
     study = _study(store, mark)
-    return _native.fly_piece(study, full, setting, suite, environment, diagnoser, threads)
+    return _native.fly_piece(study, full, scenario, suite, environment, diagnoser, threads)
 
 
 def _piece(
@@ -385,7 +385,7 @@ def _piece(
 ) -> dict[str, float]:
     """Simulate one part in a worker, and put its files into the storage."""
     begin = time.monotonic()
-    settings, training, part, files, _, needed = task
+    scenarios, training, part, files, _, needed = task
     store = _Store(out, options)
     with tempfile.TemporaryDirectory(prefix="servotwin-") as name:
         folder = _Path(name)
@@ -396,7 +396,7 @@ def _piece(
         before = {f: (folder / "parts" / f).read_bytes() for f in there}
         study = _study(store, mark)
         variants, resumed = _native.run_task(
-            study, folder, settings, training, part, threads
+            study, folder, scenarios, training, part, threads
         )
         for file in files:
             path = folder / "parts" / file

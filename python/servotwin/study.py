@@ -23,7 +23,7 @@ class Ran(NamedTuple):
 
     Attributes
     ----------
-    settings : list of str
+    scenarios : list of str
         The scenarios.
     training : bool
         Whether these are the training commands.
@@ -35,7 +35,7 @@ class Ran(NamedTuple):
         Scenario, variant and reason of each variant that could not be simulated to its end.
     """
 
-    settings: list[str]
+    scenarios: list[str]
     training: bool
     variants: int
     resumed: int
@@ -75,7 +75,7 @@ def campaign(
     study: _native.Study,
     out: Path,
     *,
-    settings: Optional[list[str]] = None,
+    scenarios: Optional[list[str]] = None,
     threads: Optional[int] = None,
     share: Optional[str] = None,
     progress: Union[bool, Progress] = True,
@@ -90,7 +90,7 @@ def campaign(
         The study.
     out : path
         The output folder.
-    settings : list of str, optional
+    scenarios : list of str, optional
         The scenarios; "ideal", "noise" and "realistic" by default.
     threads : int, optional
         The number of threads; all processors by default.
@@ -104,14 +104,14 @@ def campaign(
     list of Ran
     """
     with told(progress) as show:
-        done = _native.run_campaign(study, os.fspath(out), settings, threads, share, show)
+        done = _native.run_campaign(study, os.fspath(out), scenarios, threads, share, show)
     return [Ran(*one) for one in done]
 
 
 def merge(
     out: Path,
     *,
-    settings: Optional[list[str]] = None,
+    scenarios: Optional[list[str]] = None,
     progress: Union[bool, Progress] = True,
 ) -> list[Ran]:
     """Join the parts of a campaign to data sets, with the bytes of a whole campaign.
@@ -120,7 +120,7 @@ def merge(
     ----------
     out : path
         The folder of all shares.
-    settings : list of str, optional
+    scenarios : list of str, optional
         The scenarios; "ideal", "noise" and "realistic" by default.
     progress : bool or callable
         See the module.
@@ -130,7 +130,7 @@ def merge(
     list of Ran
     """
     with told(progress) as show:
-        return [Ran(*one) for one in _native.merge_parts(os.fspath(out), settings, show)]
+        return [Ran(*one) for one in _native.merge_parts(os.fspath(out), scenarios, show)]
 
 
 def features(out: Path, *, progress: Union[bool, Progress] = True) -> list[_Path]:
@@ -250,14 +250,14 @@ def report(out: Path) -> Report:
     return Report(_Path(_native.write_report(os.fspath(out))))
 
 
-def data_set(out: Path, setting: str = "noise", *, training: bool = False) -> _native.Table:
+def data_set(out: Path, scenario: str = "noise", *, training: bool = False) -> _native.Table:
     """Read the data set of a scenario: labels and features, one row for each variant.
 
     Parameters
     ----------
     out : path
         The folder of a campaign.
-    setting : str
+    scenario : str
         The scenario: "ideal", "noise", "fitted" or "realistic".
     training : bool
         Whether to read the variants under the training commands.
@@ -266,7 +266,7 @@ def data_set(out: Path, setting: str = "noise", *, training: bool = False) -> _n
     -------
     Table
     """
-    return _native.data_set(os.fspath(out), setting, training)
+    return _native.data_set(os.fspath(out), scenario, training)
 
 
 def feature_columns(table: Any) -> list[str]:

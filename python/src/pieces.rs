@@ -15,7 +15,7 @@ use servotwin::job::flights::{self, Crew};
 use servotwin::job::{self, Among, Folder, JobError, Subject, manifest, outcomes};
 use servotwin::run::{Runner, plan};
 use servotwin::study::suites::LEARN;
-use servotwin::study::{Purpose, Setting, Study as Inner, Suite};
+use servotwin::study::{Purpose, Scenario, Study as Inner, Suite};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -77,9 +77,9 @@ pub fn join_evaluation(py: Python<'_>, out: PathBuf, found: Vec<String>) -> PyRe
     Ok(text)
 }
 
-fn setting(study: &Inner, name: &str) -> Result<Setting, Failure> {
-    let found = flights::settings(study).into_iter().find(|setting| setting.name() == name);
-    found.ok_or_else(|| Failure::value(format!("no flights are flown in setting '{name}'")))
+fn scenario(study: &Inner, name: &str) -> Result<Scenario, Failure> {
+    let found = flights::scenarios(study).into_iter().find(|scenario| scenario.name() == name);
+    found.ok_or_else(|| Failure::value(format!("no flights are flown in scenario '{name}'")))
 }
 
 fn suite<'s>(study: &'s Inner, full: bool, name: &str) -> Result<&'s Suite, Failure> {
@@ -102,8 +102,8 @@ pub fn fly_all(
         let _hold = folder.keep_study(study, false)?.hold;
         let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
         let crew = Crew { workers: watch.workers(threads), progress: &told };
-        let settings = flights::settings(study);
-        let results = flights::fly_all(&folder, (study, full), &settings, &crew)?;
+        let scenarios = flights::scenarios(study);
+        let results = flights::fly_all(&folder, (study, full), &scenarios, &crew)?;
         manifest::write(&folder, study)?;
         Ok(to_text(&results))
     })?;
@@ -117,8 +117,8 @@ pub fn fly_all(
 pub fn flight_pieces(study: &Study, full: bool) -> Vec<(&'static str, String, Vec<usize>)> {
     let study = &*study.inner;
     let mut pieces = vec![];
-    for setting in flights::settings(study) {
-        let of = |suite: &Suite| suite.scenarios.contains(&setting) && !suite.is_on_request;
+    for scenario in flights::scenarios(study) {
+        let of = |suite: &Suite| suite.scenarios.contains(&scenario) && !suite.is_on_request;
         let learn = study.suite(LEARN, full).into_iter();
         let judged = study.suites(full).filter(|suite| suite.purpose == Purpose::Test);
         for suite in learn.chain(judged).filter(|suite| of(suite)) {
@@ -129,7 +129,7 @@ pub fn flight_pieces(study: &Study, full: bool) -> Vec<(&'static str, String, Ve
                 let runs = plan::runs(study, suite, &(0..suite.environments));
                 runs.iter().for_each(|run| counts[run.environment] += 1);
             }
-            pieces.push((setting.name(), suite.name.clone(), counts));
+            pieces.push((scenario.name(), suite.name.clone(), counts));
         }
     }
     pieces
@@ -137,51 +137,51 @@ pub fn flight_pieces(study: &Study, full: bool) -> Vec<(&'static str, String, Ve
 
 /// Flies an environment of a suite, to learn from or watched by a diagnoser (its JSON); what came of it.
 #[pyfunction]
-#[pyo3(signature = (study, full, setting, suite, environment, diagnoser = None, threads = None))]
+#[pyo3(signature = (study, full, scenario, suite, environment, diagnoser = None, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "they are Python's")]
 pub fn fly_piece(
     py: Python<'_>,
     study: &Study,
     full: bool,
-    setting: &str,
+    scenario: &str,
     suite: &str,
     environment: usize,
     diagnoser: Option<&str>,
     threads: Option<usize>,
 ) -> PyResult<String> {
     let study = &*study.inner;
-    let (setting, suite) = (self::setting(study, setting)?, self::suite(study, full, suite)?);
+    let (scenario, suite) = (self::scenario(study, scenario)?, self::suite(study, full, suite)?);
     let diagnoser: Option<Diagnoser> = diagnoser.map(from_text).transpose()?;
     let result = long(py, None, |watch| -> Result<String, Failure> {
         let workers = watch.workers(threads);
         let Some(diagnoser) = diagnoser else {
             let flights = study.flights.as_ref().ok_or(JobError::NoFlights)?;
             let own = environment..environment + 1;
-            let runner = Runner::new(study, suite, (setting, None), own, workers)?;
+            let runner = Runner::new(study, suite, (scenario, None), own, workers)?;
             let taken = to_text(&training_windows::of_runs(flights, &runner));
             check(watch)?;
             return Ok(taken);
         };
-        let place = (study, suite, setting);
+        let place = (study, suite, scenario);
         Ok(to_text(&outcomes::fly_environment(place, environment, &Arc::new(diagnoser), workers)?))
     })?;
     Ok(result?)
 }
 
-/// Learns from what was flown in all environments and writes the diagnoser of a setting.
+/// Learns from what was flown in all environments and writes the diagnoser of a scenario.
 #[pyfunction]
-#[pyo3(signature = (study, out, full, setting, flown, threads = None))]
+#[pyo3(signature = (study, out, full, scenario, flown, threads = None))]
 pub fn learn_from_flights(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
     full: bool,
-    setting: &str,
+    scenario: &str,
     flown: Vec<String>,
     threads: Option<usize>,
 ) -> PyResult<()> {
     let (study, folder) = (&*study.inner, Folder::new(out));
-    let setting = self::setting(study, setting)?;
+    let scenario = self::scenario(study, scenario)?;
     let result = long(py, None, |watch| -> Result<(), Failure> {
         let _hold = folder.hold(Among::Nobody)?;
         let mut taken = TrainingWindows::default();
@@ -189,7 +189,7 @@ pub fn learn_from_flights(
             taken.add(from_text(text)?);
         }
         let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
-        flights::learn_from(&folder, (study, full), setting, taken, &crew)?;
+        flights::learn_from(&folder, (study, full), scenario, taken, &crew)?;
         Ok(())
     })?;
     Ok(result?)
@@ -210,14 +210,14 @@ pub fn join_flights(
     let (study, folder) = (&*study.inner, Folder::new(out));
     let text = py.detach(|| -> Result<String, Failure> {
         let _hold = folder.hold(Among::Nobody)?;
-        for (setting, suite, texts) in &found {
-            let (setting, suite) =
-                (self::setting(study, setting)?, self::suite(study, full, suite)?);
+        for (scenario, suite, texts) in &found {
+            let (scenario, suite) =
+                (self::scenario(study, scenario)?, self::suite(study, full, suite)?);
             let mut judged: Vec<FlightOutcome> = vec![];
             for text in texts {
                 judged.extend(from_text::<Vec<FlightOutcome>>(text)?);
             }
-            outcomes::write(&folder, (study, full), suite, setting, judged)?;
+            outcomes::write(&folder, (study, full), suite, scenario, judged)?;
         }
         let results = flights::count(&folder, study, full)?;
         manifest::write(&folder, study)?;

@@ -68,7 +68,7 @@ impl Results {
         let subjects = self.inner.evaluation.subjects.iter().map(|result| result.subject);
         let own = subjects.filter(|subject| !subject.extra_sensor());
         let read = own.map(|subject| {
-            let trees = self.inner.trees(subject.setting()).map_err(Failure::from)?;
+            let trees = self.inner.trees(subject.scenario()).map_err(Failure::from)?;
             Ok((subject.name(), stage_trees(&trees).into_iter().collect()))
         });
         read.collect()
@@ -167,5 +167,5 @@ pub fn run_study(
 }
 
 fn simulating(campaign: &Campaign) -> String {
-    crate::study::name(campaign.role, &campaign.settings)
+    crate::study::name(campaign.role, &campaign.scenarios)
 }

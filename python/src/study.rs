@@ -11,7 +11,7 @@ use servotwin::campaign::{
 };
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{self, Among, Folder, JobError, data_card, manifest};
-use servotwin::study::{Role, Setting, Study as Inner, StudyError};
+use servotwin::study::{Role, Scenario, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -42,8 +42,8 @@ pub struct Study {
     plans: Mutex<Vec<Plan>>,
 }
 
-/// What a campaign is for, its settings, and its plan.
-type Plan = (Role, Vec<Setting>, Arc<PreparedCampaign>);
+/// What a campaign is for, its scenarios, and its plan.
+type Plan = (Role, Vec<Scenario>, Arc<PreparedCampaign>);
 
 impl Study {
     fn made(inner: Inner, path: String) -> Self {
@@ -52,12 +52,12 @@ impl Study {
 
     fn prepared(&self, campaign: &Campaign) -> Result<Arc<PreparedCampaign>, CampaignError> {
         let mut plans = self.plans.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_it = |plan: &&Plan| (plan.0, &plan.1) == (campaign.role, &campaign.settings);
+        let is_it = |plan: &&Plan| (plan.0, &plan.1) == (campaign.role, &campaign.scenarios);
         if let Some((_, _, known)) = plans.iter().find(is_it) {
             return Ok(known.clone());
         }
         let made = Arc::new(campaign.prepared()?);
-        plans.push((campaign.role, campaign.settings.clone(), made.clone()));
+        plans.push((campaign.role, campaign.scenarios.clone(), made.clone()));
         Ok(made)
     }
 }
@@ -211,9 +211,9 @@ impl Study {
     }
 }
 
-fn chosen(settings: Option<Vec<String>>) -> Result<Vec<Setting>, Failure> {
-    let usual = || Setting::ALL.into_iter().filter(|setting| setting.is_usual()).collect();
-    let Some(names) = settings else { return Ok(usual()) };
+fn chosen(scenarios: Option<Vec<String>>) -> Result<Vec<Scenario>, Failure> {
+    let usual = || Scenario::ALL.into_iter().filter(|scenario| scenario.is_usual()).collect();
+    let Some(names) = scenarios else { return Ok(usual()) };
     names.iter().map(|name| scenario(name)).collect()
 }
 
@@ -221,19 +221,19 @@ fn chosen(settings: Option<Vec<String>>) -> Result<Vec<Setting>, Failure> {
 ///
 /// # Errors
 /// There is none of this name.
-pub fn scenario(name: &str) -> Result<Setting, Failure> {
-    let found = Setting::ALL.into_iter().find(|setting| setting.name() == name);
+pub fn scenario(name: &str) -> Result<Scenario, Failure> {
+    let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
     found.ok_or_else(|| {
-        let known = Setting::ALL.map(Setting::name).join(", ");
+        let known = Scenario::ALL.map(Scenario::name).join(", ");
         Failure::value(format!("there is no scenario '{name}'; there are {known}"))
     })
 }
 
-/// That the study does not have what a setting needs.
-fn missing(wanted: &[Setting], study: &Inner) -> Failure {
+/// That the study does not have what a scenario needs.
+fn missing(wanted: &[Scenario], study: &Inner) -> Failure {
     match wanted.first() {
-        Some(&setting) => CampaignError::no_section(setting, study).into(),
-        None => Failure::value("settings are empty"),
+        Some(&scenario) => CampaignError::no_section(scenario, study).into(),
+        None => Failure::value("scenarios are empty"),
     }
 }
 
@@ -244,57 +244,57 @@ fn role(is_training: bool) -> Role {
 fn planned<'s>(
     study: &'s Inner,
     role: Role,
-    settings: Vec<Setting>,
+    scenarios: Vec<Scenario>,
     folder: &Folder,
     threads: Option<usize>,
     watch: &'s Watch,
 ) -> Campaign<'s> {
     Campaign {
-        settings: settings.clone(),
+        scenarios: scenarios.clone(),
         threads: watch.workers(threads).threads(),
         cancel: Some(&watch.cancel),
-        ..Campaign::stored(folder.path(), study, settings[0], role)
+        ..Campaign::stored(folder.path(), study, scenarios[0], role)
     }
 }
 
 /// The title of a campaign's progress.
-pub fn name(role: Role, settings: &[Setting]) -> String {
-    let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+pub fn name(role: Role, scenarios: &[Scenario]) -> String {
+    let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
     let training = if role == Role::Training { ", training commands" } else { "" };
     format!("simulating {}{training}", names.join(" and "))
 }
 
-/// What a campaign has done, as Python sees it: settings, training, variants, resumed, failures.
+/// What a campaign has done, as Python sees it: scenarios, training, variants, resumed, failures.
 type Done = (Vec<&'static str>, bool, usize, usize, Vec<(String, usize, String)>);
 
-fn done(role: Role, settings: &[Setting], outcome: CampaignOutcome) -> Result<Done, Failure> {
+fn done(role: Role, scenarios: &[Scenario], outcome: CampaignOutcome) -> Result<Done, Failure> {
     if outcome.cancelled {
         return Err(CampaignError::Cancelled.into());
     }
     let failed =
         outcome.failed.into_iter().map(|(s, variant, why)| (s.name().into(), variant, why));
-    let names = settings.iter().map(|setting| setting.name()).collect();
+    let names = scenarios.iter().map(|scenario| scenario.name()).collect();
     let is_training = role == Role::Training;
     Ok((names, is_training, outcome.variants, outcome.resumed, failed.collect()))
 }
 
 /// Simulates every fault of a study in every case, into data sets; or one share of it into parts.
 #[pyfunction]
-#[pyo3(signature = (study, out, settings = None, threads = None, share = None, progress = None))]
+#[pyo3(signature = (study, out, scenarios = None, threads = None, share = None, progress = None))]
 pub fn run_campaign(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
-    settings: Option<Vec<String>>,
+    scenarios: Option<Vec<String>>,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
     share: Option<&str>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Done>> {
-    let wanted = chosen(settings)?;
+    let wanted = chosen(scenarios)?;
     let share: Option<Share> = share.map(str::parse).transpose().map_err(Failure::value)?;
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
-        let runs = runs(study, |setting| wanted.contains(&setting));
+        let runs = runs(study, |scenario| wanted.contains(&scenario));
         if runs.is_empty() {
             return Err(missing(&wanted, study));
         }
@@ -303,9 +303,9 @@ pub fn run_campaign(
             None => folder.keep_study(study, false)?.hold,
         };
         let (mut list, mut parts) = (vec![], 0);
-        for (role, settings) in runs {
-            let campaign = planned(study, role, settings.clone(), &folder, threads, watch);
-            let what = name(role, &settings);
+        for (role, scenarios) in runs {
+            let campaign = planned(study, role, scenarios.clone(), &folder, threads, watch);
+            let what = name(role, &scenarios);
             let told = |done, all| watch.tell(&what, done, all);
             let outcome = match share {
                 None => campaign.run(told)?,
@@ -315,7 +315,7 @@ pub fn run_campaign(
                     outcome
                 }
             };
-            list.push(done(role, &settings, outcome)?);
+            list.push(done(role, &scenarios, outcome)?);
         }
         if share.is_none() {
             data_card::write(&folder, study)?;
@@ -326,24 +326,24 @@ pub fn run_campaign(
     Ok(result?)
 }
 
-/// A piece of a campaign that runs anywhere: (settings, training, part, files, rows, the file with
+/// A piece of a campaign that runs anywhere: (scenarios, training, part, files, rows, the file with
 /// calibrated specimens that it needs).
 type Task = (Vec<&'static str>, bool, usize, Vec<String>, usize, Option<String>);
 
 /// The pieces of a study's campaigns.
 #[pyfunction]
-#[pyo3(signature = (study, settings = None))]
-pub fn tasks(py: Python<'_>, study: &Study, settings: Option<Vec<String>>) -> PyResult<Vec<Task>> {
-    let wanted = chosen(settings)?;
+#[pyo3(signature = (study, scenarios = None))]
+pub fn tasks(py: Python<'_>, study: &Study, scenarios: Option<Vec<String>>) -> PyResult<Vec<Task>> {
+    let wanted = chosen(scenarios)?;
     let list = py.detach(|| -> Result<Vec<Task>, Failure> {
         let (watch, folder, mut list) = (Watch::default(), Folder::new(""), vec![]);
-        let runs = runs(&study.inner, |setting| wanted.contains(&setting));
+        let runs = runs(&study.inner, |scenario| wanted.contains(&scenario));
         if runs.is_empty() {
             return Err(missing(&wanted, &study.inner));
         }
-        for (role, settings) in runs {
-            let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
-            let campaign = planned(&study.inner, role, settings, &folder, None, &watch);
+        for (role, scenarios) in runs {
+            let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
+            let campaign = planned(&study.inner, role, scenarios, &folder, None, &watch);
             let prepared = study.prepared(&campaign)?;
             list.extend((0..prepared.part_count()).map(|part| {
                 let (files, rows) = campaign.part_files(&prepared, part);
@@ -356,7 +356,7 @@ pub fn tasks(py: Python<'_>, study: &Study, settings: Option<Vec<String>>) -> Py
     Ok(list)
 }
 
-/// Fits the specimens of the setting `fitted` into the folder, unless they are there.
+/// Fits the specimens of the scenario `fitted` into the folder, unless they are there.
 #[pyfunction]
 #[pyo3(signature = (study, out, training, threads = None))]
 pub fn run_calibration(
@@ -369,7 +369,7 @@ pub fn run_calibration(
     let (study, folder) = (&*study.inner, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(), Failure> {
         let _hold = folder.hold(Among::Parts)?;
-        let fitted = vec![Setting::Fitted];
+        let fitted = vec![Scenario::Fitted];
         Ok(planned(study, role(training), fitted, &folder, threads, watch).calibrate()?)
     })?;
     Ok(result?)
@@ -377,20 +377,20 @@ pub fn run_calibration(
 
 /// Simulates one part into a folder: (rows, of them found done).
 #[pyfunction]
-#[pyo3(signature = (study, out, settings, training, part, threads = None))]
+#[pyo3(signature = (study, out, scenarios, training, part, threads = None))]
 pub fn run_task(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
-    settings: Vec<String>,
+    scenarios: Vec<String>,
     training: bool,
     part: usize,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<(usize, usize)> {
-    let (settings, folder) = (chosen(Some(settings))?, Folder::new(out));
+    let (scenarios, folder) = (chosen(Some(scenarios))?, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(usize, usize), Failure> {
         let _hold = folder.hold(Among::Parts)?;
-        let campaign = planned(&study.inner, role(training), settings, &folder, threads, watch);
+        let campaign = planned(&study.inner, role(training), scenarios, &folder, threads, watch);
         let prepared = study.prepared(&campaign)?;
         let outcome = campaign.run_parts(&prepared, &[part], |_, _| ())?;
         if outcome.cancelled {
@@ -403,20 +403,20 @@ pub fn run_task(
 
 /// Joins parts to data sets.
 #[pyfunction]
-#[pyo3(signature = (out, settings = None, progress = None))]
+#[pyo3(signature = (out, scenarios = None, progress = None))]
 pub fn merge_parts(
     py: Python<'_>,
     out: PathBuf,
-    settings: Option<Vec<String>>,
+    scenarios: Option<Vec<String>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<Done>> {
-    let (wanted, folder) = (chosen(settings)?, Folder::new(out));
+    let (wanted, folder) = (chosen(scenarios)?, Folder::new(out));
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
         let (study, _hold) = folder.open()?;
         let mut list = vec![];
-        for (role, settings) in runs(&study, |setting| wanted.contains(&setting)) {
-            let campaign = planned(&study, role, settings.clone(), &folder, None, watch);
-            list.push(done(role, &settings, campaign.merge()?)?);
+        for (role, scenarios) in runs(&study, |scenario| wanted.contains(&scenario)) {
+            let campaign = planned(&study, role, scenarios.clone(), &folder, None, watch);
+            list.push(done(role, &scenarios, campaign.merge()?)?);
         }
         data_card::write(&folder, &study)?;
         manifest::write(&folder, &study)?;
@@ -444,14 +444,14 @@ pub fn make_features(
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<PathBuf>, Failure> {
         let (study, _hold) = folder.open()?;
         let pairs =
-            Setting::ALL.into_iter().flat_map(|s| study.roles().into_iter().map(move |r| (s, r)));
+            Scenario::ALL.into_iter().flat_map(|s| study.roles().into_iter().map(move |r| (s, r)));
         let there: Vec<_> = pairs.filter(|&(s, r)| folder.data_set(s, r).exists()).collect();
-        for (place, &(setting, role)) in there.iter().enumerate() {
+        for (place, &(scenario, role)) in there.iter().enumerate() {
             watch.tell("features", place, there.len());
             if watch.cancel.load(Ordering::Relaxed) {
                 return Err(CampaignError::Cancelled.into());
             }
-            Campaign::stored(folder.path(), &study, setting, role).features()?;
+            Campaign::stored(folder.path(), &study, scenario, role).features()?;
         }
         watch.tell("features", there.len(), there.len());
         data_card::write(&folder, &study)?;
@@ -518,11 +518,11 @@ pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
     Ok(result?)
 }
 
-/// The data set of a setting in a folder.
+/// The data set of a scenario in a folder.
 #[pyfunction]
-#[pyo3(signature = (out, setting = "noise", training = false))]
-pub fn data_set(py: Python<'_>, out: PathBuf, setting: &str, training: bool) -> PyResult<Table> {
-    let path = Folder::new(out).data_set(scenario(setting)?, role(training));
+#[pyo3(signature = (out, scenario = "noise", training = false))]
+pub fn data_set(py: Python<'_>, out: PathBuf, scenario: &str, training: bool) -> PyResult<Table> {
+    let path = Folder::new(out).data_set(self::scenario(scenario)?, role(training));
     let table = py.detach(|| servotwin::table::read(path)).map_err(Failure::from)?;
     Ok(table.into())
 }

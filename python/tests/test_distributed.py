@@ -178,18 +178,18 @@ def test_a_campaign_into_a_storage_that_fails_one_write_in_ten(study, whole, tmp
 def test_the_fitted_setting_has_the_bytes_of_one_machine(tmp_path):
     fitted = servotwin.Study.parse(with_fitted())
     alone, shared = tmp_path / "alone", tmp_path / "shared"
-    servotwin.campaign(fitted, alone, settings=["fitted"], progress=False)
+    servotwin.campaign(fitted, alone, scenarios=["fitted"], progress=False)
     with Cluster(2) as cluster, cluster.client(2) as client:
         ran = distributed.campaign(
-            fitted, client, str(shared), settings=["fitted"], progress=False
+            fitted, client, str(shared), scenarios=["fitted"], progress=False
         )
-    assert [one.settings for one in ran] == [["fitted"]]
+    assert [one.scenarios for one in ran] == [["fitted"]]
     assert_same(shared, contents(alone))
     # In shares, without Dask.
     parts = tmp_path / "parts"
     for share in ("2/2", "1/2"):
-        servotwin.campaign(fitted, parts, settings=["fitted"], share=share, progress=False)
-    servotwin.merge(parts, settings=["fitted"], progress=False)
+        servotwin.campaign(fitted, parts, scenarios=["fitted"], share=share, progress=False)
+    servotwin.merge(parts, scenarios=["fitted"], progress=False)
     assert_same(parts, contents(alone))
 
 

@@ -124,8 +124,8 @@ def test_everything_that_dask_sends_can_be_pickled():
 
     from servotwin import _servotwin
 
-    for settings in (None, ["fitted"]):
-        tasks = _servotwin.tasks(study, settings)
+    for scenarios in (None, ["fitted"]):
+        tasks = _servotwin.tasks(study, scenarios)
         distributed._submitted(study, Recorder(), "/nowhere", {}, tasks, 1)
     functions = {function.__name__ for function, _ in sent}
     assert functions == {"_piece", "_calibration"}

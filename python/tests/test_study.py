@@ -172,9 +172,9 @@ def test_a_merge_without_a_part_and_another_study_are_refused(study, tmp_path):
 
 
 def test_a_setting_that_the_study_does_not_have_is_refused(study, tmp_path):
-    for settings, kind in ((["fitted"], servotwin.StageError), ([], servotwin.InputError)):
+    for scenarios, kind in ((["fitted"], servotwin.StageError), ([], servotwin.InputError)):
         with pytest.raises(kind):
-            servotwin.campaign(study, tmp_path, settings=settings, progress=False)
+            servotwin.campaign(study, tmp_path, scenarios=scenarios, progress=False)
 
 
 def test_an_empty_folder_says_which_stage_is_missing(tmp_path):
@@ -204,6 +204,6 @@ def test_reports_show_themselves(results):
 
 
 def test_a_bar_of_tqdm_shows_progress(study, tmp_path, capsys):
-    servotwin.campaign(study, tmp_path, settings=["ideal"])
+    servotwin.campaign(study, tmp_path, scenarios=["ideal"])
     assert "simulating ideal" in capsys.readouterr().err
     assert np.isfinite(len(servotwin.data_set(tmp_path, "ideal")))

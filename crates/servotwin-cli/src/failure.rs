@@ -306,7 +306,7 @@ impl Failure {
 /// The exit code for a campaign. Its files are written by servotwin, so they are no input mistake unless damaged.
 fn of_campaign(error: &CampaignError) -> u8 {
     match error {
-        // The study lacks a section that the named setting needs.
+        // The study lacks a section that the named scenario needs.
         CampaignError::NoSection { .. } => 2,
         CampaignError::Unfinished { damaged: Some(_), .. }
         | CampaignError::File(FileError::Altered { .. })

@@ -11,7 +11,7 @@ pub struct Incomplete {
     /// The output folder.
     pub folder: PathBuf,
     /// The scenario given to the merge.
-    pub setting: Option<String>,
+    pub scenario: Option<String>,
     /// Descriptions of the campaigns with missing parts.
     pub names: Vec<String>,
     /// The missing rows of each campaign.
@@ -23,7 +23,7 @@ impl Incomplete {
     pub fn to_json(&self) -> serde_json::Value {
         let rows = self.missing.campaigns.iter().map(|rows| {
             serde_json::json!({
-                "settings": rows.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
+                "scenarios": rows.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),
                 "training": rows.role == servotwin::study::Role::Training,
                 "missing": rows.missing,
                 "variants": rows.variants,
@@ -43,8 +43,8 @@ impl Incomplete {
         let MissingParts { of, shares, .. } = &self.missing;
         let folder = quoted(&self.folder.to_string_lossy()).into_owned();
         let mut command = format!("servotwin campaign {folder} --out {folder}");
-        if let Some(setting) = &self.setting {
-            command += &format!(" --setting {setting}");
+        if let Some(scenario) = &self.scenario {
+            command += &format!(" --scenario {scenario}");
         }
         match shares[..] {
             [share] => format!("{command} --share {share}/{of}"),

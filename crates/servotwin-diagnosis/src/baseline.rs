@@ -141,7 +141,7 @@ impl Baseline {
 mod tests {
     use super::*;
 
-    const SETTINGS: BaselineSettings =
+    const SCENARIOS: BaselineSettings =
         BaselineSettings { settle_samples: 10, memory_samples: 1000 };
 
     const SCALE: f64 = 100.0;
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn it_is_the_mean_of_the_first_samples_and_follows_slowly() {
-        let mut baseline = Baseline::new(SETTINGS, 1).unwrap();
+        let mut baseline = Baseline::new(SCENARIOS, 1).unwrap();
         for k in 0..10 {
             assert!(!baseline.is_settled());
             baseline.learn(&[7.0 + f64::from(k % 2)], &[2.0], &[SCALE]);
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn one_wild_value_moves_little() {
-        let mut baseline = Baseline::new(SETTINGS, 1).unwrap();
+        let mut baseline = Baseline::new(SCENARIOS, 1).unwrap();
         let wild = |baseline: &mut Baseline, value: f64| {
             (0..9).for_each(|_| baseline.learn(&[2.0], &[2.0], &[SCALE]));
             baseline.learn(&[value], &[2.0], &[SCALE]);
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn what_stands_in_for_a_sensor_has_no_tolerance() {
-        let mut baseline = Baseline::new(SETTINGS, 2).unwrap();
+        let mut baseline = Baseline::new(SCENARIOS, 2).unwrap();
         (0..10).for_each(|_| baseline.learn(&[3.0, 3.0], &[1.0, 1.0], &[SCALE; 2]));
         let mut values = [0.0; 2];
         baseline.subtract(&[3.0, 1.0], &[false, true], &mut values);
@@ -196,18 +196,18 @@ mod tests {
 
     #[test]
     fn what_was_stored_goes_on_and_what_is_impossible_is_refused() {
-        let mut baseline = Baseline::new(SETTINGS, 1).unwrap();
+        let mut baseline = Baseline::new(SCENARIOS, 1).unwrap();
         (0..7).for_each(|k| baseline.learn(&[f64::from(k)], &[0.0], &[SCALE]));
-        let mut other = Baseline::new(SETTINGS, 1).unwrap();
+        let mut other = Baseline::new(SCENARIOS, 1).unwrap();
         other.restore(&baseline.store()).unwrap();
         (0..20).for_each(|k| {
             baseline.learn(&[f64::from(k)], &[0.0], &[SCALE]);
             other.learn(&[f64::from(k)], &[0.0], &[SCALE]);
         });
         assert_eq!(baseline.store(), other.store());
-        assert!(Baseline::new(SETTINGS, 2).unwrap().restore(&baseline.store()).is_err());
+        assert!(Baseline::new(SCENARIOS, 2).unwrap().restore(&baseline.store()).is_err());
         baseline.clear();
-        assert_eq!(baseline.store(), Baseline::new(SETTINGS, 1).unwrap().store());
+        assert_eq!(baseline.store(), Baseline::new(SCENARIOS, 1).unwrap().store());
         for (settle_samples, memory_samples) in [(0, 10), (10, 9)] {
             assert!(Baseline::new(BaselineSettings { settle_samples, memory_samples }, 1).is_err());
         }

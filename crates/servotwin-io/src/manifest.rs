@@ -141,7 +141,7 @@ const WRITERS: [(&str, &str); 14] = [
     ("system.toml", "campaign STUDY --out FOLDER"),
     ("dataset-", "features FOLDER"),
     ("data-card.md", "features FOLDER"),
-    ("calibration-", "campaign STUDY --setting fitted --out FOLDER"),
+    ("calibration-", "campaign STUDY --scenario fitted --out FOLDER"),
     ("hierarchy-", "train FOLDER"),
     ("panel-", "train FOLDER"),
     ("diagnoser-", "flights STUDY --out FOLDER"),

@@ -34,7 +34,7 @@ const FIRST: [Shade; 4] = [
 const SECOND: [Shade; 3] = [["#6f4fa8", "#ad93e0"], ["#9a78e0", "#d6c6ff"], ["#3d1f78", "#8563c9"]];
 const THIRD: [Shade; 3] = [["#8a6a00", "#d9b13a"], ["#b08a1e", "#ffe08a"], ["#524000", "#a8852a"]];
 const COMMANDS: [&[Shade]; 3] = [&FIRST, &SECOND, &THIRD];
-const SETTINGS: [Shade; 5] = [
+const SCENARIOS: [Shade; 5] = [
     ["#3aa56b", "#8fe0b0"],
     ["#007a4d", "#2fc79b"],
     ["#5f9e00", "#a6e04a"],
@@ -60,7 +60,7 @@ pub enum SemanticColor {
     /// A fault class: the index of its action, and its own index below that.
     Detail(usize, usize),
     /// A scenario, by index in the order of reports.
-    Setting(usize),
+    Scenario(usize),
     /// Measured values.
     Measured,
     /// Values of the twin.
@@ -84,7 +84,7 @@ impl SemanticColor {
             SemanticColor::Unit(place) => of(&UNITS, place),
             SemanticColor::Command(place) => Look { index: place, ..below(place, 0) },
             SemanticColor::Detail(command, place) => below(command, place),
-            SemanticColor::Setting(place) => of(&SETTINGS, place),
+            SemanticColor::Scenario(place) => of(&SCENARIOS, place),
             SemanticColor::Measured => of(&PLAIN, 0),
             SemanticColor::Twin => Look::new(TWIN[0], 1),
             SemanticColor::Medium(place) => of(&MEDIA, place),
@@ -96,7 +96,7 @@ impl SemanticColor {
 /// Every color with a meaning, and its replacement on a dark background.
 pub(super) fn shades() -> Vec<Shade> {
     let commands = COMMANDS.concat();
-    [&UNITS[..], &commands, &SETTINGS, &[TWIN], &MEDIA, &PLAIN].concat()
+    [&UNITS[..], &commands, &SCENARIOS, &[TWIN], &MEDIA, &PLAIN].concat()
 }
 
 /// Style sheet rules that make a drawing's colors readable on a dark background; texts keep their colors.

@@ -2,7 +2,7 @@
 //!
 //! The file needs no network and no script, prints on paper, and is readable without color. A
 //! section is one file in `sections/` and one line in [`CHAPTERS`]. A section without content for
-//! a study (no third sensor, no realistic setting) is left out. Results to act on come first; the
+//! a study (no third sensor, no realistic scenario) is left out. Results to act on come first; the
 //! evidence behind them follows in an appendix. The same material gives the same bytes.
 
 pub mod examples;
@@ -31,7 +31,7 @@ use servotwin::job::manifest::Manifest;
 use servotwin::job::outcomes::FlownSuite;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_plot::Figure;
@@ -53,10 +53,10 @@ pub struct Material<'a> {
     /// Healthy flights, each in an environment of its own.
     pub healthy: &'a [FlownSuite],
     /// The constants of the stored diagnosers, by scenario.
-    pub constants: &'a [(Setting, Vec<Constant>)],
+    pub constants: &'a [(Scenario, Vec<Constant>)],
     /// The learned conditional bands and their figures of merit.
     pub bands: &'a [BandMerit],
-    /// True and fitted parameters of the specimens in the fitted setting.
+    /// True and fitted parameters of the specimens in the fitted scenario.
     pub calibrations: &'a [Comparison],
     /// Simulated example faults.
     pub examples: &'a [Example],
@@ -229,7 +229,7 @@ impl Material<'_> {
     }
 }
 
-/// Shows the last (hardest) setting, and folds the others.
+/// Shows the last (hardest) scenario, and folds the others.
 fn hardest_first(
     results: &[&SubjectResult],
     page: &mut Page,
@@ -238,7 +238,7 @@ fn hardest_first(
     let Some((hardest, others)) = results.split_last() else { return };
     show(hardest, page);
     for result in others {
-        page.folded(&format!("Setting: {}", result.title), |page| show(result, page));
+        page.folded(&format!("Scenario: {}", result.title), |page| show(result, page));
     }
 }
 

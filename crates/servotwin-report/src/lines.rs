@@ -1,7 +1,7 @@
 //! The measures of every summary, on a terminal or in the report: safety first.
 //!
-//! The first table is the *headline*: each setting under the hardest protocol that the study
-//! allows. A row is one measure and one classifier; the settings are its columns.
+//! The first table is the *headline*: each scenario under the hardest protocol that the study
+//! allows. A row is one measure and one classifier; the scenarios are its columns.
 
 use crate::vocabulary::Vocabulary;
 use crate::words::{number, spoken};
@@ -193,12 +193,12 @@ pub struct HeadlineRow {
     pub who: &'static str,
     /// Whether the measure concerns safety.
     pub is_safety: bool,
-    /// One rate for each setting; `None` if the setting has none.
+    /// One rate for each scenario; `None` if the scenario has none.
     pub rates: Vec<Option<Rate>>,
 }
 
-/// The results without an extra sensor, one for each setting, from the easiest to the hardest.
-pub fn settings(results: &Results) -> Vec<&SubjectResult> {
+/// The results without an extra sensor, one for each scenario, from the easiest to the hardest.
+pub fn scenarios(results: &Results) -> Vec<&SubjectResult> {
     results.subjects.iter().filter(|result| !result.subject.extra_sensor()).collect()
 }
 
@@ -207,11 +207,11 @@ pub fn learned(result: &SubjectResult) -> Option<&[Band]> {
     result.evaluation.bands.as_deref().filter(|_| result.settings.learned_bands)
 }
 
-/// The headline of some settings. Rows without any rate are left out.
-pub fn headline(settings: &[&SubjectResult], words: &Vocabulary) -> Vec<HeadlineRow> {
+/// The headline of some scenarios. Rows without any rate are left out.
+pub fn headline(scenarios: &[&SubjectResult], words: &Vocabulary) -> Vec<HeadlineRow> {
     let mut rows = vec![];
     let mut push = |title: &str, who, is_safety, of: &dyn Fn(&Evaluation) -> Option<Rate>| {
-        let rates = settings.iter().map(|result| of(&result.evaluation));
+        let rates = scenarios.iter().map(|result| of(&result.evaluation));
         let rates: Vec<_> = rates.map(|rate| rate.filter(|rate| rate.of > 0)).collect();
         if rates.iter().any(Option::is_some) {
             rows.push(HeadlineRow { title: title.to_owned(), who, is_safety, rates });

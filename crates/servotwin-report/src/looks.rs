@@ -53,7 +53,7 @@ impl Looks {
 /// The style of a subject (a data set and the sensors used).
 pub fn subject(subject: Subject) -> Look {
     let place = Subject::ALL.iter().position(|known| *known == subject);
-    SemanticColor::Setting(place.unwrap_or(0)).look()
+    SemanticColor::Scenario(place.unwrap_or(0)).look()
 }
 
 /// Styles of two series that have no meaning in other figures.

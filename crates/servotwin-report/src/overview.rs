@@ -10,7 +10,7 @@ use servotwin::evaluation::detection::Curve;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
-use servotwin::study::{Role, Setting};
+use servotwin::study::{Role, Scenario};
 use servotwin_io::text::escaped;
 use std::fmt::Write;
 
@@ -71,7 +71,7 @@ pub fn write(material: &Material, page: &mut Page) {
         page.note(&missing);
     }
     let words = material.words();
-    let scenarios = lines::settings(material.results);
+    let scenarios = lines::scenarios(material.results);
     let tabs: Vec<(String, String)> = scenarios
         .iter()
         .map(|result| (result.title.clone(), scenario(material, result, &words)))
@@ -82,11 +82,11 @@ pub fn write(material: &Material, page: &mut Page) {
 /// Reports results that a reader may expect and that this report lacks.
 fn missing(material: &Material) -> Option<String> {
     let Material { study, results, flights, .. } = material;
-    let is_there = |setting: Setting| results.of(Subject::of(setting)).is_some();
-    let expected = Setting::ALL.into_iter().filter(|setting| setting.is_usual());
+    let is_there = |scenario: Scenario| results.of(Subject::of(scenario)).is_some();
+    let expected = Scenario::ALL.into_iter().filter(|scenario| scenario.is_usual());
     let mut missing: Vec<String> = expected
-        .filter(|setting| setting.is_possible(study) && !is_there(*setting))
-        .map(|setting| setting.name().to_owned())
+        .filter(|scenario| scenario.is_possible(study) && !is_there(*scenario))
+        .map(|scenario| scenario.name().to_owned())
         .collect();
     if study.is_full && study.flights.is_some() && flights.is_none() {
         missing.push(format!("{}s in which faults begin", material.words().run()));
@@ -124,7 +124,7 @@ fn scenario(material: &Material, result: &SubjectResult, words: &Vocabulary) -> 
 
 /// The cards of the flights in a scenario; `None` without any.
 fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) -> Option<String> {
-    let scenario = result.subject.setting().name();
+    let scenario = result.subject.scenario().name();
     let metrics = material.flights?.judged().find(|metrics| metrics.group.scenario == scenario)?;
     let run = words.run();
     let rates = lines::in_flight(metrics, words).into_iter().map(|(title, rate)| {
@@ -269,7 +269,7 @@ fn weakest(material: &Material, result: &SubjectResult) -> String {
 /// One sentence about how to make the fault visible.
 fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
     // Only specimens that differ from their twin have something to fit.
-    let has_tolerances = result.subject.setting() == Setting::Realistic;
+    let has_tolerances = result.subject.scenario() == Scenario::Realistic;
     let perfect = material.results.of(Subject::Noise).filter(|_| has_tolerances);
     let of_perfect = perfect.and_then(|perfect| {
         let all = seen(perfect);
@@ -277,7 +277,7 @@ fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
     });
     // Different bands detect differently, so only a difference beyond both intervals counts.
     if let Some(rate) = of_perfect.filter(|rate| rate.low > weak.rate.high) {
-        let measure = match Setting::Fitted.is_possible(material.study) {
+        let measure = match Scenario::Fitted.is_possible(material.study) {
             true => "; servotwin study --fitted measures what twins fitted to their specimens show",
             false => "",
         };

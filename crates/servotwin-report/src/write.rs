@@ -6,7 +6,7 @@ use servotwin::campaign;
 use servotwin::evaluation::model_file;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, hierarchy, manifest, outcomes};
-use servotwin::study::{Role, Setting, Study};
+use servotwin::study::{Role, Scenario, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
@@ -64,7 +64,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
 /// # Errors
 /// A file cannot be read.
 fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
-    let files = Setting::ALL.map(|setting| folder.band(setting));
+    let files = Scenario::ALL.map(|scenario| folder.band(scenario));
     let there = files.into_iter().filter(|file| file.exists());
     there.map(|file| Ok(model_file::read(file)?)).collect()
 }
@@ -86,12 +86,12 @@ struct OfLength {
 ///
 /// # Errors
 /// A file cannot be read.
-fn constants(folder: &Folder) -> Result<Vec<(Setting, Vec<Constant>)>, JobError> {
-    let stored = Setting::ALL.into_iter().filter(|setting| folder.diagnoser(*setting).exists());
-    let read = |setting: Setting| {
-        let OfDiagnoser { tuning, lengths } = model_file::read(folder.diagnoser(setting))?;
+fn constants(folder: &Folder) -> Result<Vec<(Scenario, Vec<Constant>)>, JobError> {
+    let stored = Scenario::ALL.into_iter().filter(|scenario| folder.diagnoser(*scenario).exists());
+    let read = |scenario: Scenario| {
+        let OfDiagnoser { tuning, lengths } = model_file::read(folder.diagnoser(scenario))?;
         let corrected = lengths.iter().find_map(|length| length.baseline_corrected.as_ref());
-        Ok((setting, tuning.constants(corrected)))
+        Ok((scenario, tuning.constants(corrected)))
     };
     stored.map(read).collect()
 }

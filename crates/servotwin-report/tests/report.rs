@@ -12,7 +12,7 @@ use servotwin::job::manifest::Manifest;
 use servotwin::job::outcomes::{Basis, FlownSuite};
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::BASELINE_CORRECTED;
@@ -98,7 +98,7 @@ fn band() -> BandMerit {
     };
     let fixed = ConditionalBand { covariates: vec![], factors: vec![vec![]], ..field.clone() };
     BandMerit {
-        setting: "fitted".into(),
+        scenario: "fitted".into(),
         sensors: vec!["p_a_1".into()],
         duration_s: 20.0,
         field,
@@ -194,14 +194,14 @@ fn constants_have_a_label_and_environments_without_alarm_a_bound() {
         Results { format: results::FORMAT.into(), study: "paper".into(), subjects: vec![] };
     let usual = || Tuning::default().constants(Some(&BASELINE_CORRECTED));
     let by_hand = Tuning { clip_nats: 7.0, ..Tuning::default() }.constants(None);
-    let constants = [(Setting::Noise, usual()), (Setting::Realistic, usual())];
+    let constants = [(Scenario::Noise, usual()), (Scenario::Realistic, usual())];
     let alone = results_alone(&study, &results, &manifest);
     let (html, _) = render(&Material { constants: &constants, ..alone });
-    assert!(html.contains("setting noise and realistic"), "both have the same constants");
+    assert!(html.contains("scenario noise and realistic"), "both have the same constants");
     assert!(html.contains("corrected off allowance nats") && html.contains("tuned on seed 9"));
     assert!(html.contains(">physical<") && html.contains(">statistical<"));
     assert!(!html.contains("not the usual value"));
-    let constants = [(Setting::Noise, usual()), (Setting::Realistic, by_hand)];
+    let constants = [(Scenario::Noise, usual()), (Scenario::Realistic, by_hand)];
     let alone = results_alone(&study, &results, &manifest);
     let (html, _) = render(&Material { constants: &constants, ..alone });
     assert_eq!(html.matches("not the usual value").count(), 1);

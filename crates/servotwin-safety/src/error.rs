@@ -40,7 +40,7 @@ pub enum SafetyError {
     #[error("{path}: there are no results of the scenario '{given}'; there are: {}", .known.join(", "))]
     NoScenario { path: PathBuf, given: String, known: Vec<String> },
     /// Nothing flies in the wanted scenario.
-    #[error("nothing flies in the scenario '{given}'; flights have the scenarios {}: choose one with --setting", .known.join(", "))]
+    #[error("nothing flies in the scenario '{given}'; flights have the scenarios {}: choose one with --scenario", .known.join(", "))]
     NoFlights { given: &'static str, known: [&'static str; 2] },
     /// A sheet or a table of rates lacks a column.
     #[error("{path}: there is no column '{column}'; needed are: {}", .needed.join(", "))]

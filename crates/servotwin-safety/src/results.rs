@@ -7,7 +7,7 @@ use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Folder, JobError, Results, Subject};
 use servotwin::manifest::{sha256, sha256_of_text};
-use servotwin::study::{Role, Setting, Study};
+use servotwin::study::{Role, Scenario, Study};
 use servotwin::table;
 use std::path::PathBuf;
 
@@ -83,7 +83,7 @@ pub struct StudyResultsFolder {
     /// The flights; `None` if none were judged.
     pub flights: Option<FlightResults>,
     /// The scenario that is quoted.
-    pub setting: Setting,
+    pub scenario: Scenario,
 }
 
 impl StudyResultsFolder {
@@ -91,7 +91,7 @@ impl StudyResultsFolder {
     ///
     /// # Errors
     /// The folder has no manifest or no study; a file contradicts the manifest; there are no results of the scenario.
-    pub fn open(folder: Folder, wanted: Option<Setting>) -> Result<Self, SafetyError> {
+    pub fn open(folder: Folder, wanted: Option<Scenario>) -> Result<Self, SafetyError> {
         let study = folder.read_study()?;
         let manifest = Manifest::read(folder.path())?;
         let manifest = manifest.ok_or(SafetyError::NoManifest { folder: folder.path().into() })?;
@@ -101,8 +101,8 @@ impl StudyResultsFolder {
             false => None,
         };
         let flights = flights::results(&folder)?;
-        let setting = setting(&folder, wanted)?;
-        Ok(StudyResultsFolder { folder, study, basis, evaluation, flights, setting })
+        let scenario = scenario(&folder, wanted)?;
+        Ok(StudyResultsFolder { folder, study, basis, evaluation, flights, scenario })
     }
 
     /// The path of an artefact.
@@ -112,13 +112,13 @@ impl StudyResultsFolder {
 
     /// The evaluation of the quoted scenario.
     pub fn evaluated(&self) -> Option<&SubjectResult> {
-        self.evaluation.as_ref()?.of(Subject::of(self.setting))
+        self.evaluation.as_ref()?.of(Subject::of(self.scenario))
     }
 
     /// The judged flights of the quoted scenario.
     pub fn flown(&self) -> Option<&FlightMetrics> {
         let mut judged = self.flights.as_ref()?.judged();
-        judged.find(|metrics| metrics.group.scenario == self.setting.name())
+        judged.find(|metrics| metrics.group.scenario == self.scenario.name())
     }
 
     /// The judged flights, which the trees need.
@@ -132,7 +132,7 @@ impl StudyResultsFolder {
         };
         self.flown().ok_or_else(|| SafetyError::NoScenario {
             path,
-            given: self.setting.name().into(),
+            given: self.scenario.name().into(),
             known: flights.judged().map(FlightMetrics::title).collect(),
         })
     }
@@ -141,12 +141,12 @@ impl StudyResultsFolder {
     ///
     /// # Errors
     /// Nothing flies in the quoted scenario.
-    pub fn flown_setting(&self) -> Result<Setting, SafetyError> {
-        match flights::SETTINGS.contains(&self.setting) {
-            true => Ok(self.setting),
+    pub fn flown_setting(&self) -> Result<Scenario, SafetyError> {
+        match flights::SCENARIOS.contains(&self.scenario) {
+            true => Ok(self.scenario),
             false => Err(SafetyError::NoFlights {
-                given: self.setting.name(),
-                known: flights::SETTINGS.map(Setting::name),
+                given: self.scenario.name(),
+                known: flights::SCENARIOS.map(Scenario::name),
             }),
         }
     }
@@ -158,20 +158,20 @@ impl StudyResultsFolder {
 }
 
 /// The quoted scenario: the wanted one, or the most realistic one with results.
-fn setting(folder: &Folder, wanted: Option<Setting>) -> Result<Setting, SafetyError> {
-    let has_runs = |setting: &Setting| folder.data_set(*setting, Role::Judged).exists();
-    let has_any = |setting: &Setting| has_runs(setting) || folder.diagnoser(*setting).exists();
-    let known: Vec<Setting> = Setting::ALL.into_iter().filter(has_any).collect();
+fn scenario(folder: &Folder, wanted: Option<Scenario>) -> Result<Scenario, SafetyError> {
+    let has_runs = |scenario: &Scenario| folder.data_set(*scenario, Role::Judged).exists();
+    let has_any = |scenario: &Scenario| has_runs(scenario) || folder.diagnoser(*scenario).exists();
+    let known: Vec<Scenario> = Scenario::ALL.into_iter().filter(has_any).collect();
     match wanted {
-        Some(setting) if !known.contains(&setting) => Err(SafetyError::NoScenario {
+        Some(scenario) if !known.contains(&scenario) => Err(SafetyError::NoScenario {
             path: folder.path().into(),
-            given: setting.name().into(),
+            given: scenario.name().into(),
             known: known.iter().map(|known| known.name().to_owned()).collect(),
         }),
-        Some(setting) => Ok(setting),
+        Some(scenario) => Ok(scenario),
         None => {
             let subjects: Vec<Subject> = known.into_iter().map(Subject::of).collect();
-            Ok(Subject::default_among(&subjects).map_or(Setting::Noise, Subject::setting))
+            Ok(Subject::default_among(&subjects).map_or(Scenario::Noise, Subject::scenario))
         }
     }
 }
@@ -190,8 +190,8 @@ fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyEr
         }
     }
     // A diagnoser may have been learned by a command that writes no manifest.
-    for setting in Setting::ALL {
-        let path = folder.diagnoser(setting);
+    for scenario in Scenario::ALL {
+        let path = folder.diagnoser(scenario);
         if path.exists() {
             models += &sha256(&path)?;
         }
@@ -209,9 +209,9 @@ fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyEr
 /// The file is damaged, or contradicts the manifest.
 pub fn read_residual_columns(
     folder: &Folder,
-    setting: Setting,
+    scenario: Scenario,
 ) -> Result<Option<table::Table>, SafetyError> {
-    let path = folder.data_set(setting, Role::Judged);
+    let path = folder.data_set(scenario, Role::Judged);
     if !path.exists() {
         return Ok(None);
     }

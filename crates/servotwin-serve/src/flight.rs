@@ -7,7 +7,7 @@ use crate::request::{Refused, Request};
 use crate::signals::{ShownSample, Signals};
 use crate::state::{Act, KnownOutcome, SourceKind, State, about, event};
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
+use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -59,7 +59,7 @@ impl LiveSource for Live {
     ) -> Result<(), RunError> {
         let signals = Signals::of_flights(&self.study, &self.diagnoser);
         loop {
-            let scenario = |reacts| Scenario {
+            let scenario = |reacts| ClosedLoop {
                 study: &self.study,
                 inputs: self.inputs.clone(),
                 faults: vec![],

@@ -8,7 +8,7 @@ use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::io::Read;
 
-/// The diagnoser of the quick study, setting *noise*, as compressed JSON.
+/// The diagnoser of the quick study, scenario *noise*, as compressed JSON.
 const DIAGNOSER: &[u8] = include_bytes!("../shipped/aileron.json.gz");
 /// The SHA-256 of the study and the system that it was learned from.
 const LEARNED_FROM: &str = include_str!("../shipped/learned-from.txt");
@@ -28,7 +28,7 @@ pub fn diagnoser(study: &Study) -> Option<Diagnoser> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
+    use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
     use servotwin_model::program::FaultAt;
 
     #[test]
@@ -36,7 +36,7 @@ mod tests {
         let study = Study::default();
         let diagnoser =
             std::sync::Arc::new(diagnoser(&study).expect("shipped/make.sh learns it anew"));
-        let scenario = Scenario {
+        let scenario = ClosedLoop {
             study: &study,
             inputs: study.system.default_inputs(),
             faults: vec![],

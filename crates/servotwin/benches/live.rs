@@ -4,12 +4,12 @@
 //! plant, and prints median, p99.9 and largest time of [`Runtime::push`], as ratios to the time there
 //! is, and how many such actuators one core can watch; by lists and, where there is a C compiler, by the compiled step.
 
-use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
+use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::runtime::Runtime;
 use servotwin::flight::{train, training_windows};
 use servotwin::job;
 use servotwin::parallel::Workers;
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -22,12 +22,12 @@ const DURATION_S: f64 = 120.0;
 fn main() {
     let study = Study::default();
     let flights = study.flights.as_ref().expect("the paper's study has flights");
-    let (setting, sized) = (Setting::Realistic, (&study, false));
-    let taken = training_windows::learn(sized, flights, setting, Workers::all()).expect("a twin");
-    let tables = training_windows::tables(sized, flights, setting, taken, Workers::all());
+    let (scenario, sized) = (Scenario::Realistic, (&study, false));
+    let taken = training_windows::learn(sized, flights, scenario, Workers::all()).expect("a twin");
+    let tables = training_windows::tables(sized, flights, scenario, taken, Workers::all());
     let tables = tables.expect("windows");
     let pools = job::pools(&study);
-    let diagnoser = train::diagnoser(&study, flights, setting, tables, &pools, Workers::all());
+    let diagnoser = train::diagnoser(&study, flights, scenario, tables, &pools, Workers::all());
     let diagnoser = Arc::new(diagnoser.expect("a diagnoser"));
     let network = study.system.network();
     let mut inputs: Vec<Piecewise> = network
@@ -43,7 +43,7 @@ fn main() {
         study.system.program.find_fault("actuator_1.leakage_a.leakage").expect("a fault");
     let leak = FaultAt { component, fault, intensity: 0.5 };
     let flown = [("healthy", vec![]), ("leaking", vec![(5.0, leak)])].map(|(name, faults)| {
-        let scenario = Scenario {
+        let scenario = ClosedLoop {
             study: &study,
             inputs: inputs.clone(),
             faults,

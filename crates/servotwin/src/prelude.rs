@@ -9,7 +9,7 @@ pub use crate::observer::{DiagnosisState, Finding};
 pub use crate::simulate::{
     InputSignal, Simulation, SimulationError, SimulationResults, Sweep, VariantSpec,
 };
-pub use crate::study::{Setting, Study, StudyError};
+pub use crate::study::{Scenario, Study, StudyError};
 pub use crate::system::{System, SystemError};
 pub use crate::table::{Table, TableError};
 pub use servotwin_diagnosis::diagnoser::Diagnoser;

@@ -10,7 +10,7 @@ use servotwin::evaluation::metrics::{Rate, clopper_pearson_upper};
 use servotwin::evaluation::model_file;
 use servotwin::flight::band::{self, BandMerit, Coverage};
 use servotwin::job::{Among, Folder, JobError};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use std::path::PathBuf;
 
 /// Learn the twin's confidence band as a field over command, rate, load and boundary values.
@@ -33,8 +33,8 @@ pub struct Options {
     /// Scenario of the specimens: each equals its twin (noise), has a twin fitted to its calibration flight (fitted,
     /// one specimen for each environment), or differs from the nominal twin by its tolerances (realistic).
     #[arg(long, value_parser = ["noise", "fitted", "realistic"], default_value = "realistic")]
-    setting: String,
-    /// Write the band and its measured performance to band-SETTING.json in this folder, for `servotwin watch --band`
+    scenario: String,
+    /// Write the band and its measured performance to band-SCENARIO.json in this folder, for `servotwin watch --band`
     /// and the report.
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -68,11 +68,12 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         None => Study::default(),
     };
     let Some(flights) = &study.flights else { return Err(JobError::NoFlights.into()) };
-    let named = |setting: &Setting| setting.name() == options.setting;
-    let setting = Setting::ALL.into_iter().find(named).expect("one of the names that are allowed");
-    if !setting.is_possible(&study) {
+    let named = |scenario: &Scenario| scenario.name() == options.scenario;
+    let scenario =
+        Scenario::ALL.into_iter().find(named).expect("one of the names that are allowed");
+    if !scenario.is_possible(&study) {
         return Err(Failure::Options(
-            "the study has no [realistic], or no [fitted] for that setting",
+            "the study has no [realistic], or no [fitted] for that scenario",
         ));
     }
     stop::heed();
@@ -80,7 +81,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let _hold = folder.as_ref().map(|folder| folder.hold(Among::Nobody)).transpose()?;
     let merit = band::measure(
         (&study, options.full),
-        setting,
+        scenario,
         options.share,
         options.judge as usize,
         workers(options.threads),
@@ -91,7 +92,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         merit.picture(study.system.network()).draw().save(path)?;
     }
     if let Some(folder) = &folder {
-        model_file::write_model(folder.band(setting), &merit).map_err(JobError::from)?;
+        model_file::write_model(folder.band(scenario), &merit).map_err(JobError::from)?;
     }
     Ok(match global {
         Global { json: true, .. } => json(&as_json(&merit)),

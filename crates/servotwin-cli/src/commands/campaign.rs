@@ -10,7 +10,7 @@ use serde_json::json;
 use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, OnTheMove, Share, runs};
 use servotwin::job::{Folder, data_card, manifest};
 use servotwin::parallel::Workers;
-use servotwin::study::{Role, Setting, Study};
+use servotwin::study::{Role, Scenario, Study};
 use std::time::Instant;
 
 /// Simulate every fault of a study in every operating case, and write a data set.
@@ -24,8 +24,8 @@ pub struct Options {
     /// Run only this scenario: perfect sensors and a plant that equals the twin (ideal), sensors with noise and
     /// quantization (noise), these sensors and specimens with tolerances (realistic), or such specimens with twins
     /// fitted to them (fitted) [default: all but fitted].
-    #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
-    setting: Option<String>,
+    #[arg(long, value_parser = Scenario::ALL.map(Scenario::name))]
+    scenario: Option<String>,
     /// Also write the time series of every variant (gigabytes).
     #[arg(long)]
     keep_traces: bool,
@@ -40,7 +40,7 @@ pub struct Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
-    let runs = chosen(&study, options.setting.as_deref())?;
+    let runs = chosen(&study, options.scenario.as_deref())?;
     let folder = Folder::new(&options.study.out);
     let _hold = match options.share {
         Some(_) => folder.join_study(&study)?,
@@ -49,11 +49,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let mut text = String::new();
     let mut results = Vec::new();
     let mut parts = 0;
-    for (role, settings) in runs {
+    for (role, scenarios) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
             keep_traces: options.keep_traces,
-            ..campaign(&study, role, settings, &folder, options.study.threads)
+            ..campaign(&study, role, scenarios, &folder, options.study.threads)
         };
         let outcome = simulate(&campaign, options.share.map(|share| (share, &mut parts)), global)?;
         let seconds = begin.elapsed().as_secs_f64();
@@ -71,19 +71,19 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// The campaigns of a study in a named setting, or in the usual ones.
+/// The campaigns of a study in a named scenario, or in the usual ones.
 pub fn chosen(
     study: &Study,
-    setting: Option<&str>,
-) -> Result<Vec<(Role, Vec<Setting>)>, CampaignError> {
-    let named = |candidate: Setting| match setting {
+    scenario: Option<&str>,
+) -> Result<Vec<(Role, Vec<Scenario>)>, CampaignError> {
+    let named = |candidate: Scenario| match scenario {
         Some(name) => name == candidate.name(),
         None => candidate.is_usual(),
     };
     let runs = runs(study, named);
-    match Setting::ALL.into_iter().find(|setting| named(*setting)) {
-        // The study lacks a section that the named setting needs.
-        Some(setting) if runs.is_empty() => Err(CampaignError::no_section(setting, study)),
+    match Scenario::ALL.into_iter().find(|scenario| named(*scenario)) {
+        // The study lacks a section that the named scenario needs.
+        Some(scenario) if runs.is_empty() => Err(CampaignError::no_section(scenario, study)),
         _ => Ok(runs),
     }
 }
@@ -92,15 +92,15 @@ pub fn chosen(
 pub fn campaign<'s>(
     study: &'s Study,
     role: Role,
-    settings: Vec<Setting>,
+    scenarios: Vec<Scenario>,
     folder: &Folder,
     threads: Option<usize>,
 ) -> Campaign<'s> {
     Campaign {
-        settings: settings.clone(),
+        scenarios: scenarios.clone(),
         threads: threads.unwrap_or_else(|| Workers::all().threads()).max(1),
         cancel: Some(stop::flag()),
-        ..Campaign::stored(folder.path(), study, settings[0], role)
+        ..Campaign::stored(folder.path(), study, scenarios[0], role)
     }
 }
 
@@ -111,7 +111,7 @@ pub fn simulate(
     share: Option<(Share, &mut usize)>,
     global: Global,
 ) -> Result<CampaignOutcome, Failure> {
-    let bar = bar(&named(&campaign.settings, campaign.role), global);
+    let bar = bar(&named(&campaign.scenarios, campaign.role), global);
     let told = |done, all| {
         bar.update(|state| {
             state.set_len(all as u64);
@@ -141,9 +141,9 @@ pub fn bar(name: &str, global: Global) -> ProgressBar {
         .with_message(format!("simulating, {name}:"))
 }
 
-/// Describes a campaign by its settings and its role.
-pub fn named(settings: &[Setting], role: Role) -> String {
-    let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+/// Describes a campaign by its scenarios and its role.
+pub fn named(scenarios: &[Scenario], role: Role) -> String {
+    let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
     let role = match role {
         Role::Judged => "",
         Role::Training => ", training commands",
@@ -157,7 +157,7 @@ pub fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) ->
     let mut text = format!(
         "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
         campaign.study.name,
-        named(&campaign.settings, campaign.role),
+        named(&campaign.scenarios, campaign.role),
         outcome.variants,
         campaign.duration_s(),
         outcome.failed.len()
@@ -173,8 +173,8 @@ pub fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) ->
         text.push_str(&format!("  with {origin}\n"));
     }
     text.push_str(&on_the_move(&outcome.on_the_move));
-    for (setting, variant, reason) in &outcome.failed {
-        text.push_str(&format!("  {} variant {variant}: {reason}\n", setting.name()));
+    for (scenario, variant, reason) in &outcome.failed {
+        text.push_str(&format!("  {} variant {variant}: {reason}\n", scenario.name()));
     }
     text
 }
@@ -203,15 +203,15 @@ fn on_the_move(runs: &[OnTheMove]) -> String {
 fn to_json(campaign: &Campaign, outcome: &CampaignOutcome) -> serde_json::Value {
     let failed = outcome.failed.iter();
     let failed = failed
-        .map(|(s, v, r)| json!({"setting": s.name(), "variant": v, "reason": r}))
+        .map(|(s, v, r)| json!({"scenario": s.name(), "variant": v, "reason": r}))
         .collect::<Vec<_>>();
     let moving = outcome.on_the_move.iter().map(|run| {
-        json!({"setting": run.setting.name(), "variant": run.variant, "fault": run.fault,
+        json!({"scenario": run.scenario.name(), "variant": run.variant, "fault": run.fault,
                "case": run.case, "limit_cycle": run.limit_cycle})
     });
     let moving = moving.collect::<Vec<_>>();
     json!({
-        "settings": campaign.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
+        "scenarios": campaign.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),
         "training": campaign.role == Role::Training,
         "variants": outcome.variants,
         "resumed": outcome.resumed,

@@ -10,7 +10,7 @@ use servotwin::built_in::{STUDIES, SYSTEMS, find};
 use servotwin::document::{Diagnostic, counted};
 use servotwin::kind::FileType;
 use servotwin::plausibility;
-use servotwin::study::{Setting, Study, StudyError};
+use servotwin::study::{Scenario, Study, StudyError};
 use servotwin::system::{System, SystemError};
 use std::path::PathBuf;
 
@@ -137,24 +137,24 @@ fn of_system(options: &Options, system: &System, implausible: &[String]) -> Chec
 
 fn of_study(options: &Options, study: &Study, implausible: &[String]) -> Checked {
     let (cases, faults) = (study.cases.len(), study.faults.len());
-    let settings = Setting::groups(study, |_| true).concat();
-    let settings: Vec<&str> = settings.into_iter().map(Setting::name).collect();
+    let scenarios = Scenario::groups(study, |_| true).concat();
+    let scenarios: Vec<&str> = scenarios.into_iter().map(Scenario::name).collect();
     Checked {
         text: format!(
-            "{}: no mistakes: {} with the system {}, {} with their intensities in {}, {}, settings {}\n",
+            "{}: no mistakes: {} with the system {}, {} with their intensities in {}, {}, scenarios {}\n",
             options.file.display(),
             study.name,
             study.system.name,
             counted(faults, "fault"),
             counted(cases, "case"),
             counted(study.measured.len(), "sensor"),
-            settings.join(", "),
+            scenarios.join(", "),
         ),
         json: json!({
             "file": options.file, "kind": "study", "valid": true, "mistakes": [],
             "name": study.name, "system": study.system.name, "units": study.units,
             "cases": cases, "faults": faults, "sensors": study.measured.len(),
-            "settings": settings, "warnings": warnings(study, implausible),
+            "scenarios": scenarios, "warnings": warnings(study, implausible),
         }),
     }
 }

@@ -44,7 +44,7 @@ pub struct Options {
     check_hours: Option<f64>,
     /// The scenario whose flights are counted: noise or realistic [default: the most realistic one].
     #[arg(long, value_name = "SCENARIO")]
-    setting: Option<String>,
+    scenario: Option<String>,
 }
 
 impl Options {
@@ -63,7 +63,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         rates::write_template(path, &rated_faults(&study))?;
         return Ok(format!("{}\n", path.display()));
     }
-    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let (Some(rates), Some(flight_h), Some(repair_h), Some(check_h)) =
         (&options.rates, options.flight_hours, options.repair_hours, options.check_hours)

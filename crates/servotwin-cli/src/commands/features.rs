@@ -10,7 +10,7 @@ use servotwin::campaign::Campaign;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::job::{Folder, JobError, data_card, manifest};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin::table::TableError;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
@@ -114,13 +114,13 @@ pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
 fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
     let (study, _hold) = folder.open()?;
     let mut list = vec![];
-    for setting in Setting::ALL {
+    for scenario in Scenario::ALL {
         for role in study.roles() {
-            let path = folder.data_set(setting, role);
+            let path = folder.data_set(scenario, role);
             if !path.exists() {
                 continue;
             }
-            Campaign::stored(folder.path(), &study, setting, role).features()?;
+            Campaign::stored(folder.path(), &study, scenario, role).features()?;
             let table = table::read(&path)?;
             if csv {
                 table::write(path.with_extension("csv"), &table)?;

@@ -11,14 +11,14 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::FlightMetrics;
 use servotwin::flight::outcome;
 use servotwin::flight::unseen_faults::UnseenFaultOutcome;
-use servotwin::job::flights::{self, Crew, FlightResults, settings};
+use servotwin::job::flights::{self, Crew, FlightResults, scenarios};
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::run::RunName;
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::MAX_ENVIRONMENTS;
-use servotwin::study::{Purpose, Setting, Study, Suite};
+use servotwin::study::{Purpose, Scenario, Study, Suite};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment_and_tail, rate};
@@ -33,8 +33,8 @@ pub struct Options {
     #[command(flatten)]
     study: StudyOptions,
     /// Run only this scenario.
-    #[arg(long, value_name = "SETTING", value_parser = ["noise", "realistic"])]
-    setting: Option<String>,
+    #[arg(long, value_name = "SCENARIO", value_parser = ["noise", "realistic"])]
+    scenario: Option<String>,
     /// Only fly these suites of the study, separated by commas, with the diagnosers in the folder: nothing is learned. Known
     /// are judge, unseen, other_structure, other_structure_fitted, missing_sensors, healthy and healthy_other_structure; a
     /// study may have its own. An interrupted suite goes on where it was last stored.
@@ -50,7 +50,7 @@ pub struct Options {
     seed: Option<u64>,
     /// Only fly one run, such as judge#17@realistic, with the diagnoser in the folder, to the bit as among all others of its
     /// suite; print its outcome. The number is that of the table of outcomes.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["suite", "sealed", "setting"])]
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["suite", "sealed", "scenario"])]
     run: Option<RunName>,
     /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
     /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
@@ -71,10 +71,10 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         ));
     }
     let named =
-        |setting: &Setting| options.setting.as_ref().is_none_or(|name| name == setting.name());
-    let settings: Vec<Setting> = settings(&study).into_iter().filter(named).collect();
-    if settings.is_empty() {
-        return Err(Failure::Options("the study has no [realistic] for that setting"));
+        |scenario: &Scenario| options.scenario.as_ref().is_none_or(|name| name == scenario.name());
+    let scenarios: Vec<Scenario> = scenarios(&study).into_iter().filter(named).collect();
+    if scenarios.is_empty() {
+        return Err(Failure::Options("the study has no [realistic] for that scenario"));
     }
     let chosen = options.chosen(&study)?;
     stop::heed();
@@ -84,13 +84,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     }
     let _hold = options.study.keep(&study, global)?;
     if options.sealed {
-        return sealed(options, &study, &settings, global);
+        return sealed(options, &study, &scenarios, global);
     }
     let results = with_crew(options.study.threads, global, |crew| match &chosen[..] {
-        [] => flights::fly_all(&folder, (&study, is_full), &settings, crew),
+        [] => flights::fly_all(&folder, (&study, is_full), &scenarios, crew),
         chosen => {
             let suites: Vec<&Suite> = chosen.iter().collect();
-            flights::fly(&folder, (&study, is_full), &suites, &settings, (crew, &|share| share))
+            flights::fly(&folder, (&study, is_full), &suites, &scenarios, (crew, &|share| share))
         }
     })?;
     manifest::write(&folder, &study)?;
@@ -155,14 +155,14 @@ impl Options {
 fn sealed(
     options: &Options,
     study: &Study,
-    settings: &[Setting],
+    scenarios: &[Scenario],
     global: Global,
 ) -> Result<String, Failure> {
     let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
     let here = std::env::current_dir().unwrap_or_default();
     let record = OpeningRecord::find(&here, folder.path());
     let sealed = with_crew(options.study.threads, global, |crew| {
-        flights::fly_sealed(&folder, (study, is_full), settings, &record, crew)
+        flights::fly_sealed(&folder, (study, is_full), scenarios, &record, crew)
     })?;
     manifest::write(&folder, study)?;
     Ok(match global {

@@ -12,14 +12,14 @@ use crate::{Global, stop};
 use serde_json::json;
 use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
-use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
+use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::cost::Cost;
 use servotwin::flight::tracking::{TrackedQuantities, command_unit, first_report_s};
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Folder, JobError};
 use servotwin::recording::with_suffix;
 use servotwin::signal::{Signal, WrittenQuantity};
-use servotwin::study::{FaultCase, Setting, Study};
+use servotwin::study::{FaultCase, Scenario, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
@@ -122,7 +122,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
     let folder = Folder::new(&options.study.out);
-    let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
+    let scenario = if options.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
     let duration_s = seconds("--duration", &options.duration)?;
     let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
@@ -137,13 +137,13 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         Some(first) => first.onset_s,
         None => seconds("--at", &options.at[0])?,
     };
-    let diagnoser = diagnoser(&options.study, &folder, &study, setting, global)?;
+    let diagnoser = diagnoser(&options.study, &folder, &study, scenario, global)?;
     let kept = TrackedQuantities::of(&study);
     let fly = |reacts: bool| {
         let inputs = inputs.clone();
         let faults = begins.iter().map(|one| (one.onset_s, one.fault)).collect();
         let specimen = options.specimen;
-        let scenario = Scenario { study: &study, inputs, faults, duration_s, specimen, reacts };
+        let scenario = ClosedLoop { study: &study, inputs, faults, duration_s, specimen, reacts };
         closed_loop::fly(&scenario, &diagnoser, &kept.slots).map_err(Failure::Runtime)
     };
     let truths: Vec<Truth> =
@@ -168,24 +168,24 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     })
 }
 
-/// The diagnoser of a setting, trained if it does not exist.
+/// The diagnoser of a scenario, trained if it does not exist.
 pub fn diagnoser(
     options: &StudyOptions,
     folder: &Folder,
     study: &Study,
-    setting: Setting,
+    scenario: Scenario,
     global: Global,
 ) -> Result<Arc<Diagnoser>, Failure> {
-    if folder.diagnoser(setting).exists() {
-        return Ok(Arc::new(flights::diagnoser(folder, setting)?));
+    if folder.diagnoser(scenario).exists() {
+        return Ok(Arc::new(flights::diagnoser(folder, scenario)?));
     }
     if study.flights.is_none() {
         return Err(JobError::NoFlights.into());
     }
     let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
     let _hold = options.keep(study, global)?;
-    note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
-    let learned = flights::learn(folder, (study, false), setting, &crew);
+    note(global, &format!("learning in flights first ({})", folder.diagnoser(scenario).display()));
+    let learned = flights::learn(folder, (study, false), scenario, &crew);
     stop::check()?;
     Ok(Arc::new(learned?))
 }

@@ -10,7 +10,7 @@ use serde_json::json;
 use servotwin::files::create_folder;
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Among, Folder};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::FmeaSheet;
 use servotwin_safety::fmea::{self, FlyFaults, WeightedCoverage, format, weighted_coverage};
@@ -41,7 +41,7 @@ pub struct Options {
     rates: Option<PathBuf>,
     /// The scenario whose results are quoted: ideal, noise, fitted or realistic [default: the most realistic one].
     #[arg(long, value_name = "SCENARIO")]
-    setting: Option<String>,
+    scenario: Option<String>,
     /// Fly nothing; use stored flights as they are.
     #[arg(long, conflicts_with = "all_faults")]
     no_flights: bool,
@@ -76,7 +76,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.input);
-    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
     let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let _hold = folder.hold(Among::Nobody)?;
     let fly = match (options.no_flights, options.all_faults) {
@@ -86,9 +86,9 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
     };
     if fly != FlyFaults::Never
         && !fmea::can_fly(&results)
-        && let Ok(setting) = results.flown_setting()
+        && let Ok(scenario) = results.flown_setting()
     {
-        learn(options, &results, setting, global)?;
+        learn(options, &results, scenario, global)?;
         // The basis names the diagnoser, too.
         results = StudyResultsFolder::open(folder.clone(), wanted)?;
     }
@@ -103,7 +103,7 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
 fn learn(
     options: &Options,
     results: &StudyResultsFolder,
-    setting: Setting,
+    scenario: Scenario,
     global: Global,
 ) -> Result<(), Failure> {
     let folder = &results.folder;
@@ -111,17 +111,17 @@ fn learn(
         note(global, "not flown: the study has no [flights] to learn a diagnoser from");
         return Ok(());
     }
-    note(global, &format!("learning in flights first ({})", folder.diagnoser(setting).display()));
+    note(global, &format!("learning in flights first ({})", folder.diagnoser(scenario).display()));
     let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
-    let learned = flights::learn(folder, (&results.study, false), setting, &crew);
+    let learned = flights::learn(folder, (&results.study, false), scenario, &crew);
     stop::check()?;
     learned?;
     Ok(())
 }
 
 fn of_study(options: &Options, global: Global) -> Result<String, Failure> {
-    if options.setting.is_some() {
-        return Err(Failure::Options("--setting is for folders with results"));
+    if options.scenario.is_some() {
+        return Err(Failure::Options("--scenario is for folders with results"));
     }
     let study = Study::read(&options.input)?;
     let sources = fmea::declared_sources(&study, options.rates.as_deref())?;

@@ -40,7 +40,7 @@ pub struct Options {
     check_hours: f64,
     /// The scenario whose flights are counted: noise or realistic [default: the most realistic one].
     #[arg(long, value_name = "SCENARIO")]
-    setting: Option<String>,
+    scenario: Option<String>,
 }
 
 impl Options {
@@ -53,7 +53,7 @@ impl Options {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
-    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let Options { flight_hours, repair_hours, check_hours, .. } = *options;
     let hours =

@@ -6,7 +6,7 @@ use crate::incomplete::Incomplete;
 use crate::{Global, stop};
 use servotwin::campaign::{Campaign, CampaignError, missing_parts};
 use servotwin::job::{Folder, data_card, manifest};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -21,8 +21,8 @@ pub struct Options {
     /// The output folder of all shares.
     folder: PathBuf,
     /// The scenario that you gave to 'servotwin campaign' [default: all but fitted].
-    #[arg(long, value_parser = Setting::ALL.map(Setting::name))]
-    setting: Option<String>,
+    #[arg(long, value_parser = Scenario::ALL.map(Scenario::name))]
+    scenario: Option<String>,
     /// Number of shares in which to count the missing work [default: the number of parts, which fits any division].
     #[arg(long, value_name = "NUMBER")]
     shares: Option<NonZeroUsize>,
@@ -47,7 +47,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         };
         text += &describe(campaign, &outcome, begin.elapsed().as_secs_f64());
         merged.push(serde_json::json!({
-            "settings": campaign.settings.iter().map(|s| s.name()).collect::<Vec<_>>(),
+            "scenarios": campaign.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),
             "variants": outcome.variants,
             "failed": outcome.failed.len(),
         }));
@@ -67,8 +67,8 @@ fn campaigns<'s>(
     study: &'s Study,
     folder: &Folder,
 ) -> Result<Vec<Campaign<'s>>, CampaignError> {
-    let runs = chosen(study, options.setting.as_deref())?.into_iter();
-    Ok(runs.map(|(role, settings)| campaign(study, role, settings, folder, None)).collect())
+    let runs = chosen(study, options.scenario.as_deref())?.into_iter();
+    Ok(runs.map(|(role, scenarios)| campaign(study, role, scenarios, folder, None)).collect())
 }
 
 /// The failure of a merge that lacks parts. With `--json` their shares also go to standard output.
@@ -89,9 +89,9 @@ fn incomplete(
         Err(error) => return error.into(),
     };
     let names = missing.campaigns.iter();
-    let names = names.map(|rows| named(&rows.settings, rows.role)).collect();
-    let setting = options.setting.clone();
-    let report = Incomplete { folder: options.folder.clone(), setting, names, missing };
+    let names = names.map(|rows| named(&rows.scenarios, rows.role)).collect();
+    let scenario = options.scenario.clone();
+    let report = Incomplete { folder: options.folder.clone(), scenario, names, missing };
     if global.json
         && let Err(failure) = crate::print(&crate::render::json(&report.to_json()))
     {

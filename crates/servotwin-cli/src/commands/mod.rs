@@ -45,7 +45,7 @@ use crate::failure::Failure;
 use crate::out;
 use servotwin::document::counted;
 use servotwin::job::{Folder, Hold, Kept};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
 use servotwin_watch::intake;
@@ -152,13 +152,13 @@ fn removed(global: Global, folder: &str, files: usize) {
     note(global, &format!("{folder}: {files} of before the study was changed removed"));
 }
 
-/// The scenario of an option `--setting`.
-fn setting_of(name: &str) -> Result<Setting, Failure> {
-    let found = Setting::ALL.into_iter().find(|setting| setting.name() == name);
+/// The scenario of an option `--scenario`.
+fn setting_of(name: &str) -> Result<Scenario, Failure> {
+    let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
     found.ok_or_else(|| Failure::OutOfRange {
-        option: "--setting",
+        option: "--scenario",
         given: name.into(),
-        range: Setting::ALL.map(Setting::name).join(", ").into(),
+        range: Scenario::ALL.map(Scenario::name).join(", ").into(),
     })
 }
 

@@ -43,7 +43,7 @@ pub struct Options {
     keep: Vec<String>,
     /// The scenario whose runs are used: ideal, noise, fitted or realistic [default: the most realistic one].
     #[arg(long, value_name = "SCENARIO")]
-    setting: Option<String>,
+    scenario: Option<String>,
     /// Number of threads [default: all processors; results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
@@ -60,7 +60,7 @@ impl Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.folder);
-    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let asked = TradeOptions {
         keep: &options.keep,

@@ -163,12 +163,12 @@ fn show(
 fn diagnoser(
     options: &Options,
     study: &servotwin::study::Study,
-    setting: servotwin::study::Setting,
+    scenario: servotwin::study::Scenario,
     global: Global,
 ) -> Result<std::sync::Arc<servotwin_diagnosis::diagnoser::Diagnoser>, Failure> {
     use super::note;
     use super::watch::input::{read_diagnoser, with_band};
-    use servotwin::study::Setting;
+    use servotwin::study::Scenario;
     use servotwin_watch::shipped;
     use std::sync::Arc;
 
@@ -177,7 +177,7 @@ fn diagnoser(
         return Ok(Arc::new(read_diagnoser(path, band)?));
     }
     let folder = servotwin::job::Folder::new(&options.study.out);
-    let is_first_look = setting == Setting::Noise && !folder.diagnoser(setting).exists();
+    let is_first_look = scenario == Scenario::Noise && !folder.diagnoser(scenario).exists();
     let may_be_shipped = is_first_look && !study.is_full;
     if let Some(shipped) = may_be_shipped.then(|| shipped::diagnoser(study)).flatten() {
         let text =
@@ -185,7 +185,7 @@ fn diagnoser(
         note(global, text);
         return Ok(Arc::new(with_band(shipped, band)?));
     }
-    let diagnoser = super::fly::diagnoser(&options.study, &folder, study, setting, global)?;
+    let diagnoser = super::fly::diagnoser(&options.study, &folder, study, scenario, global)?;
     Ok(Arc::new(with_band(Arc::unwrap_or_clone(diagnoser), band)?))
 }
 
@@ -196,13 +196,13 @@ fn live(
     study: servotwin::study::Study,
     global: Global,
 ) -> Result<servotwin_serve::Live, Failure> {
-    use servotwin::study::Setting;
+    use servotwin::study::Scenario;
 
     /// The duration of a flight; then the next one begins, s.
     const DURATION_S: f64 = 3600.0;
 
-    let setting = if options.specimen.is_some() { Setting::Realistic } else { Setting::Noise };
-    let diagnoser = diagnoser(options, &study, setting, global)?;
+    let scenario = if options.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
+    let diagnoser = diagnoser(options, &study, scenario, global)?;
     let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
     let signal = options.command.clone().unwrap_or_else(|| usual_command(unit));

@@ -1,4 +1,4 @@
-//! The final summary of the main job on a terminal: safety first, then right answers; one column for each setting.
+//! The final summary of the main job on a terminal: safety first, then right answers; one column for each scenario.
 
 use crate::render::{Side, TextTable};
 use servotwin::evaluation::baseline::RandomThirds;
@@ -10,27 +10,27 @@ use servotwin_report::words::{of_count, percent};
 
 /// A table with the rates of trees and committee.
 pub fn text(results: &Results, study: &Study) -> String {
-    let settings = lines::settings(results);
+    let scenarios = lines::scenarios(results);
     let mut heads = vec![("", Side::Left), ("by", Side::Left)];
-    heads.extend(settings.iter().map(|result| (result.subject.name(), Side::Right)));
+    heads.extend(scenarios.iter().map(|result| (result.subject.name(), Side::Right)));
     let mut grid = TextTable::new(&heads);
     let mut last = String::new();
-    for row in lines::headline(&settings, &Vocabulary::of(study)) {
+    for row in lines::headline(&scenarios, &Vocabulary::of(study)) {
         let title = if row.title == last { String::new() } else { row.title.clone() };
         last = row.title;
         let mut cells = vec![title, row.who.to_owned()];
         cells.extend(row.rates.iter().map(|rate| of_count(*rate)));
         grid.push(cells);
     }
-    let judged = settings.last().and_then(|result| result.evaluation.headline());
+    let judged = scenarios.last().and_then(|result| result.evaluation.headline());
     let held_out = judged.map_or(String::new(), |judged| format!("{}\n", judged.title));
     held_out + &grid.text() + &seed_paper(results) + "Intervals and everything else: the report\n"
 }
 
 /// The main figures of the hardest scenario so far in a line: up to two of safety, and one of right answers.
 pub fn brief(results: &Results, study: &Study) -> String {
-    let settings = lines::settings(results);
-    let Some(hardest) = settings.last() else { return String::new() };
+    let scenarios = lines::scenarios(results);
+    let Some(hardest) = scenarios.last() else { return String::new() };
     let mut rows = lines::headline(&[*hardest], &Vocabulary::of(study));
     let best = if rows.iter().any(|row| row.who == BEST) { BEST } else { Who::Trees.title() };
     rows.retain(|row| row.who == best);

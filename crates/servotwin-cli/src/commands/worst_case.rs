@@ -42,10 +42,10 @@ pub struct Options {
     seed: u64,
     /// The scenario: noise or realistic [default: the most realistic one].
     #[arg(long, value_name = "SCENARIO")]
-    setting: Option<String>,
+    scenario: Option<String>,
     /// Fly one finding again: the number of its row in safety/worst-case.csv, or the line that stands there. The command
     /// fails if its margin is not that of the line to the bit.
-    #[arg(long, value_name = "ROW", conflicts_with_all = ["objective", "runs", "seed", "setting"])]
+    #[arg(long, value_name = "ROW", conflicts_with_all = ["objective", "runs", "seed", "scenario"])]
     replay: Option<String>,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
@@ -63,7 +63,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         };
         return again(options, &line, global);
     }
-    let wanted = options.setting.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let objectives: Vec<SearchObjective> = SearchObjective::ALL
         .into_iter()
@@ -85,7 +85,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 /// Flies a finding again.
 fn again(options: &Options, line: &FindingLine, global: Global) -> Result<String, Failure> {
-    let results = StudyResultsFolder::open(Folder::new(&options.folder), Some(line.setting))?;
+    let results = StudyResultsFolder::open(Folder::new(&options.folder), Some(line.scenario))?;
     let outcome = with_crew(options.threads, global, |crew| replay(&results, line, crew))?;
     let SearchOutcome { margin, is_error, is_visible, action, action_s, wrong_shutdown } = &outcome;
     let action = match action.as_str() {

@@ -134,7 +134,7 @@ fn healthy_flights_go_on_where_they_were_stored() {
     let out = folder.file("out");
     let fly = |count: &str, seed: &str| {
         let more = ["--suite", "healthy", "--environments", count, "--seed", seed];
-        let more = [&more[..], &["--setting", "realistic"]].concat();
+        let more = [&more[..], &["--scenario", "realistic"]].concat();
         let output = servotwin(&[&["flights", &study, "--out", &out][..], &more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let path = folder.file("out/outcomes-healthy-realistic.parquet");
@@ -199,7 +199,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
         let path = Path::new(out).join(format!("outcomes-{suite}-realistic.parquet"));
         table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
     };
-    let usual = ["--setting", "realistic", "--suite", "healthy", "--environments", "3"];
+    let usual = ["--scenario", "realistic", "--suite", "healthy", "--environments", "3"];
     servotwin(&[&["flights", &wide, "--out", &out][..], &usual].concat());
     assert!(evidence(&out, "healthy_other_structure") > evidence(&out, "healthy"));
 }
@@ -207,7 +207,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
 #[test]
 #[ignore = "slow: ./check --all"]
 fn settings_flown_one_after_the_other_are_those_flown_together() {
-    let folder = Folder::new("one-setting");
+    let folder = Folder::new("one-scenario");
     let (study, together) = (folder.file("tiny.toml"), folder.file("together"));
     std::fs::write(&study, tiny()).unwrap();
     let apart = folder.file("apart");
@@ -217,11 +217,11 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
         std::fs::read_to_string(Path::new(out).join("flights.json")).unwrap()
     };
     let of_both = fly(&together, &[]);
-    let of_one = fly(&apart, &["--setting", "realistic"]);
+    let of_one = fly(&apart, &["--scenario", "realistic"]);
     assert!(of_one.contains("\"realistic\"") && !of_one.contains("\"noise\""), "{of_one}");
-    assert_eq!(fly(&apart, &["--setting", "noise"]), of_both);
+    assert_eq!(fly(&apart, &["--scenario", "noise"]), of_both);
 
-    let text = fly(&apart, &["--suite", "missing_sensors", "--setting", "noise"]);
+    let text = fly(&apart, &["--suite", "missing_sensors", "--scenario", "noise"]);
     let mut flown: serde_json::Value = serde_json::from_str(&text).unwrap();
     let is_without = |m: &serde_json::Value| m["suite"] == "missing_sensors";
     let suites = flown["suites"].as_array_mut().unwrap();
@@ -248,7 +248,7 @@ fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
     std::fs::write(&study, tiny()).unwrap();
     let run =
         |command: &str| servotwin(&[command, &study, "--out", &out, "--quiet", "--threads", "1"]);
-    let noise = ["--quiet", "--setting", "noise"];
+    let noise = ["--quiet", "--scenario", "noise"];
     let flown = servotwin(&[&["flights", &study, "--out", &out], &noise[..]].concat());
     assert!(flown.status.success(), "{}", stderr(&flown));
     let file = Path::new(&out).join("flights.json");
@@ -294,11 +294,11 @@ fn a_study_keeps_what_was_measured_in_full_flights() {
     let measured = read();
     assert!(run(&["study"]).contains("kept what was measured in the full flights"));
     assert_eq!(read(), measured);
-    // Of one setting only: the others are missed, so the small ones are flown.
+    // Of one scenario only: the others are missed, so the small ones are flown.
     for file in ["flights.json", "diagnoser-realistic.json"] {
         std::fs::remove_file(Path::new(&out).join(file)).unwrap();
     }
-    run(&["flights", "--full", "--setting", "noise"]);
+    run(&["flights", "--full", "--scenario", "noise"]);
     run(&["study"]);
     let results: serde_json::Value = serde_json::from_str(&read()).unwrap();
     assert_eq!(results["is_full"], false);
@@ -342,7 +342,7 @@ fn a_band_keeps_its_promise_or_says_what_it_takes() {
     let output = servotwin(&["band", &many, "--share", "1"]);
     assert_eq!(output.status.code(), Some(2));
     let plot = folder.file("band.svg");
-    let band = ["band", &many, "--share", "0.1", "--setting", "noise", "--judge", "30"];
+    let band = ["band", &many, "--share", "0.1", "--scenario", "noise", "--judge", "30"];
     let found = super::json(&[&band[..], &["--json", "--plot", &plot]].concat());
     assert_eq!(found["calibration_flights"], 20);
     assert_eq!((&found["healthy"], &found["faults"]), (&50.into(), &6.into()));
@@ -397,7 +397,7 @@ fn sealed_flights_are_recorded_before_they_are_flown_and_each_opening_has_other_
     let folder = Folder::new("sealed");
     let [study, _] = learned(&folder);
     let out = folder.file("out");
-    let sealed = ["flights", &study, "--sealed", "--out", &out, "--setting", "noise"];
+    let sealed = ["flights", &study, "--sealed", "--out", &out, "--scenario", "noise"];
     let record =
         || std::fs::read_to_string(format!("{out}/sealed-openings.csv")).unwrap_or_default();
     let results = || -> serde_json::Value {
@@ -456,7 +456,7 @@ fn in_a_repository_openings_are_recorded_there() {
     let head = include_str!("../../../../sealed/openings.csv").lines().next().unwrap();
     std::fs::write(folder.0.join("sealed/openings.csv"), format!("{head}\n")).unwrap();
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_servotwin"));
-    let sealed = ["flights", &study, "--sealed", "--out", &out, "--setting", "noise", "-q"];
+    let sealed = ["flights", &study, "--sealed", "--out", &out, "--scenario", "noise", "-q"];
     let output = command.current_dir(&inside).args(sealed).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     let record = std::fs::read_to_string(folder.0.join("sealed/openings.csv")).unwrap();
@@ -490,9 +490,9 @@ fn beside_fitted_twins_a_band_is_narrower_and_it_may_be_chosen_for_watching() {
     let [_, model] = learned(&folder);
     let (study, bands) = (folder.file("study.toml"), folder.file("bands"));
     std::fs::write(&study, with_tolerances()).unwrap();
-    let band = |setting: &str| {
+    let band = |scenario: &str| {
         let options =
-            ["--share", "0.1", "--setting", setting, "--out", &bands, "--json", "--judge", "4"];
+            ["--share", "0.1", "--scenario", scenario, "--out", &bands, "--json", "--judge", "4"];
         let found = super::json(&[&["band", &study][..], &options].concat());
         found["base"].as_array().unwrap()[0].as_f64().unwrap()
     };

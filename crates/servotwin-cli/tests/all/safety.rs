@@ -172,7 +172,7 @@ fn a_sheet_quotes_flights_of_its_own_scenario() {
     let fault = "actuator_1.servo_valve.bias_positive";
     let sheet = |scenario: &str| {
         let path = folder.file(&format!("{scenario}.csv"));
-        succeeds(&["fmea", &out, "--no-flights", "--setting", scenario, "--out", &path]);
+        succeeds(&["fmea", &out, "--no-flights", "--scenario", scenario, "--out", &path]);
         texts::read(Path::new(&path)).unwrap()
     };
     let (noise, ideal) = (sheet("noise"), sheet("ideal"));
@@ -185,10 +185,10 @@ fn a_sheet_quotes_flights_of_its_own_scenario() {
     for row in &ideal.rows {
         assert!(row.cells.iter().all(|cell| !cell.contains("flights.json")), "{:?}", row.cells);
     }
-    let told = fails(&["worst-case", &out, "--setting", "ideal"], 2);
+    let told = fails(&["worst-case", &out, "--scenario", "ideal"], 2);
     assert!(told.contains("nothing flies in the scenario 'ideal'"), "{told}");
     let trees =
-        [&["faulttree", &out, "--rates", &rates, "--setting", "ideal"][..], &HOURS].concat();
+        [&["faulttree", &out, "--rates", &rates, "--scenario", "ideal"][..], &HOURS].concat();
     let told = fails(&trees, 2);
     assert!(
         told.contains("no results of the scenario 'ideal'; there are: noise, realistic"),
@@ -443,7 +443,7 @@ fn wrong_input_is_told_with_its_place() {
     assert!(faulttree(&rates, hours, 2).contains("at least the duration of a flight"));
     assert!(fails(&["faulttree", &out], 2).contains("--rates"));
     assert!(
-        fails(&["fmea", &out, "--setting", "fitted"], 2).contains("there are: noise, realistic")
+        fails(&["fmea", &out, "--scenario", "fitted"], 2).contains("there are: noise, realistic")
     );
     assert!(
         fails(&["fmea", &out, "--out", &folder.file("a.ods")], 2)
@@ -542,7 +542,8 @@ fn weakened(name: &str) -> (Folder, String) {
 
 /// Searches a folder, and returns the results and all flights.
 fn searched(out: &str, more: &[&str]) -> (serde_json::Value, String) {
-    let found = super::json(&[&["worst-case", out, "--setting", "noise", "--json"], more].concat());
+    let found =
+        super::json(&[&["worst-case", out, "--scenario", "noise", "--json"], more].concat());
     (found, fs::read_to_string(Path::new(out).join("safety/worst-case.csv")).unwrap())
 }
 

@@ -74,7 +74,7 @@ fn campaigns() -> &'static Path {
 /// The campaign of the ideal scenario.
 fn ideal() -> &'static Path {
     static IDEAL: Shared = Shared::new("study-ideal");
-    filled(&IDEAL, &["campaign", "--setting", "ideal"])
+    filled(&IDEAL, &["campaign", "--scenario", "ideal"])
 }
 
 /// What a command over the tiny study leaves in a folder.
@@ -148,7 +148,7 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     let study = write_study(&folder, CLASSES);
     let staged = folder.file("staged");
     run(&["campaign", &study, "--out", &staged, "--threads", "3"]);
-    run(&["campaign", &study, "--out", &staged, "--setting", "fitted"]);
+    run(&["campaign", &study, "--out", &staged, "--scenario", "fitted"]);
     run(&["train", &staged]);
     run(&["flights", &study, "--out", &staged, "--threads", "2"]);
     run(&["evaluate", &staged, "--threads", "2"]);
@@ -205,8 +205,8 @@ fn a_study_is_quick_first_and_a_full_one_is_never_lost_to_it() {
 fn a_report_names_the_scenarios_that_are_still_to_come() {
     let folder = Folder::new("partial");
     let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
-    for setting in ["ideal", "noise"] {
-        run(&["campaign", &study, "--out", &out, "--setting", setting]);
+    for scenario in ["ideal", "noise"] {
+        run(&["campaign", &study, "--out", &out, "--scenario", scenario]);
     }
     run(&["train", &out]);
     run(&["evaluate", &out]);
@@ -352,9 +352,9 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
         assert_eq!(output.status.code(), Some(2), "{text}");
         assert!(told.iter().all(|told| text.contains(told)), "{text}");
     };
-    let fitted = ["the study lacks [fitted], which setting 'fitted' needs", "\n  fitted = {"];
+    let fitted = ["the study lacks [fitted], which scenario 'fitted' needs", "\n  fitted = {"];
     lacks(&["study", spring, "--out", &out, "--fitted"], fitted);
-    lacks(&["campaign", spring, "--out", &out, "--setting", "fitted"], fitted);
+    lacks(&["campaign", spring, "--out", &out, "--scenario", "fitted"], fitted);
     assert!(!Path::new(&out).exists());
     fails(&["study", &study, "--out", "/proc/servotwin"], 1, "/proc/servotwin");
     std::fs::create_dir(&out).unwrap();
@@ -429,7 +429,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     }
     // A stage that does not read a file does not vouch for it; the command that is told makes it anew.
     let good = flip(&file("dataset-ideal.parquet"));
-    run(&["flights", &study, "--out", &out, "--setting", "noise"]);
+    run(&["flights", &study, "--out", &out, "--scenario", "noise"]);
     fails(&["evaluate", &out], 3, "dataset-ideal.parquet: damaged");
     run(&["features", &out]);
     assert!(std::fs::read(file("dataset-ideal.parquet")).unwrap() == good);
@@ -437,7 +437,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     // Of a text too, and the results stay: they are still of the study that is given.
     let (good, results) =
         (flip(&file("study.toml")), std::fs::read(file("evaluation.json")).unwrap());
-    run(&["flights", &study, "--out", &out, "--setting", "noise"]);
+    run(&["flights", &study, "--out", &out, "--scenario", "noise"]);
     assert!(std::fs::read(file("study.toml")).unwrap() == good);
     assert!(std::fs::read(file("evaluation.json")).unwrap() == results);
     // A text that was changed and is given as the study is another study.
@@ -449,7 +449,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     for name in ["study.toml", "system.toml", "manifest.json", "evaluation.json"] {
         std::fs::copy(file(name), copied(name)).unwrap();
     }
-    run(&["campaign", &changed, "--out", &copy, "--setting", "ideal"]);
+    run(&["campaign", &changed, "--out", &copy, "--scenario", "ideal"]);
     assert!(!copied("evaluation.json").exists(), "it came from the text before");
     std::fs::write(file("study.toml"), good).unwrap();
     // Of a manifest that cannot be read too; without one nothing is compared.
@@ -474,7 +474,7 @@ fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
     let held = std::fs::File::options().write(true).open(&lock).unwrap();
     held.lock().unwrap();
     let before = contents(Path::new(&out));
-    let part = ["campaign", &study, "--out", &out, "--setting", "ideal", "--share", "1/1"];
+    let part = ["campaign", &study, "--out", &out, "--scenario", "ideal", "--share", "1/1"];
     let busy = "out: another servotwin is working in this folder";
     for command in ["study", "campaign", "flights", "fly", "band"] {
         fails(&[command, &study, "--out", &out], 1, busy);
@@ -507,7 +507,7 @@ fn results_of_another_study_are_only_replaced_when_that_is_asked_for() {
         fails(&[command, &other, "--out", &out], 2, "--replace removes them");
     }
     assert_same(&before, &contents(Path::new(&out)));
-    let ideal = ["--out", &out, "--setting", "ideal"];
+    let ideal = ["--out", &out, "--scenario", "ideal"];
     std::fs::write(&study, tiny(CLASSES).replace("0.4, 0.6", "0.5, 0.6")).unwrap();
     let edited = stderr(&run(&[&["campaign", &study][..], &ideal].concat()));
     // Two data sets and their card.
@@ -564,7 +564,7 @@ fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
     run(&["campaign", &study, "--out", &parts, "--share", "1/2", "--threads", "1"]);
     run(&["merge", &parts]);
     assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
-    let fitted = ["--setting", "fitted"];
+    let fitted = ["--scenario", "fitted"];
     run(&[&["campaign", &study, "--out", &whole], &fitted[..]].concat());
     run(&[&["campaign", &study, "--out", &parts, "--share", "1/1"], &fitted[..]].concat());
     assert!(!Path::new(&parts).join("dataset-fitted.parquet").exists());

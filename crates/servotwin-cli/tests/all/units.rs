@@ -2,7 +2,7 @@
 
 use super::{Folder, json, servotwin, stderr, stdout};
 use servotwin::evaluation::model_file;
-use servotwin::flight::closed_loop::{self, Scenario};
+use servotwin::flight::closed_loop::{self, ClosedLoop};
 use servotwin::signal::Signal;
 use servotwin::study::Study;
 use servotwin::table;
@@ -178,7 +178,8 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
         let mut diagnoser = diagnoser.clone();
         diagnoser.tuning.least_on = least_on;
         let (study, inputs) = (&study, inputs.clone());
-        let scenario = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: true };
+        let scenario =
+            ClosedLoop { study, inputs, faults, duration_s, specimen: None, reacts: true };
         let record = closed_loop::fly(&scenario, &Arc::new(diagnoser), &[]).unwrap();
         let off = record.actions.iter().filter(|action| action.reaction.switches_off);
         off.map(|action| action.raised.actuator).collect::<Vec<_>>()
@@ -219,7 +220,7 @@ fn one_unit_without_a_name_is_healthy_or_faulty() {
         parts.into_iter().fold(text, own)
     };
     let [study, out] = &lanes(&folder, 1, nameless);
-    let told = run(&["campaign", study, "--out", out, "--setting", "noise"]);
+    let told = run(&["campaign", study, "--out", out, "--scenario", "noise"]);
     assert!(
         told.contains("healthy specimens differ by the noise of their sensors alone"),
         "{told}"

@@ -57,7 +57,7 @@ pub fn write(material: &Material, page: &mut Page) {
     page.table(&families, "Families of features.");
     for (result, grid) in tables {
         page.table(&grid, &format!(
-                "Setting: {}. New commands (without training commands: faults unseen at their \
+                "Scenario: {}. New commands (without training commands: faults unseen at their \
                  intensity) with families of features alone, added one after the other and left out{}; \
                  and with other depths.",
                 result.title,

@@ -1,4 +1,4 @@
-//! The tree that finds the failed actuator (figure 9 of the seed paper), and the other trees of every setting.
+//! The tree that finds the failed actuator (figure 9 of the seed paper), and the other trees of every scenario.
 
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
@@ -20,7 +20,7 @@ pub fn write(material: &Material, page: &mut Page) {
         data_features(material.study).into_iter().map(|known| known.feature).collect();
     let (words, looks) = (material.words(), material.looks());
     page.text(&format!(
-            "Setting: {}, trained with everything there is to learn from. How often the answer to each \
+            "Scenario: {}, trained with everything there is to learn from. How often the answer to each \
              question hangs on less than a sensor shows stands under “Answers that hang on less than a \
              sensor shows”. A tree goes up where the answer is yes; n counts training variants{}, \
              purity is the share of the most frequent class. Large trees are scrolled.",
@@ -34,7 +34,7 @@ pub fn write(material: &Material, page: &mut Page) {
             };
             if !stages::decides(stage) {
                 page.text(&format!(
-                        "Setting: {title}. Tree {} asks nothing: where it was learned, nothing healthy left \
+                        "Scenario: {title}. Tree {} asks nothing: where it was learned, nothing healthy left \
                          the bands.",
                         stage.id
                     ));
@@ -47,7 +47,7 @@ pub fn write(material: &Material, page: &mut Page) {
     draw(hierarchy, "", &result.title, page);
     for other in material.results.subjects.iter().filter(|r| r.subject != result.subject) {
         let Some(hierarchy) = material.hierarchy(other.subject) else { continue };
-        page.folded(&format!("The trees of setting {}", other.title), |page| {
+        page.folded(&format!("The trees of scenario {}", other.title), |page| {
             draw(hierarchy, &format!("{}_", other.subject.name()), &other.title, page);
         });
     }
@@ -71,7 +71,7 @@ pub fn write(material: &Material, page: &mut Page) {
     }
     page.table(
         &grid,
-        &format!("The trees' sizes, setting {}: what would be at work.", result.title),
+        &format!("The trees' sizes, scenario {}: what would be at work.", result.title),
     );
 }
 

@@ -31,11 +31,11 @@ pub fn write(material: &Material, page: &mut Page) {
             ]);
         }
         if grid.is_empty() {
-            page.text(&format!("Setting: {}. No fault was taken for another.", result.title));
+            page.text(&format!("Scenario: {}. No fault was taken for another.", result.title));
             return;
         }
         page.table(&grid, &format!(
-                "Setting: {}, grouped. {}: a fault, and the fault that fills the leaf in which it ended \
+                "Scenario: {}, grouped. {}: a fault, and the fault that fills the leaf in which it ended \
                  wrongly.",
                 result.title,
                 most_frequent(ambiguity.pairs.len())
@@ -48,7 +48,7 @@ pub fn write(material: &Material, page: &mut Page) {
             ));
         }
     };
-    hardest_first(&lines::settings(material.results), page, &show);
+    hardest_first(&lines::scenarios(material.results), page, &show);
 }
 
 /// Describes which of the confusions are shown.

@@ -14,7 +14,7 @@ use servotwin_plot::bars::{Bar, Bars};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
-    let results: Vec<(&SubjectResult, &[Band])> = lines::settings(material.results)
+    let results: Vec<(&SubjectResult, &[Band])> = lines::scenarios(material.results)
         .into_iter()
         .filter_map(|result| Some((result, lines::learned(result)?)))
         .collect();
@@ -40,7 +40,7 @@ pub fn write(material: &Material, page: &mut Page) {
         ));
     for (result, _) in &results {
         if let Some(broken) = broken_promise(result) {
-            page.text(&format!("Setting: {}. {broken}", result.title));
+            page.text(&format!("Scenario: {}. {broken}", result.title));
         }
     }
     let names: Vec<String> =
@@ -124,7 +124,7 @@ fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> HtmlTable 
 /// Detection and false alarms with both bands.
 fn effect(results: &[(&SubjectResult, &[Band])]) -> HtmlTable {
     let mut grid = HtmlTable::new([
-        ("setting", Alignment::Left),
+        ("scenario", Alignment::Left),
         ("band", Alignment::Left),
         ("faults detected", Alignment::Right),
         ("healthy specimens that alarm", Alignment::Right),

@@ -24,7 +24,7 @@ pub fn write(material: &Material, page: &mut Page) {
             }
             let name = format!("classifiers_{}_{stage}", result.subject.name());
             page.figure(&name, bars(&result.evaluation, stage), &format!(
-                    "Setting: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
+                    "Scenario: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
                      same features and default settings; random thirds: {}. Strokes across the foot of a \
                      bar: the axis does not begin at zero. Whiskers: 95 %.",
                     result.title, holding.repeats

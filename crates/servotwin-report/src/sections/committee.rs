@@ -16,7 +16,7 @@ use servotwin_plot::lines::{Curve, Lines};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
-    let results: Vec<&SubjectResult> = lines::settings(material.results)
+    let results: Vec<&SubjectResult> = lines::scenarios(material.results)
         .into_iter()
         .filter(|result| !result.evaluation.committee.is_empty())
         .collect();
@@ -33,7 +33,7 @@ pub fn write(material: &Material, page: &mut Page) {
     let words = &material.words();
     for result in &results {
         page.table(&beside_trees(result, words), &format!(
-                "Setting: {}. Trees and committee under the same protocols, with 95 % intervals from \
+                "Scenario: {}. Trees and committee under the same protocols, with 95 % intervals from \
                  drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
                 result.title
             ));
@@ -76,7 +76,7 @@ fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     let mut lines = Lines::new("", "confidence", "share of right answers");
     lines.y_range = Some((0.0, 1.0));
     let mut grid = HtmlTable::new([
-        ("setting", Alignment::Left),
+        ("scenario", Alignment::Left),
         ("answers", Alignment::Right),
         ("in the most confident tenth", Alignment::Right),
         ("Brier score", Alignment::Right),
@@ -132,7 +132,7 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
                 begun = true;
             }
             page.table(&rules(isolation, words), &format!(
-                "Setting: {}; {}. Counts are of detected faults. The limit of resemblance leaves {} % of \
+                "Scenario: {}; {}. Counts are of detected faults. The limit of resemblance leaves {} % of \
                  held-out known faults unlike the training rows of their own answer, and nothing else sets it.{}",
                 result.title,
                 words.adapted(&isolation.title),

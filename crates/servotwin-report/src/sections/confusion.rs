@@ -14,7 +14,7 @@ pub fn write(material: &Material, page: &mut Page) {
         let Some(judged) = result.evaluation.headline() else {
             continue;
         };
-        page.heading(&format!("Setting: {}", result.title));
+        page.heading(&format!("Scenario: {}", result.title));
         // Shared stages only; a stage with one class cannot be wrong.
         let shown = |stage: &&StageScore| {
             stage.actuator.is_none() && stage.score.classes.len() > 1 && decides(stage)

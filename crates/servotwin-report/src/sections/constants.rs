@@ -4,16 +4,16 @@ use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::number;
-use servotwin::study::Setting;
+use servotwin::study::Scenario;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
     let words = &material.words();
-    for (settings, constants) in grouped(material.constants) {
-        let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+    for (scenarios, constants) in grouped(material.constants) {
+        let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
         page.table(&grid(constants, words), &format!(
-                "The constants of the diagnoser, setting {}. Physical: from what {}s, sensors and computers \
+                "The constants of the diagnoser, scenario {}. Physical: from what {}s, sensors and computers \
                  are. Statistical: from an error rate, odds or a criterion of statistics. Tuned: the best of several \
                  in flights of a seed that no evaluation uses.",
                 names.join(" and "),
@@ -22,13 +22,13 @@ pub fn write(material: &Material, page: &mut Page) {
     }
 }
 
-/// The settings whose diagnosers have the same constants, with these.
-fn grouped(all: &[(Setting, Vec<Constant>)]) -> Vec<(Vec<Setting>, &[Constant])> {
-    let mut groups: Vec<(Vec<Setting>, &[Constant])> = vec![];
-    for (setting, constants) in all {
+/// The scenarios whose diagnosers have the same constants, with these.
+fn grouped(all: &[(Scenario, Vec<Constant>)]) -> Vec<(Vec<Scenario>, &[Constant])> {
+    let mut groups: Vec<(Vec<Scenario>, &[Constant])> = vec![];
+    for (scenario, constants) in all {
         match groups.iter_mut().find(|(_, known)| known == constants) {
-            Some((settings, _)) => settings.push(*setting),
-            None => groups.push((vec![*setting], constants)),
+            Some((scenarios, _)) => scenarios.push(*scenario),
+            None => groups.push((vec![*scenario], constants)),
         }
     }
     groups

@@ -21,7 +21,7 @@ pub fn write(material: &Material, page: &mut Page) {
     let show = |result: &SubjectResult, page: &mut Page| {
         let detection = &result.evaluation.detection;
         let name = result.subject.name();
-        page.heading(&format!("Setting: {}", result.title));
+        page.heading(&format!("Scenario: {}", result.title));
         page.text(&format!(
             "{} of all faults leave {} at least once{}.",
             rate(Some(detection.detected)),
@@ -42,7 +42,7 @@ pub fn write(material: &Material, page: &mut Page) {
             &format!("detection_{name}"),
             curves,
             &format!(
-                "Setting: {}. Share of faults detected against their intensity, for each failure, \
+                "Scenario: {}. Share of faults detected against their intensity, for each failure, \
                      over all operating cases{}.",
                 result.title,
                 match words.has_several() {
@@ -55,7 +55,7 @@ pub fn write(material: &Material, page: &mut Page) {
             &format!("least_intensity_{name}"),
             least(detection),
             &format!(
-                "Setting: {}. The smallest intensity from which on a fault is detected in each \
+                "Scenario: {}. The smallest intensity from which on a fault is detected in each \
                      operating case{}, the hardest to see first.",
                 result.title,
                 match words.has_several() {
@@ -65,7 +65,7 @@ pub fn write(material: &Material, page: &mut Page) {
             ),
         );
     };
-    hardest_first(&lines::settings(material.results), page, &show);
+    hardest_first(&lines::scenarios(material.results), page, &show);
 }
 
 /// Detection against intensity, with all kinds of one failure combined.

@@ -22,7 +22,7 @@ pub fn write(material: &Material, page: &mut Page) {
     for set in &material.manifest.data_sets {
         let used = set.variants - set.healthy - set.undetectable - set.failed.len();
         let mut row = vec![
-            set.setting.clone(),
+            set.scenario.clone(),
             if set.is_training { "learning" } else { "judging" }.into(),
             set.variants.to_string(),
         ];
@@ -53,7 +53,7 @@ pub fn write(material: &Material, page: &mut Page) {
             &grid,
             &format!(
                 "{}: variants that could not be simulated to the end ({} in all).",
-                set.setting,
+                set.scenario,
                 set.failed.len()
             ),
         );
@@ -62,7 +62,7 @@ pub fn write(material: &Material, page: &mut Page) {
         let constant = &result.evaluation.constant_features;
         if !constant.is_empty() {
             page.text(&format!(
-                "Setting: {}. Features that never change, and so say nothing: {}.",
+                "Scenario: {}. Features that never change, and so say nothing: {}.",
                 result.title,
                 constant.join(", ")
             ));

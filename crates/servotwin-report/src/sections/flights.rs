@@ -17,7 +17,7 @@ use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{
     HARD_NEGATIVES, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED,
 };
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_plot::Figure;
 use servotwin_plot::lines::{Curve, Lines};
@@ -80,7 +80,7 @@ pub fn write(material: &Material, page: &mut Page) {
             for metrics in results.judged() {
                 let name = format!("flights_latency_{}", metrics.group.scenario);
                 let caption = format!(
-                    "Setting {}: visible faults of intensity {STRONG} and more that are isolated, by the \
+                    "Scenario {}: visible faults of intensity {STRONG} and more that are isolated, by the \
                      time since the onset.",
                     metrics.title()
                 );
@@ -89,7 +89,7 @@ pub fn write(material: &Material, page: &mut Page) {
         });
     for metrics in results.judged().chain(results.of_other_plants()) {
         page.table(&by_command(metrics, words), &format!(
-                "Setting {}: what became of the {}s, by what should have been commanded. Shares are \
+                "Scenario {}: what became of the {}s, by what should have been commanded. Shares are \
                  of the visible faults, with 95 % intervals from drawing kinds of fault at their \
                  intensities; times are the median, and below it 95 % and the longest of those that \
                  were isolated.",
@@ -142,9 +142,9 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
         "Here the twin runs along, and the diagnosis sample by sample, with windows of {} that slide. \
          A fault begins during the {run}. A command is raised only when the evidence for it beats every \
          other explanation in a sequential test{}. Trees, committee and bands were learned in other \
-         {run}s, of other commands, specimens and surroundings. The settings differ in the specimen: with \
+         {run}s, of other commands, specimens and surroundings. The scenarios differ in the specimen: with \
          noise only, the specimen is exactly its twin (as if the twin had been fitted to it); in the \
-         realistic setting it has its tolerances and the twin knows nothing of them. There windows are looked at \
+         realistic scenario it has its tolerances and the twin knows nothing of them. There windows are looked at \
          a second time, without the means that its own residuals had in the first seconds.{}",
         windows.join(" and "),
         words.kept_on(least_on),
@@ -152,7 +152,7 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
             Some(_) => format!(
                 " In the suite {OTHER_STRUCTURE} the specimens also differ from the twin in structure, as \
                  [flights.other_plant] of the study says. Nothing is learned there: the diagnosis is the one of \
-                 the realistic setting.{}",
+                 the realistic scenario.{}",
                 fitted_plants(results)
             ),
             None => String::new(),
@@ -174,7 +174,7 @@ fn section(study: &Study, name: &str) -> Option<toml::Table> {
 /// A limit with the measured value.
 pub(super) struct Limit {
     title: String,
-    setting: String,
+    scenario: String,
     /// The limit; empty for a row that only explains another.
     limit: String,
     /// The measured value in one line, with details in small type below.
@@ -195,15 +195,15 @@ impl Limit {
         let limit = self.limit.replace('\n', ", ");
         format!(
             "{}: {measured}{end}, asked for is {limit} ({}, {})",
-            self.title, self.setting, self.verdict
+            self.title, self.scenario, self.verdict
         )
     }
 }
 
-/// Lists the limits setting by setting. A limit on something that was not counted is left out.
+/// Lists the limits scenario by scenario. A limit on something that was not counted is left out.
 pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary) -> Vec<Limit> {
     let own = own_limits(study);
-    let of_setting = |metrics| {
+    let of_scenario = |metrics| {
         let mut limits = SettingLimits { own: &own, results, words, metrics, list: vec![] };
         if words.has_off() {
             limits.latency();
@@ -216,10 +216,10 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
         }
         limits.list
     };
-    results.judged().chain(results.of_other_plants()).flat_map(of_setting).collect()
+    results.judged().chain(results.of_other_plants()).flat_map(of_scenario).collect()
 }
 
-/// The limits of one setting, one after the other.
+/// The limits of one scenario, one after the other.
 struct SettingLimits<'m> {
     /// The keys that the study sets itself.
     own: &'m [String],
@@ -231,7 +231,7 @@ struct SettingLimits<'m> {
 
 impl SettingLimits<'_> {
     fn push(&mut self, title: String, limit: String, measured: String, verdict: &'static str) {
-        self.list.push(Limit { title, setting: self.metrics.title(), limit, measured, verdict });
+        self.list.push(Limit { title, scenario: self.metrics.title(), limit, measured, verdict });
     }
 
     /// A row that explains the one above it.
@@ -254,7 +254,7 @@ impl SettingLimits<'_> {
             return;
         }
         let off = self.words.off();
-        let key = match Setting::named(&group.scenario).is_some_and(Setting::has_tolerances) {
+        let key = match Scenario::named(&group.scenario).is_some_and(Scenario::has_tolerances) {
             true => "latency_unfitted_s",
             false => "latency_s",
         };
@@ -378,13 +378,13 @@ impl SettingLimits<'_> {
     }
 }
 
-/// The measures in all settings.
+/// The measures in all scenarios.
 fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     let suites: Vec<&FlightMetrics> = results.judged().chain(results.of_other_plants()).collect();
     let limits_s: Vec<f64> = suites.iter().map(|metrics| metrics.limit_s).collect();
     let left = ["of", "measure"].map(|head| (head.to_owned(), Alignment::Left));
-    let settings = suites.iter().map(|metrics| (metrics.title(), Alignment::Right));
-    let mut grid = HtmlTable::new(left.into_iter().chain(settings));
+    let scenarios = suites.iter().map(|metrics| (metrics.title(), Alignment::Right));
+    let mut grid = HtmlTable::new(left.into_iter().chain(scenarios));
     let mut last = String::new();
     for measure in measure::ALL {
         let rates: Vec<Rate> = suites.iter().map(|metrics| metrics.rates.of(measure)).collect();
@@ -400,33 +400,33 @@ fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-/// The limits on latency in words: each with its settings.
+/// The limits on latency in words: each with its scenarios.
 fn latency_limits(results: &FlightResults) -> String {
     let mut limits: Vec<(f64, Vec<String>)> = vec![];
     for metrics in results.judged().chain(results.of_other_plants()) {
         match limits.iter_mut().find(|(limit_s, _)| *limit_s == metrics.limit_s) {
-            Some((_, settings)) => settings.push(metrics.title()),
+            Some((_, scenarios)) => scenarios.push(metrics.title()),
             None => limits.push((metrics.limit_s, vec![metrics.title()])),
         }
     }
-    let each = limits
-        .iter()
-        .map(|(limit_s, settings)| format!("{} s in {}", chosen(*limit_s), settings.join(" and ")));
+    let each = limits.iter().map(|(limit_s, scenarios)| {
+        format!("{} s in {}", chosen(*limit_s), scenarios.join(" and "))
+    });
     each.collect::<Vec<_>>().join(", ")
 }
 
 fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     let mut grid = HtmlTable::new([
         ("", Alignment::Left),
-        ("setting", Alignment::Left),
+        ("scenario", Alignment::Left),
         ("limit", Alignment::Right),
         ("measured", Alignment::Right),
         ("", Alignment::Left),
     ]);
     for limit in limits(study, results, words) {
         let is_strong = ![MET, NONE_SEEN, ""].contains(&limit.verdict);
-        let Limit { title, setting, limit, measured, verdict } = limit;
-        let row = vec![title, setting, limit, measured, verdict.into()];
+        let Limit { title, scenario, limit, measured, verdict } = limit;
+        let row = vec![title, scenario, limit, measured, verdict.into()];
         if is_strong { grid.push_strong(row) } else { grid.push(row) }
     }
     grid
@@ -466,7 +466,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
     let judged = results.judged().next();
     let size = format!(
         "Learned in {} environments, with {} of every fault at each intensity{}; judged in {} other \
-         environments, with {} with a fault and {:.1} healthy hours in each setting.",
+         environments, with {} with a fault and {:.1} healthy hours in each scenario.",
         of(LEARN, |size| size.environments),
         runs(of(LEARN, |size| size.repeats) as u64),
         further(of(HARD_NEGATIVES, |size| size.environments) as u64),
@@ -550,7 +550,7 @@ fn by_command(metrics: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
 }
 
 fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
-    let left = ["begins", "setting"].map(|head| (head.to_owned(), Alignment::Left));
+    let left = ["begins", "scenario"].map(|head| (head.to_owned(), Alignment::Left));
     let right = ["visible", "isolated", "silent", "until isolated: median, 95 %"];
     let right = right.map(|head| (head.to_owned(), Alignment::Right));
     let wrong =
@@ -620,7 +620,7 @@ mod tests {
         assert_eq!(none_allowed(1, 2.0), MET);
         let limit = Limit {
             title: "false alarms".into(),
-            setting: "noise".into(),
+            scenario: "noise".into(),
             limit: "0.001\ndefault".into(),
             measured: "3 in 0.1 h\nat most 90 per hour".into(),
             verdict: MISSED,

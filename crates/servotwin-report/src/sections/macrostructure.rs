@@ -32,7 +32,7 @@ pub fn write(material: &Material, page: &mut Page) {
         false => String::new(),
     };
     page.figure("macrostructure", diagram(hierarchy, judged, &material.looks()).draw(), &format!(
-            "Setting: {}. From residuals to the failure{}, with the accuracy of each tree on variants it has not seen ({}).{remark}",
+            "Scenario: {}. From residuals to the failure{}, with the accuracy of each tree on variants it has not seen ({}).{remark}",
             result.title,
             words.paper(" (figure 10 of the seed paper)"),
             judged.map_or("–", |judged| judged.title.as_str()),

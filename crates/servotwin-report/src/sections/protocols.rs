@@ -23,7 +23,7 @@ pub fn write(material: &Material, page: &mut Page) {
         let named = |(id, finds): &(String, String)| format!("{id} {finds}");
         let named: Vec<String> = stages.iter().map(named).collect();
         page.table(&grid(&evaluation.protocols, &words), &format!(
-                "Setting: {}. Accuracy of each stage where the stages above are right ({}), and of all \
+                "Scenario: {}. Accuracy of each stage where the stages above are right ({}), and of all \
                  together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
                  whole kinds, and is that of a fault of a new kind. “Of all” is \
                  the share isolated of all faults, the undetectable ones included.",
@@ -32,7 +32,7 @@ pub fn write(material: &Material, page: &mut Page) {
             ));
         if !evaluation.baseline.is_empty() {
             page.table(&grid(&evaluation.baseline, &words), &format!(
-                    "Setting: {}. The same for trees with fewer features{}: mean, variance and indicator of \
+                    "Scenario: {}. The same for trees with fewer features{}: mean, variance and indicator of \
                      each residual{}, and the fixed band of ±3 %.",
                     result.title,
                     words.paper(", the seed paper's"),

@@ -19,21 +19,21 @@ pub fn write(material: &Material, page: &mut Page) {
                  switches_off): so nothing is counted about missed, needless or wrong switching.",
         ),
     }
-    let settings = lines::settings(material.results);
-    hardest_first(&settings, page, &|result, page| {
+    let scenarios = lines::scenarios(material.results);
+    hardest_first(&scenarios, page, &|result, page| {
         let grid = grid(result, words);
         if !grid.is_empty() {
             page.table(
                 &grid,
                 &format!(
-                    "Setting: {}. 95 % intervals from drawing kinds of fault at their intensities.",
+                    "Scenario: {}. 95 % intervals from drawing kinds of fault at their intensities.",
                     result.title
                 ),
             );
         }
     });
     healthy(material, words, page);
-    hardest_first(&settings, page, &|result, page| {
+    hardest_first(&scenarios, page, &|result, page| {
         if let Some(headline) = result.evaluation.headline() {
             components(headline, &result.title, words, page);
         }
@@ -89,10 +89,10 @@ fn grid(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-/// Writes the answers for healthy specimens, one row for each setting.
+/// Writes the answers for healthy specimens, one row for each scenario.
 fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
     let mut heads = vec![
-        ("setting".to_owned(), Alignment::Left),
+        ("scenario".to_owned(), Alignment::Left),
         ("specimens".to_owned(), Alignment::Right),
         ("alarm".to_owned(), Alignment::Right),
     ];
@@ -151,7 +151,7 @@ fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &m
     }
     if !grid.is_empty() {
         page.table(&grid, &format!(
-            "Setting: {title}; trees; {}. Errors by the component that is broken, the worst first.",
+            "Scenario: {title}; trees; {}. Errors by the component that is broken, the worst first.",
             result.title
         ));
     }

@@ -1,4 +1,4 @@
-//! The results on one screen: the limits that are missed, the settings side by side, and
+//! The results on one screen: the limits that are missed, the scenarios side by side, and
 //! separately the comparison with the seed paper.
 
 use super::flights;
@@ -17,8 +17,8 @@ use servotwin_diagnosis::hierarchy::Question;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
-    let settings = lines::settings(material.results);
-    let Some(hardest) = settings.last() else {
+    let scenarios = lines::scenarios(material.results);
+    let Some(hardest) = scenarios.last() else {
         return;
     };
     let (study, words) = (material.study, &material.words());
@@ -29,7 +29,7 @@ pub fn write(material: &Material, page: &mut Page) {
         study.faults.len(),
         study.cases.len(),
     ));
-    page.table(&side_by_side(&settings, words), &format!(
+    page.table(&side_by_side(&scenarios, words), &format!(
             "{} Intervals are from drawing kinds of fault at their intensities, because rows of one are not \
              independent; those of healthy specimens, and above of single kinds, are Wilson's. In shaded \
              rows less is better.",
@@ -51,7 +51,7 @@ pub fn write(material: &Material, page: &mut Page) {
     if let Some(remark) = beyond_sensors(&hardest.evaluation, words) {
         page.note(&remark);
     }
-    page.note(&bands_in_use(&settings, words));
+    page.note(&bands_in_use(&scenarios, words));
     if let Some(remark) = tripping(material) {
         page.note(&remark);
     }
@@ -99,13 +99,13 @@ fn beyond_sensors(evaluation: &Evaluation, words: &Vocabulary) -> Option<String>
     ))
 }
 
-/// A table with measures in rows and settings in columns.
-fn side_by_side(settings: &[&SubjectResult], words: &Vocabulary) -> HtmlTable {
+/// A table with measures in rows and scenarios in columns.
+fn side_by_side(scenarios: &[&SubjectResult], words: &Vocabulary) -> HtmlTable {
     let heads = [("".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
-    let titles = settings.iter().map(|result| (result.title.clone(), Alignment::Right));
+    let titles = scenarios.iter().map(|result| (result.title.clone(), Alignment::Right));
     let mut grid = HtmlTable::new(heads.into_iter().chain(titles));
     let mut last = String::new();
-    for row in lines::headline(settings, words) {
+    for row in lines::headline(scenarios, words) {
         let title = if row.title == last { String::new() } else { row.title.clone() };
         last = row.title;
         let mut cells = vec![title, row.who.to_owned()];
@@ -118,8 +118,8 @@ fn side_by_side(settings: &[&SubjectResult], words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-/// Describes the band that each setting uses for detection.
-fn bands_in_use(settings: &[&SubjectResult], words: &Vocabulary) -> String {
+/// Describes the band that each scenario uses for detection.
+fn bands_in_use(scenarios: &[&SubjectResult], words: &Vocabulary) -> String {
     let band = |result: &&SubjectResult| match lines::learned(result) {
         Some(bands) => {
             let widths = || bands.iter().map(|band| 100.0 * band.half_width);
@@ -133,7 +133,7 @@ fn bands_in_use(settings: &[&SubjectResult], words: &Vocabulary) -> String {
         }
         None => format!("{}: {} of scale for every sensor", result.title, words.fixed_band()),
     };
-    format!("Bands in use. {}.", settings.iter().map(band).collect::<Vec<_>>().join("; "))
+    format!("Bands in use. {}.", scenarios.iter().map(band).collect::<Vec<_>>().join("; "))
 }
 
 /// Reports how often tolerances alone leave the fixed band.

@@ -16,7 +16,7 @@ pub fn write(material: &Material, page: &mut Page) {
     if !material.calibrations.is_empty() {
         page.heading("Fitted parameters");
         page.text(
-                "In the setting fitted every specimen has a calibration run, and its twin is fitted to what \
+                "In the scenario fitted every specimen has a calibration run, and its twin is fitted to what \
                  the sensors showed. How far that is from the true parameters of the specimen, in standard \
                  deviations of their tolerances, and how often these lie within the 95 % interval of the fit:",
             );
@@ -27,7 +27,7 @@ pub fn write(material: &Material, page: &mut Page) {
             );
     }
     for merit in material.bands {
-        page.heading(&format!("The band as a field, setting {}", merit.setting));
+        page.heading(&format!("The band as a field, scenario {}", merit.scenario));
         band(merit, material.study, page);
     }
 }
@@ -81,7 +81,7 @@ fn band(merit: &BandMerit, study: &Study, page: &mut Page) {
         chosen(merit.duration_s)
     ));
     let figure = merit.picture(study.system.network()).draw();
-    let name = format!("field-{}", merit.setting);
+    let name = format!("field-{}", merit.scenario);
     page.figure(
         &name,
         figure,

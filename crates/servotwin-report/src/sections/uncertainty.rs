@@ -10,7 +10,7 @@ use servotwin::job::results::SubjectResult;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
-    let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::settings(material.results)
+    let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::scenarios(material.results)
         .into_iter()
         .filter_map(|result| Some((result, result.evaluation.flips.as_ref()?)))
         .collect();
@@ -26,7 +26,7 @@ pub fn write(material: &Material, page: &mut Page) {
              what such errors happen to have in common with each signal), its features are computed \
              anew, and trees and committee are asked again. The share of answers that change is the \
              flip rate, with its interval from drawing kinds of fault at their intensities. In the \
-             setting without noise only the solver's error moves a window.",
+             scenario without noise only the solver's error moves a window.",
             first.draws
         ));
     page.text(
@@ -49,7 +49,7 @@ pub fn write(material: &Material, page: &mut Page) {
 
 fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> HtmlTable {
     let mut heads = vec![
-        ("setting".to_owned(), Alignment::Left),
+        ("scenario".to_owned(), Alignment::Left),
         ("by".to_owned(), Alignment::Left),
         ("moves".to_owned(), Alignment::Right),
     ];

@@ -31,7 +31,7 @@ pub fn write(material: &Material, page: &mut Page) {
             page.table(
                     &challenges(&metrics.sets, words),
                     &format!(
-                        "Setting {}: challenge sets. The first action counts as right or other; where no action is right, \
+                        "Scenario {}: challenge sets. The first action counts as right or other; where no action is right, \
                          {run}s without any count as right. A missed shutdown is one of the {run}s that need it. The \
                          latency runs from the onset to the first right action: the median, and below it the 95 % \
                          quantile.",
@@ -41,7 +41,7 @@ pub fn write(material: &Material, page: &mut Page) {
         }
         let (wrong, of) = metrics.shutdowns_healthy();
         page.table(&table(metrics, words), &format!(
-                "Setting {}: {run}s by the most that was said in them (each counts once), in several \
+                "Scenario {}: {run}s by the most that was said in them (each counts once), in several \
                  environments{}.{}",
                 metrics.scenario,
                 match words.has_several() {

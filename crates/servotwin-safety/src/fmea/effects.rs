@@ -54,7 +54,7 @@ pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)
         "safety/{FILE} rows {} (case {}, scenario {}){}",
         rows.join(", "),
         flights.case,
-        flights.setting,
+        flights.scenario,
         stale.unwrap_or_default()
     )
 }

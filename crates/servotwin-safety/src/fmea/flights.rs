@@ -8,7 +8,7 @@ use super::fields::actuator_of;
 use crate::error::SafetyError;
 use crate::results::{EvidenceBasis, FOLDER, StudyResultsFolder};
 use servotwin::files::create_folder;
-use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
+use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::tracking::{TrackedQuantities, first_report_s};
 use servotwin::job::flights::diagnoser;
 use servotwin::parallel::{self, Workers};
@@ -90,7 +90,7 @@ pub struct FmeaFlights {
     /// The operating case that was flown.
     pub case: String,
     /// The scenario of the diagnoser.
-    pub setting: String,
+    pub scenario: String,
     /// What changed since the flights; `None` if they are of this model.
     pub stale: Option<String>,
 }
@@ -164,9 +164,9 @@ impl FmeaFlights {
             Some(basis) => results.basis.changes_since(&basis),
             None => Some("their model is not recorded".into()),
         };
-        let setting = one("setting")?;
-        let own = FmeaFlights { list, case: one("case")?, setting, stale };
-        Ok(Some(own).filter(|own| own.setting == results.setting.name()))
+        let scenario = one("scenario")?;
+        let own = FmeaFlights { list, case: one("case")?, scenario, stale };
+        Ok(Some(own).filter(|own| own.scenario == results.scenario.name()))
     }
 
     /// Whether all of these faults were flown, or tried.
@@ -184,9 +184,9 @@ impl FmeaFlights {
         faults: &[String],
         workers: Workers,
     ) -> Result<Self, SafetyError> {
-        let setting = results.flown_setting()?;
-        let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
-        let specimen = setting.has_tolerances().then_some(0);
+        let scenario = results.flown_setting()?;
+        let diagnoser = Arc::new(diagnoser(&results.folder, scenario)?);
+        let specimen = scenario.has_tolerances().then_some(0);
         let study = &results.study;
         let flying = FaultFlyer {
             study,
@@ -214,7 +214,7 @@ impl FmeaFlights {
         let flights = FmeaFlights {
             list,
             case: study.cases[0].name.clone(),
-            setting: setting.name().into(),
+            scenario: scenario.name().into(),
             stale: None,
         };
         create_folder(results.folder.path().join(FOLDER))?;
@@ -236,7 +236,7 @@ impl FmeaFlights {
             text("lanes_off", &|flown| flown.lanes_off.clone()),
             text("failure", &|flown| flown.failure.clone()),
             text("case", &|_| self.case.clone()),
-            text("setting", &|_| self.setting.clone()),
+            text("scenario", &|_| self.scenario.clone()),
             text("basis", &|_| basis.in_words()),
         ]);
         Ok(table::write(path, &Table::from_columns(columns)?)?)
@@ -310,7 +310,7 @@ impl FaultFlyer<'_> {
         fault: Option<FaultAt>,
         reacts: bool,
     ) -> Result<FlightRecord, servotwin::flight::runtime::RuntimeError> {
-        let scenario = Scenario {
+        let flight = ClosedLoop {
             study: self.study,
             inputs: self.study.cases[0].inputs.clone(),
             faults: fault.map(|fault| (self.plan.onset_s, fault)).into_iter().collect(),
@@ -320,7 +320,7 @@ impl FaultFlyer<'_> {
         };
         let pistons = self.pistons.iter().map(|(_, slot)| *slot);
         let slots: Vec<Slot> = self.kept.slots.iter().copied().chain(pistons).collect();
-        closed_loop::fly(&scenario, &self.diagnoser, &slots)
+        closed_loop::fly(&flight, &self.diagnoser, &slots)
     }
 
     fn both(

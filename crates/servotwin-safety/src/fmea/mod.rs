@@ -83,7 +83,7 @@ fn read_rates(study: &Study, path: Option<&Path>) -> Result<Option<FailureRates>
 
 /// Whether a folder has a diagnoser to fly with in the quoted scenario.
 pub fn can_fly(results: &StudyResultsFolder) -> bool {
-    results.flown_setting().is_ok_and(|setting| results.folder.diagnoser(setting).exists())
+    results.flown_setting().is_ok_and(|scenario| results.folder.diagnoser(scenario).exists())
 }
 
 fn flown(
@@ -219,8 +219,8 @@ mod tests {
             ..FlownFault::empty()
         };
         let list = vec![healthy, silent, shut_down(unlisted, 1.0, 0.7), shut_down(fault, 1.0, 0.7)];
-        let (case, setting) = ("S1/50".into(), "realistic".into());
-        let flights = Some(FmeaFlights { list, case, setting, stale: None });
+        let (case, scenario) = ("S1/50".into(), "realistic".into());
+        let flights = Some(FmeaFlights { list, case, scenario, stale: None });
         let sources = FmeaSources { flights, ..declared_sources(&study, None).unwrap() };
         let sheet = sheet(&sources, None).unwrap();
         for (field, text) in [

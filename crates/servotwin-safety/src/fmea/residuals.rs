@@ -51,7 +51,7 @@ impl ResidualRuns {
     /// # Errors
     /// The data set is damaged.
     pub fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
-        let Some(table) = read_residual_columns(&results.folder, results.setting)? else {
+        let Some(table) = read_residual_columns(&results.folder, results.scenario)? else {
             return Ok(None);
         };
         let sensors: Vec<String> = table
@@ -66,7 +66,7 @@ impl ResidualRuns {
             own.map_or(BAND, |band| band.half_width)
         };
         Ok(Some(ResidualRuns {
-            file: format!("dataset-{}.parquet", results.setting.name()),
+            file: format!("dataset-{}.parquet", results.scenario.name()),
             bands: sensors.iter().map(half_width).collect(),
             are_learned: learned.is_some(),
             runs: runs(&table, &sensors)?,

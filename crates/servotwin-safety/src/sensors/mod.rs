@@ -173,7 +173,7 @@ impl SensorTrade {
             sets.extend(judged.into_iter().map(|(set, ..)| set));
         }
         mark_front(&mut sets);
-        let scenario = results.setting.name();
+        let scenario = results.scenario.name();
         Ok(SensorTrade { scenario, candidates, upgrades, sets, pairs, notes })
     }
 
@@ -215,7 +215,7 @@ fn notes(
     let too_few = format!(
         "the scenario {} has too few healthy specimens for a covariance of all sensors, so structural isolability is \
          missing",
-        results.setting.name()
+        results.scenario.name()
     );
     let extra = results.study.extra_sensor.as_ref().filter(|_| !has_extra);
     let extra = extra.map(|_| "the extra sensor is judged in the scenario realistic only".into());

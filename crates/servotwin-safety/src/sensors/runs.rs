@@ -44,7 +44,8 @@ pub struct SensorRuns {
 impl SensorRuns {
     /// Whether the scenario of the results has runs with the study's extra sensor.
     pub fn have_extra(results: &StudyResultsFolder) -> bool {
-        results.study.extra_sensor.is_some() && subject(results, true).setting() == results.setting
+        results.study.extra_sensor.is_some()
+            && subject(results, true).scenario() == results.scenario
     }
 
     /// Reads the runs of the quoted scenario.
@@ -81,7 +82,7 @@ impl SensorRuns {
             lessons: settings.holding.lessons,
             switches_off: switches_off.map(|action| study.reactions.switches_off(action)).collect(),
             columns: all.filter(known).collect(),
-            sensors: study.sensors_in(results.setting),
+            sensors: study.sensors_in(results.scenario),
             data,
         })
     }
@@ -147,7 +148,7 @@ fn features_left(sensors: &Sensors, kept: &[usize]) -> Vec<Feature> {
 
 /// The data set of the quoted scenario.
 fn subject(results: &StudyResultsFolder, extra: bool) -> Subject {
-    if extra { Subject::ExtraSensor } else { Subject::of(results.setting) }
+    if extra { Subject::ExtraSensor } else { Subject::of(results.scenario) }
 }
 
 /// Adds the largest residual of the extra sensor, which is a feature like others.

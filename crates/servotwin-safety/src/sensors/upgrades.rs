@@ -78,7 +78,7 @@ impl SensorUpgrade {
         results: &StudyResultsFolder,
         crew: &Crew,
     ) -> Result<StudyResultsFolder, SafetyError> {
-        let StudyResultsFolder { folder, study, setting, .. } = results;
+        let StudyResultsFolder { folder, study, scenario, .. } = results;
         let folder = Folder::new(folder.path().join(FOLDER).join("upgrades").join(&self.name));
         let values: Vec<NewValue> = self.changes.iter().map(|(_, new, _)| new.clone()).collect();
         let head = format!("With the upgrade {} of its sensors.", self.name);
@@ -101,10 +101,10 @@ impl SensorUpgrade {
             observer: &observer,
             ..StudyRun::new(&study, folder.path())
         };
-        run.data_sets(*setting)?;
+        run.data_sets(*scenario)?;
         let basis = EvidenceBasis::of_study(&study);
-        let setting = *setting;
-        Ok(StudyResultsFolder { folder, study, basis, evaluation: None, flights: None, setting })
+        let scenario = *scenario;
+        Ok(StudyResultsFolder { folder, study, basis, evaluation: None, flights: None, scenario })
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::error::SafetyError;
 use servotwin::flight::worst_case::SearchObjective;
 use servotwin::flight::worst_case::space::SearchPoint;
-use servotwin::study::Setting;
+use servotwin::study::Scenario;
 use std::fmt::{self, Display, Formatter};
 use std::str::FromStr;
 
@@ -13,7 +13,7 @@ pub struct FindingLine {
     /// What the search looked for.
     pub objective: SearchObjective,
     /// The scenario.
-    pub setting: Setting,
+    pub scenario: Scenario,
     /// The seed of commands, noise and draws.
     pub seed: u64,
     /// The point.
@@ -24,13 +24,13 @@ pub struct FindingLine {
 
 impl Display for FindingLine {
     fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
-        let FindingLine { objective, setting, seed, point, margin } = self;
+        let FindingLine { objective, scenario, seed, point, margin } = self;
         let values: Vec<String> = point.values.iter().map(f64::to_string).collect();
         write!(
             out,
             "{} {} seed={seed} number={} margin={margin} at={}",
             objective.name(),
-            setting.name(),
+            scenario.name(),
             point.number,
             values.join(",")
         )
@@ -42,16 +42,16 @@ impl FromStr for FindingLine {
 
     fn from_str(text: &str) -> Result<Self, SafetyError> {
         let words: Vec<&str> = text.split_whitespace().collect();
-        let [objective, setting, seed, number, margin, at] = words[..] else {
+        let [objective, name, seed, number, margin, at] = words[..] else {
             return Err(mistake(format!("it has {} words instead of 6", words.len())));
         };
         let known = SearchObjective::ALL.into_iter().find(|known| known.name() == objective);
-        let scenario = Setting::ALL.into_iter().find(|known| known.name() == setting);
+        let scenario = Scenario::ALL.into_iter().find(|known| known.name() == name);
         let values = field::<String>(at, "at")?;
         let values = values.split(',').map(|value| parsed::<f64>(value, "at"));
         Ok(FindingLine {
             objective: known.ok_or_else(|| mistake(format!("'{objective}' is no objective")))?,
-            setting: scenario.ok_or_else(|| mistake(format!("'{setting}' is no scenario")))?,
+            scenario: scenario.ok_or_else(|| mistake(format!("'{name}' is no scenario")))?,
             seed: field(seed, "seed")?,
             point: SearchPoint {
                 number: field(number, "number")?,
@@ -84,7 +84,7 @@ mod tests {
     fn a_line_is_read_as_it_was_written() {
         let line = FindingLine {
             objective: SearchObjective::WrongShutdown,
-            setting: Setting::Realistic,
+            scenario: Scenario::Realistic,
             seed: 7,
             point: SearchPoint { number: 123, values: vec![3.0, 0.125, -2.999, 0.001] },
             margin: -0.123_456_789_012_345_67,

@@ -7,7 +7,7 @@ use super::finding_line::FindingLine;
 use crate::error::SafetyError;
 use servotwin::flight::worst_case::space::{SearchPoint, SearchSpace};
 use servotwin::flight::worst_case::{SearchError, SearchObjective, SearchOutcome};
-use servotwin::study::Setting;
+use servotwin::study::Scenario;
 use servotwin::table::csv::texts;
 use servotwin::table::{self, Column, Table};
 use std::path::Path;
@@ -53,7 +53,7 @@ pub struct SearchBasis {
     /// System, study and models as hashes.
     pub evidence: String,
     /// The scenario.
-    pub setting: Setting,
+    pub scenario: Scenario,
     /// The seed.
     pub seed: u64,
 }
@@ -95,8 +95,8 @@ impl SearchLog {
                     column: "line",
                     problem,
                 })?;
-                let FindingLine { setting, seed, .. } = row.line;
-                if (SearchBasis { evidence, setting, seed }) == basis {
+                let FindingLine { scenario, seed, .. } = row.line;
+                if (SearchBasis { evidence, scenario, seed }) == basis {
                     rows.push(row);
                 }
             }

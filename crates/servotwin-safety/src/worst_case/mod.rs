@@ -59,21 +59,21 @@ impl<'s> WorstCaseSearch<'s> {
         seed: u64,
         crew: &Crew<'s>,
     ) -> Result<Self, SafetyError> {
-        let (study, setting) = (&results.study, results.flown_setting()?);
-        let diagnoser = Arc::new(diagnoser(&results.folder, setting)?);
+        let (study, scenario) = (&results.study, results.flown_setting()?);
+        let diagnoser = Arc::new(diagnoser(&results.folder, scenario)?);
         let session =
             Session::new(diagnoser).map_err(|error| JobError::Evaluation(error.into()))?.at_rest();
         let mut spaces = vec![];
         for objective in SearchObjective::ALL {
-            match SearchSpace::new(study, setting, objective) {
+            match SearchSpace::new(study, scenario, objective) {
                 Err(SearchError::NoFault(_)) => {}
                 space => spaces.push(space?),
             }
         }
-        let basis = SearchBasis { evidence: results.basis.in_words(), setting, seed };
+        let basis = SearchBasis { evidence: results.basis.in_words(), scenario, seed };
         let log = SearchLog::read(&results.artefact(FILE), basis)?;
         let (workers, progress) = (crew.workers, crew.progress);
-        let flyer = PointFlyer { study, setting, seed, session, workers };
+        let flyer = PointFlyer { study, scenario, seed, session, workers };
         Ok(WorstCaseSearch { results, flyer, spaces, log, progress })
     }
 
@@ -167,8 +167,8 @@ impl<'s> WorstCaseSearch<'s> {
     }
 
     fn line(&self, objective: SearchObjective, point: &SearchPoint, margin: f64) -> FindingLine {
-        let PointFlyer { setting, seed, .. } = self.flyer;
-        FindingLine { objective, setting, seed, point: point.clone(), margin }
+        let PointFlyer { scenario, seed, .. } = self.flyer;
+        FindingLine { objective, scenario, seed, point: point.clone(), margin }
     }
 
     fn space(&self, objective: SearchObjective) -> Result<&SearchSpace, SearchError> {

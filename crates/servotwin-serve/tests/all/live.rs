@@ -5,7 +5,7 @@ use crate::viewer::{
     served_from, wait_for,
 };
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
+use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin_model::program::FaultAt;
 use servotwin_serve::feed::{Frame, Message as Said};
 use servotwin_serve::signals::{ShownSample, Signals};
@@ -238,7 +238,7 @@ fn frames_and_texts(session: &SavedSession) -> (Vec<Vec<u8>>, Vec<Value>) {
 
 /// The samples of the same flight without a server: what a fault at full intensity does from a sample on.
 fn flown_without_a_server(live: &Live, injected: u64, samples: usize) -> Vec<u32> {
-    let scenario = |reacts| Scenario {
+    let scenario = |reacts| ClosedLoop {
         study: &live.study,
         inputs: live.inputs.clone(),
         faults: vec![],

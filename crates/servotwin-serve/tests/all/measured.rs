@@ -4,7 +4,7 @@ use crate::viewer::{
     FAULT, diagnoser, event_of, get, join_at, live, own, served_from_all, study, wait_for,
 };
 use serde_json::json;
-use servotwin::flight::closed_loop::{ClosedLoopFlight, Scenario};
+use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin::study::Study;
 use servotwin::units;
 use servotwin_model::program::FaultAt;
@@ -39,7 +39,7 @@ fn map(study: &Study) -> Map {
 /// The rows of a flight with a fault, in the order of the map's columns.
 fn flown(study: &Study, map: &Map, samples: usize) -> Vec<Vec<f64>> {
     let (live, diagnoser) = (live(), diagnoser());
-    let scenario = Scenario {
+    let scenario = ClosedLoop {
         study,
         inputs: live.inputs,
         faults: vec![],

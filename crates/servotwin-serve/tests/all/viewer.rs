@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, learn};
 use servotwin::parallel::Workers;
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_serve::{Access, Live, LiveSource, SavedSession, Server};
 use std::io::{Read, Write};
@@ -31,7 +31,7 @@ pub fn diagnoser() -> Arc<Diagnoser> {
         let path = std::env::temp_dir().join(format!("servotwin-serve-{}", std::process::id()));
         std::fs::create_dir_all(&path).unwrap();
         let (study, crew) = (study(), Crew { workers: Workers::new(2), progress: &|_, _| () });
-        let learned = learn(&Folder::new(&path), (&study, false), Setting::Noise, &crew).unwrap();
+        let learned = learn(&Folder::new(&path), (&study, false), Scenario::Noise, &crew).unwrap();
         std::fs::remove_dir_all(&path).unwrap();
         Arc::new(learned)
     };

@@ -1,4 +1,4 @@
-//! The setting *fitted*: every specimen flies a healthy calibration flight, its twin is fitted to that record, and
+//! The scenario *fitted*: every specimen flies a healthy calibration flight, its twin is fitted to that record, and
 //! faults are diagnosed with the fitted twin.
 //!
 //! ```toml

@@ -5,16 +5,16 @@
 //! seed = 1                              # of the splits into training and test
 //! random_thirds = 3                     # repeats with a random third held out
 //! folds = 5                             # parts for holding out kinds and intensities
-//! learned_bands = ["realistic"]         # settings with bands from healthy specimens; others use 3 %
-//! classifiers = ["ideal"]               # settings in which classifiers are compared
+//! learned_bands = ["realistic"]         # scenarios with bands from healthy specimens; others use 3 %
+//! classifiers = ["ideal"]               # scenarios in which classifiers are compared
 //! comparison = { random_thirds = 1, folds = 3 }
-//! ablation = ["realistic"]              # settings of the ablation
+//! ablation = ["realistic"]              # scenarios of the ablation
 //! committee = { trees = 60, depth = 4 }
 //! trees.realistic = { criterion = "gini", depth = 9 }
 //! ```
 
-use super::Setting;
-use super::keys::{SEED, SETTINGS, SOME_SPECIMENS};
+use super::Scenario;
+use super::keys::{SCENARIOS, SEED, SOME_SPECIMENS};
 use super::reader::{Noted, Reader};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
@@ -34,12 +34,12 @@ section! {
         may seed: Option<u64> = SEED, "seed of the splits into training and test";
         may random_thirds: Option<usize> = ROUNDS, "number of repeats that hold out a random third";
         may folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
-        may learned_bands: Option<Vec<String>> = SETTINGS,
+        may learned_bands: Option<Vec<String>> = SCENARIOS,
             "scenarios with learned bands; the others use 3 %";
-        may classifiers: Option<Vec<String>> = SETTINGS,
+        may classifiers: Option<Vec<String>> = SCENARIOS,
             "scenarios in which classifiers are compared";
         may comparison: Rounds, "how the comparison of classifiers holds out rows";
-        may ablation: Option<Vec<String>> = SETTINGS, "scenarios in which the ablation runs";
+        may ablation: Option<Vec<String>> = SCENARIOS, "scenarios in which the ablation runs";
         may committee: Boosting, "committee of boosted trees";
         may trees: BTreeMap<String, TreesText>, "the nine trees of each scenario";
     }
@@ -66,18 +66,18 @@ pub struct Evaluating {
     pub seed: Option<u64>,
     /// How often each protocol holds rows out.
     pub rounds: Rounds,
-    /// The settings with bands learned from healthy specimens. The others use the seed paper's band.
-    pub learned_bands: Option<Vec<Setting>>,
-    /// The settings in which classifiers are compared.
-    pub classifiers: Option<Vec<Setting>>,
+    /// The scenarios with bands learned from healthy specimens. The others use the seed paper's band.
+    pub learned_bands: Option<Vec<Scenario>>,
+    /// The scenarios in which classifiers are compared.
+    pub classifiers: Option<Vec<Scenario>>,
     /// How often the comparison of classifiers holds rows out.
     pub comparison: Rounds,
-    /// The settings of the ablation.
-    pub ablation: Option<Vec<Setting>>,
+    /// The scenarios of the ablation.
+    pub ablation: Option<Vec<Scenario>>,
     /// How the committee's boosted trees are grown.
     pub committee: Boosting,
-    /// How the nine trees of a setting are grown.
-    pub trees: BTreeMap<Setting, Growing>,
+    /// How the nine trees of a scenario are grown.
+    pub trees: BTreeMap<Scenario, Growing>,
 }
 
 section! {
@@ -123,16 +123,16 @@ pub(super) fn criteria() -> Vec<&'static str> {
     CRITERIA.iter().map(|(word, _)| *word).collect()
 }
 
-/// Lists the words for settings.
-pub(super) fn settings() -> Vec<&'static str> {
-    Setting::ALL.iter().map(|setting| setting.name()).collect()
+/// Lists the words for scenarios.
+pub(super) fn scenarios() -> Vec<&'static str> {
+    Scenario::ALL.iter().map(|scenario| scenario.name()).collect()
 }
 
 impl Evaluating {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let listed = |key: &str, names: &Option<Vec<String>>| {
             let list = KeyPath::of(&["evaluation", key]);
-            let one = |(n, name): (usize, &String)| setting(reader, &list.element(n), name);
+            let one = |(n, name): (usize, &String)| scenario(reader, &list.element(n), name);
             let of = |names: &Vec<String>| all(names.iter().enumerate().map(one));
             names.as_ref().map(of).transpose()
         };
@@ -141,7 +141,7 @@ impl Evaluating {
         let ablation = listed("ablation", &text.ablation);
         let trees = all(text.trees.iter().map(|(name, text)| {
             let at = KeyPath::of(&["evaluation", "trees", name]);
-            Ok((setting(reader, &at.name(), name)?, text.growing(&at, reader)?))
+            Ok((scenario(reader, &at.name(), name)?, text.growing(&at, reader)?))
         }));
         let learned_bands = learned_bands?;
         if learned_bands.as_ref().is_some_and(|bands| !bands.is_empty()) {
@@ -172,18 +172,18 @@ impl TreesText {
     }
 }
 
-/// Finds a setting by name among those that the study can have.
-fn setting(reader: &Reader, at: &KeyPath, name: &str) -> Result<Setting, Noted> {
+/// Finds a scenario by name among those that the study can have.
+fn scenario(reader: &Reader, at: &KeyPath, name: &str) -> Result<Scenario, Noted> {
     let text = reader.text;
-    let is_there = |setting: &Setting| match setting {
-        Setting::Ideal => true,
-        Setting::Noise | Setting::Realistic => text.realistic.is_some(),
-        Setting::Fitted => text.realistic.is_some() && text.fitted.is_some(),
+    let is_there = |scenario: &Scenario| match scenario {
+        Scenario::Ideal => true,
+        Scenario::Noise | Scenario::Realistic => text.realistic.is_some(),
+        Scenario::Fitted => text.realistic.is_some() && text.fitted.is_some(),
     };
-    let known: Vec<Setting> = Setting::ALL.into_iter().filter(is_there).collect();
-    let found = known.iter().find(|setting| setting.name() == name).copied();
-    let names = known.iter().map(|setting| setting.name());
-    found.ok_or_else(|| reader.unknown(at, "setting in this study", name, names))
+    let known: Vec<Scenario> = Scenario::ALL.into_iter().filter(is_there).collect();
+    let found = known.iter().find(|scenario| scenario.name() == name).copied();
+    let names = known.iter().map(|scenario| scenario.name());
+    found.ok_or_else(|| reader.unknown(at, "scenario in this study", name, names))
 }
 
 /// Reports learned bands without healthy specimens in training, from which they are learned.

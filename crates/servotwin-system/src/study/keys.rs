@@ -23,7 +23,7 @@ pub const MAX_ENVIRONMENTS: usize = 100_000;
 /// A count of flights.
 pub(super) const FLIGHTS: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
 /// A list of scenarios.
-pub(super) const SETTINGS: Value = Value::List(0, &Value::Word(evaluating::settings));
+pub(super) const SCENARIOS: Value = Value::List(0, &Value::Word(evaluating::scenarios));
 /// The quantity of a sensor.
 pub(super) const QUANTITY: Value = Value::Word(quantities);
 

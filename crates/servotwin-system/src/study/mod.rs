@@ -29,7 +29,7 @@ pub use faults::{Class, FaultCase};
 pub use flights::{ChosenEnvironment, EnvironmentRanges, Flights};
 pub use other_plant::{OtherPlant, PlantDraw};
 pub use reactions::{Reaction, Reactions};
-pub use realism::{MAX_DEVIATION, Plants, Realism, Role, Section, Setting, Tolerance};
+pub use realism::{MAX_DEVIATION, Plants, Realism, Role, Scenario, Section, Tolerance};
 pub use seed::{Seed, Stream};
 pub use suites::{Purpose, Suite};
 pub use training::Training;
@@ -202,7 +202,7 @@ pub struct Study {
     pub flights: Option<Flights>,
     /// How reality differs from the twin.
     pub realism: Option<Realism>,
-    /// The calibration flight and the specimens of the fitted setting.
+    /// The calibration flight and the specimens of the fitted scenario.
     pub calibration: Option<Calibration>,
     /// The training flights, if they differ from those of the evaluation.
     pub training: Option<Training>,
@@ -410,9 +410,9 @@ impl Study {
         self.system.network().inputs.iter().position(|input| input.id == load.input)
     }
 
-    /// The sensors as seen by features in a setting.
-    pub fn sensors_in(&self, setting: Setting) -> Sensors {
-        let is_noisy = setting.has_noise();
+    /// The sensors as seen by features in a scenario.
+    pub fn sensors_in(&self, scenario: Scenario) -> Sensors {
+        let is_noisy = scenario.has_noise();
         Sensors(self.sensors.0.iter().map(|s| Sensor { is_noisy, ..s.clone() }).collect())
     }
 

@@ -46,7 +46,7 @@ pub struct Tolerance {
     pub absolute: bool,
 }
 
-/// The differences that the realistic setting adds to the ideal one.
+/// The differences that the realistic scenario adds to the ideal one.
 #[derive(Clone, Debug)]
 pub struct Realism {
     /// The number of fault-free specimens in each operating case.
@@ -56,8 +56,8 @@ pub struct Realism {
 
 /// The scenario of a data set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Setting {
-    /// The plant equals the twin apart from its fault, and sensors are perfect; the seed paper's setting.
+pub enum Scenario {
+    /// The plant equals the twin apart from its fault, and sensors are perfect; the seed paper's scenario.
     Ideal,
     /// The plant equals the twin apart from its fault; sensors have noise and quantization.
     Noise,
@@ -68,7 +68,7 @@ pub enum Setting {
     Realistic,
 }
 
-/// The plants in a setting, and their twins.
+/// The plants in a scenario, and their twins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Plants {
     /// The plant equals the twin.
@@ -79,7 +79,7 @@ pub enum Plants {
     Pool,
 }
 
-/// A section of a study file that a setting needs.
+/// A section of a study file that a scenario needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Section {
     /// The name of the section.
@@ -98,37 +98,37 @@ const FITTED: Section = Section {
     example: "fitted = { command = \"noise:rms=…,bandwidth=1Hz,seed=9\", duration_s = 30, judge = 24, learn = 24, in_each_case = 6 }",
 };
 
-impl Setting {
-    /// Every setting, from the easiest to the hardest.
-    pub const ALL: [Setting; 4] =
-        [Setting::Ideal, Setting::Noise, Setting::Fitted, Setting::Realistic];
+impl Scenario {
+    /// Every scenario, from the easiest to the hardest.
+    pub const ALL: [Scenario; 4] =
+        [Scenario::Ideal, Scenario::Noise, Scenario::Fitted, Scenario::Realistic];
 
-    /// The setting with a name.
+    /// The scenario with a name.
     pub fn named(name: &str) -> Option<Self> {
-        Setting::ALL.into_iter().find(|setting| setting.name() == name)
+        Scenario::ALL.into_iter().find(|scenario| scenario.name() == name)
     }
 
     /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
-            Setting::Ideal => "ideal",
-            Setting::Noise => "noise",
-            Setting::Fitted => "fitted",
-            Setting::Realistic => "realistic",
+            Scenario::Ideal => "ideal",
+            Scenario::Noise => "noise",
+            Scenario::Fitted => "fitted",
+            Scenario::Realistic => "realistic",
         }
     }
 
     /// Whether sensors have noise and quantization.
     pub fn has_noise(self) -> bool {
-        self != Setting::Ideal
+        self != Scenario::Ideal
     }
 
-    /// The setting's plants and twins.
+    /// The scenario's plants and twins.
     pub fn plants(self) -> Plants {
         match self {
-            Setting::Ideal | Setting::Noise => Plants::Twin,
-            Setting::Fitted => Plants::Pool,
-            Setting::Realistic => Plants::Specimens,
+            Scenario::Ideal | Scenario::Noise => Plants::Twin,
+            Scenario::Fitted => Plants::Pool,
+            Scenario::Realistic => Plants::Specimens,
         }
     }
 
@@ -137,17 +137,17 @@ impl Setting {
         self.plants() != Plants::Twin
     }
 
-    /// Whether the setting is made by default.
+    /// Whether the scenario is made by default.
     pub fn is_usual(self) -> bool {
-        self != Setting::Fitted
+        self != Scenario::Fitted
     }
 
-    /// Whether a study has everything that the setting needs.
+    /// Whether a study has everything that the scenario needs.
     pub fn is_possible(self, study: &Study) -> bool {
         self.lacks(study).is_empty()
     }
 
-    /// The sections that the setting needs and the study lacks.
+    /// The sections that the scenario needs and the study lacks.
     pub fn lacks(self, study: &Study) -> Vec<Section> {
         let needed = [
             (REALISTIC, self.has_noise() && study.realism.is_none()),
@@ -156,13 +156,13 @@ impl Setting {
         needed.into_iter().filter(|(_, lacks)| *lacks).map(|(section, _)| section).collect()
     }
 
-    /// The settings of a study that `choice` accepts. Settings in a group share their
+    /// The scenarios of a study that `choice` accepts. Scenarios in a group share their
     /// simulations.
-    pub fn groups(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<Vec<Setting>> {
-        let wanted = |setting: &Setting| setting.is_possible(study) && choice(*setting);
-        let wanted: Vec<Setting> = Setting::ALL.into_iter().filter(wanted).collect();
+    pub fn groups(study: &Study, choice: impl Fn(Scenario) -> bool) -> Vec<Vec<Scenario>> {
+        let wanted = |scenario: &Scenario| scenario.is_possible(study) && choice(*scenario);
+        let wanted: Vec<Scenario> = Scenario::ALL.into_iter().filter(wanted).collect();
         let groups = wanted.chunk_by(|a, b| a.plants() == b.plants());
-        groups.map(<[Setting]>::to_vec).collect()
+        groups.map(<[Scenario]>::to_vec).collect()
     }
 }
 

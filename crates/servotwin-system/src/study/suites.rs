@@ -26,11 +26,11 @@
 
 use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
 pub use super::keys::MAX_ENVIRONMENTS;
-use super::keys::{FLIGHT_S, FLIGHTS, SETTINGS};
+use super::keys::{FLIGHT_S, FLIGHTS, SCENARIOS};
 use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
 use super::seed::Seed;
-use super::{Setting, Study, StudyError};
+use super::{Scenario, Study, StudyError};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ section! {
             "length of a healthy flight; default: duration_s";
         may onset_s: Option<[f64; 2]>, "range of the onset, s; default: that of [flights]";
         may from_start: Option<bool>, "true: faults are present before the first sample";
-        may scenarios: Option<Vec<String>> = SETTINGS, "scenarios; default: noise and realistic";
+        may scenarios: Option<Vec<String>> = SCENARIOS, "scenarios; default: noise and realistic";
         may plants: Option<String> = Value::Word(plants),
             "specimens with tolerances and draws (the default), or plants of another structure";
         may fitted: Option<bool>, "true: the twin of every plant is fitted to its calibration flight";
@@ -162,7 +162,7 @@ pub struct Suite {
     /// The name from which its random numbers come: its own, or that of the suite that it is like.
     pub draws: String,
     /// The scenarios in which it is flown.
-    pub scenarios: Vec<Setting>,
+    pub scenarios: Vec<Scenario>,
     /// The number of environments.
     pub environments: usize,
     /// The number of flights of every fault at every intensity.
@@ -192,7 +192,7 @@ pub struct Suite {
 
 impl Suite {
     /// Whether it is flown for judging in a scenario.
-    pub fn is_flown_in(&self, scenario: Setting) -> bool {
+    pub fn is_flown_in(&self, scenario: Scenario) -> bool {
         self.purpose == Purpose::Test && self.scenarios.contains(&scenario)
     }
 
@@ -252,10 +252,10 @@ impl Suite {
             reader.range(&section.key("onset_s"), to, is_inside, allowed)?;
         }
         let is_other = text.plants.as_deref() == Some(OTHER);
-        let flown = [Setting::Noise, Setting::Realistic];
-        let of_plants = move |setting: &Setting| !is_other || setting.has_tolerances();
+        let flown = [Scenario::Noise, Scenario::Realistic];
+        let of_plants = move |scenario: &Scenario| !is_other || scenario.has_tolerances();
         let scenarios = match &text.scenarios {
-            Some(names) => names.iter().filter_map(|name| Setting::named(name)).collect(),
+            Some(names) => names.iter().filter_map(|name| Scenario::named(name)).collect(),
             None => flown.into_iter().filter(of_plants).collect(),
         };
         let is_unseen = text.unseen.unwrap_or(false);

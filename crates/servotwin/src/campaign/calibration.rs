@@ -4,7 +4,7 @@
 //! is computed once: every part of a campaign that finds the file uses exactly its values.
 
 use super::columns::DIMENSIONLESS;
-use super::{Campaign, Plants, Setting};
+use super::{Campaign, Plants, Scenario};
 use crate::fit::{Fit, Unknown};
 use crate::run::{Calibrated, CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins};
 use crate::study::{Role, Stream};
@@ -18,7 +18,7 @@ pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
 }
 
 fn calibration_name(role: Role) -> String {
-    format!("calibration-{}{}.parquet", Setting::Fitted.name(), role.suffix())
+    format!("calibration-{}{}.parquet", Scenario::Fitted.name(), role.suffix())
 }
 
 /// A true parameter with its fitted value, in standard deviations of its tolerance.
@@ -88,7 +88,7 @@ impl Campaign<'_> {
     /// A specimen of the pool.
     pub(super) fn pooled(&self, number: usize) -> SpecimenDraw<'_> {
         let seed = self.study.seed_of(self.role.pool(), number);
-        SpecimenDraw { study: self.study, setting: Setting::Fitted, seed }
+        SpecimenDraw { study: self.study, scenario: Scenario::Fitted, seed }
     }
 
     /// The parameters stored in this campaign's file for `specimens` specimens; `None` without a matching file.

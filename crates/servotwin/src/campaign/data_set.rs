@@ -6,7 +6,7 @@
 
 use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
-use super::{Campaign, PartRow, Planned, Setting, Study};
+use super::{Campaign, PartRow, Planned, Scenario, Study};
 use crate::study::{Plants, Role};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
@@ -48,7 +48,7 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
 /// The inputs for making a data set, one range of variants after the other.
 pub(super) struct Maker<'m> {
     pub campaign: &'m Campaign<'m>,
-    pub setting: Setting,
+    pub scenario: Scenario,
     pub plan: &'m [Planned],
 }
 
@@ -89,7 +89,7 @@ impl Maker<'_> {
     /// Each feature, and if the units correspond, also as seen from the other units.
     fn feature_columns(&self, rows: &[PartRow]) -> Vec<Column> {
         let study = self.campaign.study;
-        let sensors = &study.sensors_in(self.setting);
+        let sensors = &study.sensors_in(self.scenario);
         let orders = sensors.rotations(study.units.len()).unwrap_or_default();
         let rows: Vec<_> = rows.iter().map(|row| seen(sensors, &orders, &row.window)).collect();
         let features = data_features(study);

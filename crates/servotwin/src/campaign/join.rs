@@ -98,9 +98,9 @@ impl Campaign<'_> {
         files: &PartFiles,
         outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
-        let (study, setting) = (self.study, self.settings[place]);
-        let maker = Maker { campaign: self, setting, plan: &prepared.plan };
-        let name = format!("dataset-{}{}.parquet", setting.name(), self.role.suffix());
+        let (study, scenario) = (self.study, self.scenarios[place]);
+        let maker = Maker { campaign: self, scenario, plan: &prepared.plan };
+        let name = format!("dataset-{}{}.parquet", scenario.name(), self.role.suffix());
         let mut writer: Option<ParquetWriter> = None;
         let mut in_group = 0;
         for part in 0..files.count().max(1) {
@@ -110,7 +110,7 @@ impl Campaign<'_> {
             let variants = files.variants_of(part);
             let rows = if variants.is_empty() { vec![] } else { files.rows(study, part)? };
             let numbered = variants.clone().zip(&rows).filter(|(_, row)| !row.failure.is_empty());
-            let failed = numbered.map(|(index, row)| (setting, index, row.failure.clone()));
+            let failed = numbered.map(|(index, row)| (scenario, index, row.failure.clone()));
             outcome.failed.extend(failed);
             let numbered = variants.clone().zip(&rows);
             let moving = numbered.filter(|(_, row)| row.effort.began_on_the_move);
@@ -125,7 +125,7 @@ impl Campaign<'_> {
                         .without_rows()
                         .with_metadata("fingerprint", prepared.fingerprints[place].clone())
                         .with_metadata("study", study.name.clone())
-                        .with_metadata("setting", setting.name());
+                        .with_metadata("scenario", scenario.name());
                     writer.insert(ParquetWriter::create(self.folder.join(&name), &schema)?)
                 }
             };
@@ -152,7 +152,7 @@ impl Campaign<'_> {
         let planned = prepared.plan[variant];
         let fault = planned.fault.map(|fault| self.study.faults[fault].id.clone());
         OnTheMove {
-            setting: self.settings[place],
+            scenario: self.scenarios[place],
             variant,
             fault: fault.unwrap_or_else(|| HEALTHY.into()),
             case: self.cases()[planned.case].name.clone(),

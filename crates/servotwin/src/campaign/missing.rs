@@ -2,7 +2,7 @@
 
 use super::part::PartFiles;
 use super::{Campaign, CampaignError};
-use crate::study::{Role, Setting};
+use crate::study::{Role, Scenario};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -23,7 +23,7 @@ pub struct MissingParts {
 #[derive(Clone, Debug, PartialEq)]
 pub struct MissingRows {
     /// Its scenarios.
-    pub settings: Vec<Setting>,
+    pub scenarios: Vec<Scenario>,
     /// The role of its data sets.
     pub role: Role,
     /// Number of rows without a usable part, over all scenarios.
@@ -68,7 +68,7 @@ pub fn missing_parts(
         before += one.parts;
         if one.missing > 0 {
             lacking.push(MissingRows {
-                settings: campaign.settings.clone(),
+                scenarios: campaign.scenarios.clone(),
                 role: campaign.role,
                 missing: one.missing,
                 variants: one.variants,

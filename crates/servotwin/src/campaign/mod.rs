@@ -1,6 +1,6 @@
 //! The campaign: simulates every fault in every operating case on all cores, directly into windows.
 //!
-//! One simulation serves all scenarios with the same plants ([`Setting::groups`]), and all healthy specimens of a case
+//! One simulation serves all scenarios with the same plants ([`Scenario::groups`]), and all healthy specimens of a case
 //! that differ by the noise of their sensors alone.
 //!
 //! Variants are written in *parts*. A part is a Parquet file that appears when all its variants have ended. A resumed
@@ -33,7 +33,7 @@ pub use prepared::PreparedCampaign;
 use crate::ensemble::{Ensemble, Variant};
 use crate::files::create_folder;
 use crate::run::{Overrides, SpecimenDraw, Twins, simulate_twins};
-use crate::study::{FaultCase, OperatingCase, Plants, Role, Seed, Setting, Study};
+use crate::study::{FaultCase, OperatingCase, Plants, Role, Scenario, Seed, Study};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{SolverSettings, Statistics};
@@ -47,8 +47,8 @@ pub struct Campaign<'s> {
     pub study: &'s Study,
     /// Whether the diagnosis is judged on it or trained on it.
     pub role: Role,
-    /// The scenarios, one of the groups of [`Setting::groups`].
-    pub settings: Vec<Setting>,
+    /// The scenarios, one of the groups of [`Scenario::groups`].
+    pub scenarios: Vec<Scenario>,
     /// The solver's settings.
     pub solver: SolverSettings,
     /// The number of worker threads.
@@ -84,7 +84,7 @@ pub struct CampaignOutcome {
     /// The solver's work in this run.
     pub statistics: Statistics,
     /// Variants that failed, with the reason.
-    pub failed: Vec<(Setting, usize, String)>,
+    pub failed: Vec<(Scenario, usize, String)>,
     /// Variants that began without a steady state, in every scenario.
     pub on_the_move: Vec<OnTheMove>,
     /// Whether it was stopped early.
@@ -95,7 +95,7 @@ pub struct CampaignOutcome {
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnTheMove {
     /// The scenario.
-    pub setting: Setting,
+    pub scenario: Scenario,
     /// The variant's number.
     pub variant: usize,
     /// Its fault, or `healthy`.
@@ -108,26 +108,27 @@ pub struct OnTheMove {
 
 impl std::fmt::Display for OnTheMove {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let OnTheMove { setting, variant, fault, case, limit_cycle } = self;
+        let OnTheMove { scenario, variant, fault, case, limit_cycle } = self;
         let why = if *limit_cycle { "limit cycle measured" } else { "no steady state found" };
-        write!(out, "{} variant {variant} ({fault}, {case}): {why}", setting.name())
+        write!(out, "{} variant {variant} ({fault}, {case}): {why}", scenario.name())
     }
 }
 
 /// The campaigns of a study: training commands and judged cases for each group of scenarios.
-pub fn runs(study: &Study, choice: impl Fn(Setting) -> bool) -> Vec<(Role, Vec<Setting>)> {
-    let groups = Setting::groups(study, choice).into_iter();
-    let of = |settings: Vec<Setting>| study.roles().into_iter().map(move |r| (r, settings.clone()));
+pub fn runs(study: &Study, choice: impl Fn(Scenario) -> bool) -> Vec<(Role, Vec<Scenario>)> {
+    let groups = Scenario::groups(study, choice).into_iter();
+    let of =
+        |scenarios: Vec<Scenario>| study.roles().into_iter().map(move |r| (r, scenarios.clone()));
     groups.flat_map(of).collect()
 }
 
 impl<'s> Campaign<'s> {
     /// The campaign of one scenario with existing parts in a folder, with the default settings.
-    pub fn stored(folder: &Path, study: &'s Study, setting: Setting, role: Role) -> Self {
+    pub fn stored(folder: &Path, study: &'s Study, scenario: Scenario, role: Role) -> Self {
         Campaign {
             study,
             role,
-            settings: vec![setting],
+            scenarios: vec![scenario],
             solver: SolverSettings::campaign(),
             threads: 1,
             folder: folder.into(),
@@ -166,7 +167,7 @@ impl Campaign<'_> {
             Role::Judged => self.study.realism.as_ref().map_or(0, |r| r.healthy),
             Role::Training => self.study.training.as_ref().map_or(0, |t| t.healthy),
         };
-        if self.settings.iter().any(|setting| setting.has_noise()) {
+        if self.scenarios.iter().any(|scenario| scenario.has_noise()) {
             let specimens =
                 |case| (0..healthy).map(move |_| Planned { case, fault: None, intensity: 0.0 });
             plan.extend((0..cases.len()).flat_map(specimens));
@@ -240,8 +241,8 @@ impl Campaign<'_> {
         self.first_setting().plants()
     }
 
-    fn first_setting(&self) -> Setting {
-        self.settings.first().copied().unwrap_or(Setting::Ideal)
+    fn first_setting(&self) -> Scenario {
+        self.scenarios.first().copied().unwrap_or(Scenario::Ideal)
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
@@ -291,8 +292,8 @@ impl Campaign<'_> {
     }
 
     /// The random numbers of a variant in a scenario.
-    fn draw(&self, setting: Setting, variant: usize) -> SpecimenDraw<'_> {
-        SpecimenDraw { study: self.study, setting, seed: self.seed_of(variant) }
+    fn draw(&self, scenario: Scenario, variant: usize) -> SpecimenDraw<'_> {
+        SpecimenDraw { study: self.study, scenario, seed: self.seed_of(variant) }
     }
 
     fn seed_of(&self, variant: usize) -> Seed {
@@ -318,7 +319,7 @@ impl Campaign<'_> {
 
     fn write_trace(
         &self,
-        setting: Setting,
+        scenario: Scenario,
         variant: usize,
         trace: Vec<Vec<f64>>,
     ) -> Result<(), CampaignError> {
@@ -333,7 +334,7 @@ impl Campaign<'_> {
             let name = format!("{}{}", sensor.id, sensor.unit.suffix());
             columns.push(Column::new(name, sensor.unit.symbol(), Values::Float(values)));
         }
-        let name = format!("{}{}-{variant:05}.parquet", setting.name(), self.role.suffix());
+        let name = format!("{}{}-{variant:05}.parquet", scenario.name(), self.role.suffix());
         Ok(table::write(folder.join(name), &Table::from_columns(columns)?)?)
     }
 }

@@ -3,7 +3,7 @@
 //! The bytes of a part depend only on the study. Parts that are computed anywhere, repeatedly or simultaneously,
 //! therefore give the same files as a single machine.
 
-use super::{Campaign, CampaignError, PreparedCampaign, Setting, Study, VariantEffort};
+use super::{Campaign, CampaignError, PreparedCampaign, Scenario, Study, VariantEffort};
 use crate::manifest::in_hexadecimal;
 use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
@@ -140,16 +140,16 @@ pub(super) struct PartFiles {
 impl Campaign<'_> {
     /// The files of each scenario.
     pub(super) fn files(&self, prepared: &PreparedCampaign) -> Vec<PartFiles> {
-        let of = |(place, &setting): (usize, &Setting)| {
+        let of = |(place, &scenario): (usize, &Scenario)| {
             let is_own = |part: &&Range<usize>| part.end <= prepared.counts[place];
             PartFiles {
                 folder: self.folder.join(PARTS),
-                stem: format!("{}{}", setting.name(), self.role.suffix()),
+                stem: format!("{}{}", scenario.name(), self.role.suffix()),
                 fingerprint: prepared.fingerprints[place].clone(),
                 parts: prepared.parts.iter().filter(is_own).cloned().collect(),
             }
         };
-        self.settings.iter().enumerate().map(of).collect()
+        self.scenarios.iter().enumerate().map(of).collect()
     }
 
     /// The file names of a part in the folder of parts, with its number of rows.

@@ -5,7 +5,7 @@
 
 use super::part::PART_FORMAT;
 use super::{Campaign, CampaignError, Planned};
-use crate::study::Setting;
+use crate::study::Scenario;
 use servotwin_diagnosis::features::Sensor;
 use servotwin_model::c_source;
 use servotwin_model::hash::Fingerprint;
@@ -42,14 +42,15 @@ impl Campaign<'_> {
         if plan.is_empty() {
             return Err(CampaignError::NoVariants);
         }
-        if let Some(&setting) = self.settings.iter().find(|s| !s.is_possible(self.study)) {
-            return Err(CampaignError::no_section(setting, self.study));
+        if let Some(&scenario) = self.scenarios.iter().find(|s| !s.is_possible(self.study)) {
+            return Err(CampaignError::no_section(scenario, self.study));
         }
         let mut model = Fingerprint::default();
         self.add_model(&mut model);
-        let of = |&setting: &Setting| self.fingerprint(setting, &plan, model);
-        let fingerprints = self.settings.iter().map(of).collect();
-        let counts = self.settings.iter().map(|&setting| variant_count(setting, &plan)).collect();
+        let of = |&scenario: &Scenario| self.fingerprint(scenario, &plan, model);
+        let fingerprints = self.scenarios.iter().map(of).collect();
+        let counts =
+            self.scenarios.iter().map(|&scenario| variant_count(scenario, &plan)).collect();
         let parts = self.parts(&plan);
         Ok(PreparedCampaign { plan, parts, fingerprints, counts })
     }
@@ -84,16 +85,16 @@ impl Campaign<'_> {
 
     /// The fingerprint of everything that determines a part: equations with parameters, inputs, variants, sensors and
     /// simulation settings.
-    fn fingerprint(&self, setting: Setting, plan: &[Planned], model: Fingerprint) -> String {
+    fn fingerprint(&self, scenario: Scenario, plan: &[Planned], model: Fingerprint) -> String {
         let study = self.study;
         let mut mark = model;
         mark.add(PART_FORMAT);
-        mark.add(setting.name()).add(self.role.suffix()).add(&self.solver);
+        mark.add(scenario.name()).add(self.role.suffix()).add(&self.solver);
         mark.add(&[study.duration_s, self.duration_s(), study.sample_period_s]);
         mark.add(&study.seed);
-        mark.add(&study.realism.as_ref().filter(|_| setting.has_noise()));
-        mark.add(&study.calibration.as_ref().filter(|_| setting == Setting::Fitted));
-        for planned in &plan[..variant_count(setting, plan)] {
+        mark.add(&study.realism.as_ref().filter(|_| scenario.has_noise()));
+        mark.add(&study.calibration.as_ref().filter(|_| scenario == Scenario::Fitted));
+        for planned in &plan[..variant_count(scenario, plan)] {
             let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
             mark.add(&planned.case).add(fault).add(&planned.intensity);
         }
@@ -106,9 +107,9 @@ impl Campaign<'_> {
 
 /// Number of variants of a plan in the data set of a scenario. Without noise, healthy specimens equal the twin and are
 /// left out.
-fn variant_count(setting: Setting, plan: &[Planned]) -> usize {
+fn variant_count(scenario: Scenario, plan: &[Planned]) -> usize {
     let faults = plan.iter().filter(|planned| planned.fault.is_some()).count();
-    if setting.has_noise() { plan.len() } else { faults }
+    if scenario.has_noise() { plan.len() } else { faults }
 }
 
 #[cfg(test)]
@@ -121,9 +122,9 @@ mod tests {
     #[test]
     fn parts_hold_every_variant_once_and_are_no_larger_than_one_size() {
         let study = Study::default();
-        for (role, settings) in runs(&study, Setting::is_usual) {
-            let stored = Campaign::stored(Path::new("none"), &study, settings[0], role);
-            let campaign = Campaign { settings, ..stored };
+        for (role, scenarios) in runs(&study, Scenario::is_usual) {
+            let stored = Campaign::stored(Path::new("none"), &study, scenarios[0], role);
+            let campaign = Campaign { scenarios, ..stored };
             let PreparedCampaign { plan, parts, .. } = campaign.prepared().unwrap();
             assert!(parts.iter().cloned().flatten().eq(0..plan.len()));
             for part in parts {

@@ -189,9 +189,9 @@ impl Campaign<'_> {
                     views.into_iter().map(|watch| watch.observer)
                 {
                     if let Some(trace) = trace {
-                        let setting = self.settings[place];
+                        let scenario = self.scenarios[place];
                         traced = std::mem::replace(&mut traced, Ok(()))
-                            .and_then(|()| self.write_trace(setting, variant, trace));
+                            .and_then(|()| self.write_trace(scenario, variant, trace));
                     }
                     let rows = open.entry((place, part)).or_default();
                     rows.insert(variant, PartRow { failure: failure.clone(), effort, window });
@@ -224,11 +224,11 @@ impl Campaign<'_> {
         let sensors = study.measured.len();
         let part = parts.partition_point(|part| part.end <= job[0]);
         let mut views = Vec::new();
-        for (place, &setting) in self.settings.iter().enumerate() {
+        for (place, &scenario) in self.scenarios.iter().enumerate() {
             let is_wanted =
                 |&&variant: &&usize| variant < counts[place] && pending[place].contains(&part);
             views.extend(job.iter().filter(is_wanted).map(|&number| {
-                let noise = self.draw(setting, number).noise(Stream::Sensors);
+                let noise = self.draw(scenario, number).noise(Stream::Sensors);
                 let view = View {
                     place,
                     variant: number,

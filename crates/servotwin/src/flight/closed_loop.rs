@@ -4,7 +4,7 @@
 use super::runtime::{self, Runtime, RuntimeError};
 use crate::run::{SensorChain, SpecimenDraw};
 use crate::signal::bus::Bus;
-use crate::study::{Reaction, Setting, Stream, Study};
+use crate::study::{Reaction, Scenario, Stream, Study};
 use crate::system::reservoir::Level;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Raised, Session};
 use servotwin_model::program::{FaultAt, Slot};
@@ -13,7 +13,7 @@ use servotwin_model::solver::{Knot, SolverSettings, Twin};
 use std::sync::Arc;
 
 /// The flight to simulate.
-pub struct Scenario<'s> {
+pub struct ClosedLoop<'s> {
     /// The study of the plant and its twin.
     pub study: &'s Study,
     /// One signal per input of the system.
@@ -73,27 +73,27 @@ pub struct FlightRecord {
     pub actions: Vec<Action>,
 }
 
-/// Flies a scenario and records the requested plant variables.
+/// Flies a plan and records the requested plant variables.
 ///
 /// # Errors
 /// The diagnoser does not fit the study, or plant or twin cannot be simulated.
 pub fn fly(
-    scenario: &Scenario,
+    plan: &ClosedLoop,
     diagnoser: &Arc<Diagnoser>,
     keep: &[Slot],
 ) -> Result<FlightRecord, RuntimeError> {
-    let mut flight = ClosedLoopFlight::new(scenario, diagnoser)?;
+    let mut flight = ClosedLoopFlight::new(plan, diagnoser)?;
     let count = |list: usize| vec![Vec::new(); list];
     let sensors = flight.measured.len();
     let mut record = FlightRecord {
         plant: count(keep.len()),
-        inputs: count(scenario.inputs.len()),
+        inputs: count(plan.inputs.len()),
         measured: count(sensors),
         twin: count(sensors),
         fluid_m3: count(flight.reservoirs.len()),
         ..FlightRecord::default()
     };
-    let samples = (scenario.duration_s / flight.period_s + 1e-6) as usize;
+    let samples = (plan.duration_s / flight.period_s + 1e-6) as usize;
     for _ in 0..=samples {
         let change = flight.sample()?;
         record.time_s.push(flight.time_s());
@@ -103,7 +103,7 @@ pub fn fly(
         push(&mut record.twin, flight.expected().iter().copied());
         push(&mut record.fluid_m3, flight.fluid_m3());
         record.changes.extend(change);
-        if scenario.reacts {
+        if plan.reacts {
             record.actions.extend(flight.react()?);
         }
     }
@@ -116,12 +116,12 @@ fn push(columns: &mut [Vec<f64>], values: impl Iterator<Item = f64>) {
 
 /// A flight that is advanced sample by sample.
 pub struct ClosedLoopFlight<'f> {
-    scenario: &'f Scenario<'f>,
+    plan: &'f ClosedLoop<'f>,
     period_s: f64,
     /// The number of samples so far.
     samples: usize,
     plant: Twin<'f>,
-    /// Faults that were injected by hand, beside those of the scenario.
+    /// Faults that were injected by hand, beside those of the plan.
     injected: Vec<FaultAt>,
     /// The plant's parameters that differ from the system's.
     overrides: Vec<(usize, usize, f64)>,
@@ -147,16 +147,13 @@ impl<'f> ClosedLoopFlight<'f> {
     ///
     /// # Errors
     /// The diagnoser does not fit the study.
-    pub fn new(
-        scenario: &'f Scenario<'f>,
-        diagnoser: &Arc<Diagnoser>,
-    ) -> Result<Self, RuntimeError> {
-        let Scenario { study, specimen, .. } = *scenario;
+    pub fn new(plan: &'f ClosedLoop<'f>, diagnoser: &Arc<Diagnoser>) -> Result<Self, RuntimeError> {
+        let ClosedLoop { study, specimen, .. } = *plan;
         let period_s = diagnoser.period_s;
         let names = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
         let slots = runtime::slots(study, names)?;
         let seed = study.seed_of("closed_loop", specimen.unwrap_or(0));
-        let draw = SpecimenDraw { study, setting: Setting::Realistic, seed };
+        let draw = SpecimenDraw { study, scenario: Scenario::Realistic, seed };
         let overrides = specimen.map_or(vec![], |_| draw.parameters(1.0));
         let noise = seed.stream(Stream::Sensors);
         let program = &study.system.program;
@@ -164,7 +161,7 @@ impl<'f> ClosedLoopFlight<'f> {
             Twin::new(program, SolverSettings::campaign(), period_s, runtime::between(study));
         plant.load(&program.parameters_with(&overrides, &[]));
         Ok(ClosedLoopFlight {
-            scenario,
+            plan,
             period_s,
             samples: 0,
             plant,
@@ -175,8 +172,8 @@ impl<'f> ClosedLoopFlight<'f> {
             sensors: SensorChain::new(study, slots.len(), Some(noise)),
             slots,
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?.at_rest(),
-            inputs: vec![0.0; scenario.inputs.len()],
-            buses: vec![Bus::default(); scenario.inputs.len()],
+            inputs: vec![0.0; plan.inputs.len()],
+            buses: vec![Bus::default(); plan.inputs.len()],
             knots: runtime::defaults(study),
             reservoirs: study
                 .system
@@ -225,7 +222,7 @@ impl<'f> ClosedLoopFlight<'f> {
         self.runtime.session()
     }
 
-    /// Lets these faults act from the next sample on, beside those of the scenario and instead of those injected
+    /// Lets these faults act from the next sample on, beside those of the plan and instead of those injected
     /// before.
     pub fn inject(&mut self, faults: Vec<FaultAt>) {
         self.injected = faults;
@@ -238,7 +235,7 @@ impl<'f> ClosedLoopFlight<'f> {
     /// Plant or twin cannot be simulated.
     pub fn sample(&mut self) -> Result<Option<Change>, RuntimeError> {
         let time_s = self.samples as f64 * self.period_s;
-        for (value, signal) in self.inputs.iter_mut().zip(&self.scenario.inputs) {
+        for (value, signal) in self.inputs.iter_mut().zip(&self.plan.inputs) {
             *value = signal.value(time_s);
         }
         for &(input, value) in &self.set {
@@ -267,7 +264,7 @@ impl<'f> ClosedLoopFlight<'f> {
 
     fn step_plant(&mut self, time_s: f64) -> Result<(), RuntimeError> {
         let program = self.plant.program();
-        let begun = self.scenario.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s).count();
+        let begun = self.plan.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s).count();
         if begun > self.begun {
             self.begun = begun;
             self.load(time_s);
@@ -282,7 +279,7 @@ impl<'f> ClosedLoopFlight<'f> {
     }
 
     fn load(&mut self, time_s: f64) {
-        let begun = self.scenario.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s);
+        let begun = self.plan.faults.iter().filter(|(onset_s, _)| time_s >= *onset_s);
         let faults: Vec<FaultAt> =
             begun.map(|(_, fault)| *fault).chain(self.injected.iter().copied()).collect();
         let program = self.plant.program();
@@ -303,7 +300,7 @@ impl<'f> ClosedLoopFlight<'f> {
         let detail = raised.detail.map(|detail| names.details[detail as usize].as_str());
         let command = &names.actions[raised.action as usize];
         let unit = &names.actuators[raised.actuator as usize];
-        let study = self.scenario.study;
+        let study = self.plan.study;
         let place = study.units.iter().position(|known| known == unit).unwrap_or(0);
         let reaction = study.reactions.of(place, command, detail);
         self.set.extend(reaction.inputs.iter().copied());

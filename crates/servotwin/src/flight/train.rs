@@ -9,7 +9,7 @@ use crate::parallel::{self, Workers};
 use crate::run::CampaignError;
 use crate::run::runner::batches;
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Flights, Role, Setting, Study};
+use crate::study::{Flights, Role, Scenario, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::environment::{InputChecks, InputRange};
@@ -66,12 +66,12 @@ pub fn settings() -> EvaluationSettings {
 pub fn diagnoser(
     study: &Study,
     flights: &Flights,
-    setting: Setting,
+    scenario: Scenario,
     tables: Vec<Table>,
     pools: &[usize],
     workers: Workers,
 ) -> Result<Diagnoser, EvaluationError> {
-    let kinds = windows::kinds(flights, setting, study.sample_period_s);
+    let kinds = windows::kinds(flights, scenario, study.sample_period_s);
     let tables = tables.into_iter().map(|table| [(Role::Training, table)]);
     let pairs: Vec<_> = kinds.iter().zip(tables).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
@@ -80,7 +80,7 @@ pub fn diagnoser(
     });
     let lengths: Vec<LearnedLength> = lengths?.into_iter().collect::<Result<_, _>>()?;
     let scatter = lengths[0].widest.map(|(flights, median_excess)| Scatter {
-        scenario: setting.name().into(),
+        scenario: scenario.name().into(),
         flights,
         median_excess,
     });
@@ -111,10 +111,10 @@ pub fn diagnoser(
         environment: InputChecks::default(),
         tuning: Tuning {
             least_on: study.least_on(),
-            ..tuning(setting, names, &off, evidence_quantile)
+            ..tuning(scenario, names, &off, evidence_quantile)
         },
         lengths,
-        baseline: windows::baseline(flights, setting, study.sample_period_s),
+        baseline: windows::baseline(flights, scenario, study.sample_period_s),
         conditional_band: None,
         scatter,
         healthy_evidence: None,
@@ -126,7 +126,7 @@ pub fn diagnoser(
 /// The certainty that a decision needs. Every window counts in full: noise is new in every pane, and the allowance
 /// covers the repeated effect of tolerances.
 fn tuning(
-    setting: Setting,
+    scenario: Scenario,
     names: &Names,
     off_commands: &[&str],
     evidence_quantile: f64,
@@ -137,7 +137,7 @@ fn tuning(
     of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
     let Tuning { health_allowance_nats, off_allowance_nats, .. } = settings;
     let against_health = (health_allowance_nats, health_allowance_nats + off_allowance_nats);
-    if setting.has_tolerances() {
+    if scenario.has_tolerances() {
         (settings.health_allowance_nats, settings.off_allowance_nats) =
             allowed(against_health, evidence_quantile);
         let of_healthy = settings.costs.same_actuator[0].iter_mut().skip(1).zip(&names.actions);

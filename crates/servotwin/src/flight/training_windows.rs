@@ -17,7 +17,7 @@ use crate::run::runner::in_batches;
 use crate::run::{CampaignError, Observer, Run, Runner, plan};
 
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Flights, Setting, Stream, Study, Suite};
+use crate::study::{Flights, Scenario, Stream, Study, Suite};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{self, Sensors};
@@ -250,10 +250,10 @@ impl Observer for Collector<'_> {
 }
 
 /// Empty windows of a study's flights.
-fn windows(study: &Study, flights: &Flights, setting: Setting) -> Windows {
+fn windows(study: &Study, flights: &Flights, scenario: Scenario) -> Windows {
     let (sensors, period_s) = (study.base_sensors(), study.sample_period_s);
-    let kinds = windows::kinds(flights, setting, period_s);
-    let baseline = windows::baseline(flights, setting, period_s);
+    let kinds = windows::kinds(flights, scenario, period_s);
+    let baseline = windows::baseline(flights, scenario, period_s);
     Windows::new((sensors, sensors), &kinds, baseline).expect("usual settings")
 }
 
@@ -276,7 +276,7 @@ pub fn of_runs(flights: &Flights, flown: &Runner) -> TrainingWindows {
 pub fn learn(
     (study, is_full): (&Study, bool),
     flights: &Flights,
-    scenario: Setting,
+    scenario: Scenario,
     workers: Workers,
 ) -> Result<TrainingWindows, CampaignError> {
     let mut taken = TrainingWindows::default();
@@ -296,7 +296,7 @@ pub fn learn(
 pub fn add_hard_negatives(
     (study, is_full): (&Study, bool),
     flights: &Flights,
-    scenario: Setting,
+    scenario: Scenario,
     taken: &mut TrainingWindows,
     pools: &[usize],
     workers: Workers,
@@ -320,15 +320,15 @@ pub fn add_hard_negatives(
 pub fn tables(
     (study, is_full): (&Study, bool),
     flights: &Flights,
-    setting: Setting,
+    scenario: Scenario,
     mut taken: TrainingWindows,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
     taken.sort();
-    let sensors = Sensors(study.sensors_in(setting).0[..study.base_sensors()].to_vec());
+    let sensors = Sensors(study.sensors_in(scenario).0[..study.base_sensors()].to_vec());
     let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name, is_full));
     let mut tables = vec![];
-    for kind in 0..windows::kinds(flights, setting, study.sample_period_s).len() {
+    for kind in 0..windows::kinds(flights, scenario, study.sample_period_s).len() {
         let of: Vec<&TrainingWindow> = taken.list.iter().filter(|l| l.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, suites }.table(&of, workers)?);
     }

@@ -10,7 +10,7 @@ use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::other_plant::OtherPlants;
 use crate::run::runner::in_batches;
 use crate::run::{CampaignError, Observer, Run, Runner, plan};
-use crate::study::{Setting, Study, Suite};
+use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Alarm, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
 use std::ops::Range;
@@ -83,7 +83,7 @@ pub struct FlownEnvironments {
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, the error of `done`, or the run was cancelled.
 pub fn fly_suite<E: From<CampaignError>>(
-    (study, suite, scenario): (&Study, &Suite, Setting),
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
     from: usize,
     workers: Workers,
@@ -110,7 +110,7 @@ pub fn fly_suite<E: From<CampaignError>>(
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, or the run was cancelled.
 pub(crate) fn fly_environments(
-    (study, suite, scenario): (&Study, &Suite, Setting),
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
     environments: Range<usize>,
     workers: Workers,
@@ -127,7 +127,7 @@ pub(crate) fn fly_environments(
 /// # Errors
 /// As [`fly_environments`].
 pub(crate) fn fly_run(
-    (study, suite, scenario): (&Study, &Suite, Setting),
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
     number: usize,
     workers: Workers,
@@ -141,7 +141,7 @@ pub(crate) fn fly_run(
 }
 
 fn fly_runs(
-    (study, suite, scenario): (&Study, &Suite, Setting),
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
     (environments, runs): (Range<usize>, Vec<Run>),
     workers: Workers,
@@ -153,7 +153,7 @@ fn fly_runs(
 }
 
 fn fly_unseen(
-    (study, suite, scenario): (&Study, &Suite, Setting),
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
     only: Option<usize>,
     workers: Workers,

@@ -2,7 +2,7 @@
 
 use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
 use crate::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
-use crate::study::{Reaction, Setting, Study};
+use crate::study::{Reaction, Scenario, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{
     self, Alarm, Diagnoser, IndexedFinding, Outcome, Raised, ScatterTest,
@@ -162,7 +162,7 @@ impl<'s> Watcher<'s> {
     pub fn wider_than_trained(&self) -> Option<String> {
         let scatter = self.diagnoser.scatter.as_ref().filter(|_| self.scatter.is_wider)?;
         let ScatterTest { windows, wider, .. } = self.scatter;
-        let remedy = match scatter.scenario == Setting::Realistic.name() {
+        let remedy = match scatter.scenario == Scenario::Realistic.name() {
             true => "fit the twin (servotwin fit), or train with larger tolerances",
             false => "fit the twin (servotwin fit), or use the diagnoser of the scenario realistic",
         };

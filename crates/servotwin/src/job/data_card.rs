@@ -9,7 +9,7 @@ use crate::campaign::FOLDS;
 use crate::campaign::columns::is_feature_column;
 use crate::evaluation::EvaluationError;
 use crate::manifest::sha256_of_text;
-use crate::study::{Role, Setting, Study};
+use crate::study::{Role, Scenario, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{ColumnKind, Table, TableError};
 use std::collections::BTreeMap;
@@ -24,11 +24,11 @@ const COUNTED: [&str; 6] = ["kind", "command", "detail", "split", "fold", "failu
 /// A data set cannot be read, or the card cannot be written.
 pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let mut files = vec![];
-    for setting in Setting::ALL {
+    for scenario in Scenario::ALL {
         for role in Role::ALL {
-            let path = folder.data_set(setting, role);
+            let path = folder.data_set(scenario, role);
             if path.exists() {
-                let counted = DataFile::count(folder, setting, role);
+                let counted = DataFile::count(folder, scenario, role);
                 let wrong =
                     |error| JobError::DataSet { path, error: EvaluationError::Table(error) };
                 files.push(counted.map_err(wrong)?);
@@ -44,7 +44,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
 /// A data set with its counts.
 struct DataFile {
     name: String,
-    setting: Setting,
+    scenario: Scenario,
     columns: Table,
     rows: usize,
     failed: usize,
@@ -56,11 +56,11 @@ struct DataFile {
 }
 
 impl DataFile {
-    fn count(folder: &Folder, setting: Setting, role: Role) -> Result<Self, TableError> {
-        let path = folder.data_set(setting, role);
+    fn count(folder: &Folder, scenario: Scenario, role: Role) -> Result<Self, TableError> {
+        let path = folder.data_set(scenario, role);
         let mut file = DataFile {
             name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            setting,
+            scenario,
             columns: ParquetReader::open(&path)?.schema().clone(),
             rows: 0,
             failed: 0,
@@ -109,11 +109,11 @@ fn text(study: &Study, files: &[DataFile]) -> String {
 fn origin(out: &mut String, study: &Study, files: &[DataFile]) {
     let system = &study.system;
     let needs_full = study.is_full && study.has_quick_size();
-    let command = match (needs_full, files.iter().any(|file| !file.setting.is_usual())) {
+    let command = match (needs_full, files.iter().any(|file| !file.scenario.is_usual())) {
         (true, false) => "servotwin campaign STUDY --full --out FOLDER",
         (false, false) => "servotwin campaign STUDY --out FOLDER",
-        (true, true) => "servotwin campaign STUDY --full --setting SCENARIO --out FOLDER",
-        (false, true) => "servotwin campaign STUDY --setting SCENARIO --out FOLDER",
+        (true, true) => "servotwin campaign STUDY --full --scenario SCENARIO --out FOLDER",
+        (false, true) => "servotwin campaign STUDY --scenario SCENARIO --out FOLDER",
     };
     let facts = [
         ("study", format!("`{}`", study.name)),
@@ -136,18 +136,18 @@ fn list_files(out: &mut String, files: &[DataFile]) {
     *out += "## Files\n\n| file | plant | rows | columns | failed rows |\n|---|---|---|---|---|\n";
     for file in files {
         let DataFile { name, rows, failed, .. } = file;
-        let (plant, columns) = (plant(file.setting), file.columns.columns().len());
+        let (plant, columns) = (plant(file.scenario), file.columns.columns().len());
         add(out, format_args!("| `{name}` | {plant} | {rows} | {columns} | {failed} |\n"));
     }
     *out += "\nA failed row has a text in `failure` and covers only the time before it.\n\n";
 }
 
-fn plant(setting: Setting) -> &'static str {
-    match setting {
-        Setting::Ideal => "the twin with a fault, perfect sensors",
-        Setting::Noise => "the twin with a fault, noisy sensors",
-        Setting::Fitted => "specimens of a pool, each beside a twin that was fitted to it",
-        Setting::Realistic => "a new specimen in every row, beside the nominal twin",
+fn plant(scenario: Scenario) -> &'static str {
+    match scenario {
+        Scenario::Ideal => "the twin with a fault, perfect sensors",
+        Scenario::Noise => "the twin with a fault, noisy sensors",
+        Scenario::Fitted => "specimens of a pool, each beside a twin that was fitted to it",
+        Scenario::Realistic => "a new specimen in every row, beside the nominal twin",
     }
 }
 

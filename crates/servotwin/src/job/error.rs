@@ -30,12 +30,12 @@ pub enum JobError {
     NoDataSet { folder: PathBuf },
     /// Healthy flights come near a shutdown, whatever the margin.
     #[error(
-        "{setting}: unsafe in health: with {} nats more against a shutdown, the evidence for one still reaches {:.2} of its \
+        "{scenario}: unsafe in health: with {} nats more against a shutdown, the evidence for one still reaches {:.2} of its \
          limit in {} held-out healthy flights (at most {allowed} is safe); training had {} environments: add {missing} to \
          'environments' in [suites.hard_negatives]",
         .evidence.added.larger_nats(), .evidence.largest, .evidence.held_out, .evidence.learned
     )]
-    UnsafeInHealth { setting: &'static str, evidence: HealthyEvidence, allowed: f64, missing: u64 },
+    UnsafeInHealth { scenario: &'static str, evidence: HealthyEvidence, allowed: f64, missing: u64 },
     /// A name of no run.
     #[error(
         "{name}: the study has no such run for judging; a run is suite#number@scenario, such as judge#17@realistic"
@@ -46,10 +46,10 @@ pub enum JobError {
     NoFlights,
     /// Held-out flights failed, and nobody knows what they would have shown.
     #[error(
-        "{setting}: {failed} of {of} held-out healthy flights cannot be simulated to their end, so nothing shows that their \
+        "{scenario}: {failed} of {of} held-out healthy flights cannot be simulated to their end, so nothing shows that their \
          plants are not shut down: narrow the inputs of [flights] and the draws"
     )]
-    HeldOutFailed { setting: &'static str, failed: u64, of: u64 },
+    HeldOutFailed { scenario: &'static str, failed: u64, of: u64 },
     /// Another servotwin process holds the folder.
     #[error(
         "{folder}: another servotwin is working in this folder: wait until it has ended, or choose another folder"

@@ -18,14 +18,14 @@ use crate::study::flights::Limits;
 use crate::study::suites::{
     HEALTHY, HEALTHY_OTHER_STRUCTURE, JUDGE, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN,
 };
-use crate::study::{Flights, Purpose, Setting, Study, Suite};
+use crate::study::{Flights, Purpose, Scenario, Study, Suite};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The scenarios with flights. In the first, each specimen equals its twin, as after a perfect fit; in the second,
 /// specimens differ from it.
-pub const SETTINGS: [Setting; 2] = [Setting::Noise, Setting::Realistic];
+pub const SCENARIOS: [Scenario; 2] = [Scenario::Noise, Scenario::Realistic];
 
 /// The name of a suite begins with this where it was flown in a sealed opening.
 const SEALED: &str = "sealed_";
@@ -73,8 +73,9 @@ impl FlightResults {
 
     /// Whether the results have the full sizes and cover every scenario of the study.
     pub fn is_full_of(&self, study: &Study) -> bool {
-        let has = |setting: Setting| self.judged().any(|own| own.group.scenario == setting.name());
-        self.is_full && settings(study).into_iter().all(has)
+        let has =
+            |scenario: Scenario| self.judged().any(|own| own.group.scenario == scenario.name());
+        self.is_full && scenarios(study).into_iter().all(has)
     }
 
     /// The numbers of runs of a suite.
@@ -99,16 +100,19 @@ impl FlightResults {
             unseen: vec![],
         };
         let mut flown = BTreeSet::new();
-        for setting in SETTINGS.into_iter().filter(|&setting| folder.diagnoser(setting).exists()) {
-            let basis = Basis::of(folder, (study, is_full), setting)?;
-            let model = diagnoser(folder, setting)?;
-            all.left_out.insert(setting.name().into(), left_out(folder, setting)?);
-            let of_scenario = study.suites(is_full).filter(|suite| suite.is_flown_in(setting));
+        for scenario in
+            SCENARIOS.into_iter().filter(|&scenario| folder.diagnoser(scenario).exists())
+        {
+            let basis = Basis::of(folder, (study, is_full), scenario)?;
+            let model = diagnoser(folder, scenario)?;
+            all.left_out.insert(scenario.name().into(), left_out(folder, scenario)?);
+            let of_scenario = study.suites(is_full).filter(|suite| suite.is_flown_in(scenario));
             for suite in of_scenario {
-                let stored = outcomes::stored(folder, &format!("{prefix}{}", suite.name), setting)?;
+                let stored =
+                    outcomes::stored(folder, &format!("{prefix}{}", suite.name), scenario)?;
                 if let Some(stored) = stored.filter(|stored| stored.basis == basis) {
                     flown.insert(&suite.name);
-                    all.take((study, limit_s(flights, setting)), suite, &model, stored);
+                    all.take((study, limit_s(flights, scenario)), suite, &model, stored);
                 }
             }
         }
@@ -174,9 +178,9 @@ impl Crew<'_> {
 }
 
 /// The scenarios in which a study can fly.
-pub fn settings(study: &Study) -> Vec<Setting> {
-    let possible = |setting: &Setting| !setting.has_noise() || study.realism.is_some();
-    SETTINGS.into_iter().filter(possible).collect()
+pub fn scenarios(study: &Study) -> Vec<Scenario> {
+    let possible = |scenario: &Scenario| !scenario.has_noise() || study.realism.is_some();
+    SCENARIOS.into_iter().filter(possible).collect()
 }
 
 fn flights(study: &Study) -> Result<&Flights, JobError> {
@@ -190,12 +194,12 @@ fn flights(study: &Study) -> Result<&Flights, JobError> {
 pub fn learn(
     folder: &Folder,
     (study, is_full): (&Study, bool),
-    setting: Setting,
+    scenario: Scenario,
     crew: &Crew,
 ) -> Result<Diagnoser, JobError> {
     let flights = flights(study)?;
-    let taken = training_windows::learn((study, is_full), flights, setting, crew.workers)?;
-    learn_from(folder, (study, is_full), setting, taken, crew)
+    let taken = training_windows::learn((study, is_full), flights, scenario, crew.workers)?;
+    learn_from(folder, (study, is_full), scenario, taken, crew)
 }
 
 /// Trains the diagnoser of a scenario and writes it. The windows come from runs that may have been flown on other
@@ -206,33 +210,33 @@ pub fn learn(
 pub fn learn_from(
     folder: &Folder,
     (study, is_full): (&Study, bool),
-    setting: Setting,
+    scenario: Scenario,
     mut taken: TrainingWindows,
     crew: &Crew,
 ) -> Result<Diagnoser, JobError> {
     let (sized, flights) = ((study, is_full), flights(study)?);
     let (pools, workers) = (pools(study), crew.workers);
-    training_windows::add_hard_negatives(sized, flights, setting, &mut taken, &pools, workers)?;
+    training_windows::add_hard_negatives(sized, flights, scenario, &mut taken, &pools, workers)?;
     crew.check()?;
     let left_out = taken.left_out();
-    let tables = training_windows::tables(sized, flights, setting, taken, workers)?;
+    let tables = training_windows::tables(sized, flights, scenario, taken, workers)?;
     let environment = train::environment(study, is_full)?;
-    let trained = train::diagnoser(study, flights, setting, tables, &pools, workers)?;
+    let trained = train::diagnoser(study, flights, scenario, tables, &pools, workers)?;
     let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
     let diagnoser = Diagnoser { boundaries, environment, ..trained };
-    let diagnoser = held_out::with_margin(sized, setting, diagnoser, workers)?;
-    model_file::write(folder.left_out(setting), &left_out)?;
-    model_file::write_model(folder.diagnoser(setting), &diagnoser)?;
+    let diagnoser = held_out::with_margin(sized, scenario, diagnoser, workers)?;
+    model_file::write(folder.left_out(scenario), &left_out)?;
+    model_file::write_model(folder.diagnoser(scenario), &diagnoser)?;
     Ok(diagnoser)
 }
 
 /// The training flights that taught nothing.
-fn left_out(folder: &Folder, setting: Setting) -> Result<LeftOut, JobError> {
-    let path = folder.left_out(setting);
+fn left_out(folder: &Folder, scenario: Scenario) -> Result<LeftOut, JobError> {
+    let path = folder.left_out(scenario);
     Ok(if path.exists() { model_file::read(path)? } else { LeftOut::default() })
 }
 
-/// Trains in some of [`settings`], flies every suite that is not flown on request alone, and writes the results after each
+/// Trains in some of [`scenarios`], flies every suite that is not flown on request alone, and writes the results after each
 /// scenario.
 ///
 /// # Errors
@@ -240,17 +244,17 @@ fn left_out(folder: &Folder, setting: Setting) -> Result<LeftOut, JobError> {
 pub fn fly_all(
     folder: &Folder,
     (study, is_full): (&Study, bool),
-    settings: &[Setting],
+    scenarios: &[Scenario],
     crew: &Crew,
 ) -> Result<FlightResults, JobError> {
     let suites: Vec<&Suite> = study.suites(is_full).filter(|suite| is_usual(suite)).collect();
     let mut counted = None;
-    for (place, &setting) in settings.iter().enumerate() {
-        let part = |share: f64| (place as f64 + share) / settings.len() as f64;
-        (crew.progress)(&format!("{}: flights to learn from", setting.name()), part(0.0));
-        learn(folder, (study, is_full), setting, crew)?;
+    for (place, &scenario) in scenarios.iter().enumerate() {
+        let part = |share: f64| (place as f64 + share) / scenarios.len() as f64;
+        (crew.progress)(&format!("{}: flights to learn from", scenario.name()), part(0.0));
+        learn(folder, (study, is_full), scenario, crew)?;
         let part = |share: f64| part(0.4 + 0.6 * share);
-        counted = Some(fly(folder, (study, is_full), &suites, &[setting], (crew, &part))?);
+        counted = Some(fly(folder, (study, is_full), &suites, &[scenario], (crew, &part))?);
     }
     match counted {
         Some(counted) => Ok(counted),
@@ -272,20 +276,20 @@ pub fn fly(
     folder: &Folder,
     (study, is_full): (&Study, bool),
     suites: &[&Suite],
-    settings: &[Setting],
+    scenarios: &[Scenario],
     (crew, part): (&Crew, &(dyn Fn(f64) -> f64 + Sync)),
 ) -> Result<FlightResults, JobError> {
     let jobs = suites.iter().flat_map(|suite| {
-        let own = settings.iter().filter(|&&setting| suite.is_flown_in(setting));
-        own.map(move |setting| (*suite, *setting))
+        let own = scenarios.iter().filter(|&&scenario| suite.is_flown_in(scenario));
+        own.map(move |scenario| (*suite, *scenario))
     });
-    let jobs: Vec<(&Suite, Setting)> = jobs.collect();
-    for (place, &(suite, setting)) in jobs.iter().enumerate() {
+    let jobs: Vec<(&Suite, Scenario)> = jobs.collect();
+    for (place, &(suite, scenario)) in jobs.iter().enumerate() {
         let progress = |what: &str, share: f64| {
             (crew.progress)(what, part((place as f64 + share) / jobs.len() as f64));
         };
         let crew = Crew { workers: crew.workers, progress: &progress };
-        outcomes::fly(folder, (study, is_full), suite, setting, &crew)?;
+        outcomes::fly(folder, (study, is_full), suite, scenario, &crew)?;
     }
     count(folder, study, is_full)
 }
@@ -310,16 +314,16 @@ pub fn count(folder: &Folder, study: &Study, is_full: bool) -> Result<FlightResu
 pub fn fly_sealed(
     folder: &Folder,
     (study, is_full): (&Study, bool),
-    settings: &[Setting],
+    scenarios: &[Scenario],
     record: &OpeningRecord,
     crew: &Crew,
 ) -> Result<SealedResults, JobError> {
     flights(study)?;
-    settings.iter().try_for_each(|&setting| diagnoser(folder, setting).map(drop))?;
+    scenarios.iter().try_for_each(|&scenario| diagnoser(folder, scenario).map(drop))?;
     let hash =
-        |&setting: &Setting| Ok(Basis::of(folder, (study, is_full), setting)?.diagnoser_sha256);
-    let hashes = settings.iter().map(hash).collect::<Result<Vec<_>, JobError>>()?;
-    let names: Vec<&str> = settings.iter().map(|setting| setting.name()).collect();
+        |&scenario: &Scenario| Ok(Basis::of(folder, (study, is_full), scenario)?.diagnoser_sha256);
+    let hashes = scenarios.iter().map(hash).collect::<Result<Vec<_>, JobError>>()?;
+    let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
     let size = if is_full { "full" } else { "small" };
     let opening = record.open(&SealedSubject {
         study: &study.name,
@@ -331,8 +335,8 @@ pub fn fly_sealed(
         let name = format!("{SEALED}{}", suite.name);
         let mut suite = suite.clone().with_seed(opening.seed);
         suite.name = name;
-        for &setting in settings {
-            outcomes::fly(folder, (study, is_full), &suite, setting, crew)?;
+        for &scenario in scenarios {
+            outcomes::fly(folder, (study, is_full), &suite, scenario, crew)?;
         }
     }
     let results = FlightResults::count(folder, (study, is_full), SEALED)?;
@@ -385,8 +389,8 @@ impl SealedResults {
 }
 
 /// The latency limit for shutdown faults in a scenario, s.
-fn limit_s(flights: &Flights, setting: Setting) -> f64 {
-    match setting.has_tolerances() {
+fn limit_s(flights: &Flights, scenario: Scenario) -> f64 {
+    match scenario.has_tolerances() {
         true => flights.limits.latency_unfitted_s,
         false => flights.limits.latency_s,
     }
@@ -405,8 +409,8 @@ pub fn results(folder: &Folder) -> Result<Option<FlightResults>, JobError> {
 ///
 /// # Errors
 /// [`JobError::Missing`], or the file is no diagnoser.
-pub fn diagnoser(folder: &Folder, setting: Setting) -> Result<Diagnoser, JobError> {
-    let path = folder.diagnoser(setting);
+pub fn diagnoser(folder: &Folder, scenario: Scenario) -> Result<Diagnoser, JobError> {
+    let path = folder.diagnoser(scenario);
     match path.exists() {
         true => Ok(model_file::read_diagnoser(path)?),
         false => Err(JobError::Missing { path, stage: "flights" }),

@@ -3,19 +3,19 @@
 //! | file | written by |
 //! |---|---|
 //! | `study.toml`, `system.toml` | campaign: the texts of the study and its system |
-//! | `dataset-<setting>.parquet`, `parts/` | campaign: the operating cases of the evaluation |
-//! | `dataset-<setting>-training.parquet` | campaign: the training commands |
+//! | `dataset-<scenario>.parquet`, `parts/` | campaign: the operating cases of the evaluation |
+//! | `dataset-<scenario>-training.parquet` | campaign: the training commands |
 //! | `data-card.md` | campaign: what the data sets are, see [`super::data_card`] |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
 //! | `hierarchy-<subject>.json` | train: the nine trees |
 //! | `panel-<subject>.json` | train: trees, committee and bands |
-//! | `diagnoser-<setting>.json` | flights: everything that the diagnosis in operation needs |
+//! | `diagnoser-<scenario>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
-//! | `left_out-<setting>.json` | flights: training flights that taught nothing |
+//! | `left_out-<scenario>.json` | flights: training flights that taught nothing |
 //! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
-//! | `outcomes-<suite>-<setting>.parquet` | flights: what was flown and what a diagnosis did, a row for each flight |
+//! | `outcomes-<suite>-<scenario>.parquet` | flights: what was flown and what a diagnosis did, a row for each flight |
 //! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
-//! | `band-<setting>.json` | band: the conditional band and its figures of merit |
+//! | `band-<scenario>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `manifest.json` | every stage |
@@ -30,7 +30,7 @@ use crate::campaign::{PARTS, calibration_file};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
-use crate::study::{Role, Setting, Study};
+use crate::study::{Role, Scenario, Study};
 use std::path::{Path, PathBuf};
 
 /// The prefix of the figures' names in the manifest.
@@ -61,9 +61,9 @@ impl Folder {
         self.0.join("system.toml")
     }
 
-    /// The file of a setting's data set.
-    pub fn data_set(&self, setting: Setting, role: Role) -> PathBuf {
-        self.0.join(format!("dataset-{}{}.parquet", setting.name(), role.suffix()))
+    /// The file of a scenario's data set.
+    pub fn data_set(&self, scenario: Scenario, role: Role) -> PathBuf {
+        self.0.join(format!("dataset-{}{}.parquet", scenario.name(), role.suffix()))
     }
 
     /// The file that describes the data sets.
@@ -81,14 +81,14 @@ impl Folder {
         self.0.join(format!("panel-{}.json", subject.name()))
     }
 
-    /// The file of a setting's diagnoser.
-    pub fn diagnoser(&self, setting: Setting) -> PathBuf {
-        self.0.join(format!("diagnoser-{}.json", setting.name()))
+    /// The file of a scenario's diagnoser.
+    pub fn diagnoser(&self, scenario: Scenario) -> PathBuf {
+        self.0.join(format!("diagnoser-{}.json", scenario.name()))
     }
 
-    /// The file of the conditional band learned in a setting.
-    pub fn band(&self, setting: Setting) -> PathBuf {
-        self.0.join(format!("band-{}.json", setting.name()))
+    /// The file of the conditional band learned in a scenario.
+    pub fn band(&self, scenario: Scenario) -> PathBuf {
+        self.0.join(format!("band-{}.json", scenario.name()))
     }
 
     /// The file with the results of the flights.
@@ -97,13 +97,13 @@ impl Folder {
     }
 
     /// The file with the outcomes of a suite of flights in a scenario.
-    pub fn outcomes(&self, suite: &str, setting: &str) -> PathBuf {
-        self.0.join(format!("outcomes-{suite}-{setting}.parquet"))
+    pub fn outcomes(&self, suite: &str, scenario: &str) -> PathBuf {
+        self.0.join(format!("outcomes-{suite}-{scenario}.parquet"))
     }
 
     /// The file that names the training flights of a scenario that taught nothing.
-    pub fn left_out(&self, setting: Setting) -> PathBuf {
-        self.0.join(format!("left_out-{}.json", setting.name()))
+    pub fn left_out(&self, scenario: Scenario) -> PathBuf {
+        self.0.join(format!("left_out-{}.json", scenario.name()))
     }
 
     /// The file with the results in sealed environments.
@@ -136,13 +136,13 @@ impl Folder {
     /// # Errors
     /// The folder of the figures cannot be read.
     pub fn results_there(&self) -> Result<Vec<PathBuf>, JobError> {
-        let both = |setting| Role::ALL.map(|role| self.data_set(setting, role));
-        let mut files: Vec<PathBuf> = Setting::ALL.into_iter().flat_map(both).collect();
+        let both = |scenario| Role::ALL.map(|role| self.data_set(scenario, role));
+        let mut files: Vec<PathBuf> = Scenario::ALL.into_iter().flat_map(both).collect();
         let models = |subject| [self.hierarchy(subject), self.panel(subject)];
         files.extend(Subject::ALL.into_iter().flat_map(models));
-        files.extend(Setting::ALL.map(|setting| self.diagnoser(setting)));
-        files.extend(Setting::ALL.map(|setting| self.band(setting)));
-        files.extend(Setting::ALL.map(|setting| self.left_out(setting)));
+        files.extend(Scenario::ALL.map(|scenario| self.diagnoser(scenario)));
+        files.extend(Scenario::ALL.map(|scenario| self.band(scenario)));
+        files.extend(Scenario::ALL.map(|scenario| self.left_out(scenario)));
         files.extend(self.all_outcomes()?);
         files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
         files.extend([self.data_card(), self.sealed_flights(), self.flights()]);
@@ -159,9 +159,11 @@ impl Folder {
         for entry in entries {
             let path = entry.map_err(|cause| FileError::from_io(&self.0, cause))?.path();
             let name = path.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
-            let setting = name.strip_prefix("outcomes-").and_then(|name| name.rsplit_once('-'));
+            let scenario = name.strip_prefix("outcomes-").and_then(|name| name.rsplit_once('-'));
             let is_parquet = path.extension().is_some_and(|ending| ending == "parquet");
-            if is_parquet && setting.is_some_and(|(_, setting)| Setting::named(setting).is_some()) {
+            if is_parquet
+                && scenario.is_some_and(|(_, scenario)| Scenario::named(scenario).is_some())
+            {
                 found.push(path);
             }
         }

@@ -8,7 +8,7 @@ use crate::flight::outcome::FlightOutcome;
 use crate::flight::watched::fly_suite;
 use crate::parallel::Workers;
 use crate::study::suites::{HARD_NEGATIVES, HELD_OUT, LEARN};
-use crate::study::{Setting, Study, Suite};
+use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, ShutdownMargin};
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ const STEP_NATS: f64 = 1.0;
 /// cannot be simulated.
 pub fn with_margin(
     (study, is_full): (&Study, bool),
-    setting: Setting,
+    scenario: Scenario,
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Diagnoser, JobError> {
@@ -33,12 +33,12 @@ pub fn with_margin(
     let taught = [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full));
     let learned = taught.map(|suite| suite.environments).sum();
     let evidence = smallest_margin((learned, suite.scatter), (allowed, most_nats), |margin| {
-        fly(study, suite, setting, diagnoser.with_shutdown_margin(margin), workers)
+        fly(study, suite, scenario, diagnoser.with_shutdown_margin(margin), workers)
     })?;
-    finished(setting, &evidence)?;
+    finished(scenario, &evidence)?;
     if evidence.largest > allowed {
         return Err(JobError::UnsafeInHealth {
-            setting: setting.name(),
+            scenario: scenario.name(),
             allowed,
             missing: evidence
                 .learned
@@ -51,10 +51,10 @@ pub fn with_margin(
 }
 
 /// Refuses evidence of which a flight is missing.
-fn finished(setting: Setting, evidence: &HealthyEvidence) -> Result<(), JobError> {
+fn finished(scenario: Scenario, evidence: &HealthyEvidence) -> Result<(), JobError> {
     let (failed, of) = (evidence.failed, evidence.held_out + evidence.failed);
-    let setting = setting.name();
-    if failed == 0 { Ok(()) } else { Err(JobError::HeldOutFailed { setting, failed, of }) }
+    let scenario = scenario.name();
+    if failed == 0 { Ok(()) } else { Err(JobError::HeldOutFailed { scenario, failed, of }) }
 }
 
 /// Lets each allowance grow until no flight has more than the allowed evidence in windows of its kind, or the largest
@@ -102,14 +102,14 @@ fn smallest_margin(
 fn fly(
     study: &Study,
     suite: &Suite,
-    setting: Setting,
+    scenario: Scenario,
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Vec<FlightOutcome>, JobError> {
     let watching = watching(suite, &Arc::new(diagnoser));
     let watching = watching.map_err(|error| JobError::Evaluation(error.into()))?;
     let mut outcomes = vec![];
-    fly_suite((study, suite, setting), &watching, 0, workers, &|_, _| (), |flown| {
+    fly_suite((study, suite, scenario), &watching, 0, workers, &|_, _| (), |flown| {
         outcomes.extend(flown.outcomes);
         Ok::<_, JobError>(())
     })?;
@@ -152,9 +152,9 @@ mod tests {
         let added = ShutdownMargin { uncorrected_nats: 1.0, baseline_corrected_nats: 3.0 };
         assert_eq!((loud.added, loud.shutdowns_before, loud.largest), (added, 2, 0.5));
         assert_eq!((loud.learned, loud.held_out, loud.failed), (24, 3, 1));
-        let refused = finished(Setting::Noise, &loud).unwrap_err().to_string();
+        let refused = finished(Scenario::Noise, &loud).unwrap_err().to_string();
         assert!(refused.contains("noise: 1 of 4 held-out healthy flights"), "{refused}");
-        finished(Setting::Noise, &HealthyEvidence { failed: 0, ..loud }).unwrap();
+        finished(Scenario::Noise, &HealthyEvidence { failed: 0, ..loud }).unwrap();
     }
 
     #[test]

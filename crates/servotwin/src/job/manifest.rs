@@ -5,7 +5,7 @@ use super::{Folder, JobError, Subject};
 use crate::evaluation::EvaluationError;
 use crate::files::FileError;
 use crate::manifest;
-use crate::study::{Role, Setting, Study};
+use crate::study::{Role, Scenario, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{Table, TableError};
 use serde::{Deserialize, Serialize};
@@ -42,8 +42,8 @@ pub struct Manifest {
 /// The contents of a data set, as counts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DataSetEntry {
-    /// The name of the setting.
-    pub setting: String,
+    /// The name of the scenario.
+    pub scenario: String,
     /// Whether the data set is for training; otherwise it is for evaluation.
     pub is_training: bool,
     /// Number of variants.
@@ -148,9 +148,9 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
     results.extend(
         figures.iter().filter(|&figure| !results.contains(figure)).cloned().collect::<Vec<_>>(),
     );
-    let both = |setting| Role::ALL.map(|role| (setting, role));
-    let data_sets = Setting::ALL.into_iter().flat_map(both);
-    let data_sets = data_sets.filter(|&(setting, role)| folder.data_set(setting, role).exists());
+    let both = |scenario| Role::ALL.map(|role| (scenario, role));
+    let data_sets = Scenario::ALL.into_iter().flat_map(both);
+    let data_sets = data_sets.filter(|&(scenario, role)| folder.data_set(scenario, role).exists());
     Ok(Manifest {
         format: FORMAT.into(),
         version: env!("CARGO_PKG_VERSION").into(),
@@ -228,14 +228,14 @@ fn name(folder: &Folder, path: &Path) -> String {
 fn data_set(
     folder: &Folder,
     known: Option<&Manifest>,
-    setting: Setting,
+    scenario: Scenario,
     role: Role,
 ) -> Result<DataSetEntry, JobError> {
-    let path = folder.data_set(setting, role);
+    let path = folder.data_set(scenario, role);
     let file = name(folder, &path);
     let known = known.filter(|known| known.hash_of(&file).is_some());
     let is_of = |entry: &&DataSetEntry| {
-        entry.setting == setting.name() && entry.is_training == (role == Role::Training)
+        entry.scenario == scenario.name() && entry.is_training == (role == Role::Training)
     };
     if let Some(entry) = known.and_then(|known| known.data_sets.iter().find(is_of)) {
         return Ok(entry.clone());
@@ -244,12 +244,12 @@ fn data_set(
         path: path.clone(),
         error: EvaluationError::Table(error),
     };
-    entry(&path, setting, role).map_err(wrong)
+    entry(&path, scenario, role).map_err(wrong)
 }
 
-fn entry(path: &Path, setting: Setting, role: Role) -> Result<DataSetEntry, TableError> {
+fn entry(path: &Path, scenario: Scenario, role: Role) -> Result<DataSetEntry, TableError> {
     let mut entry = DataSetEntry {
-        setting: setting.name().into(),
+        scenario: scenario.name().into(),
         is_training: role == Role::Training,
         variants: 0,
         healthy: 0,
@@ -358,7 +358,7 @@ mod tests {
     use crate::job::{Folder, Subject};
     use crate::manifest::remedy;
     use crate::study::suites::KNOWN;
-    use crate::study::{Role, Setting};
+    use crate::study::{Role, Scenario};
 
     #[test]
     fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
@@ -367,10 +367,10 @@ mod tests {
         files.extend([folder.data_card(), folder.flights(), folder.sealed_flights()]);
         files.push(folder.results());
         files.extend(KNOWN.map(|(suite, ..)| folder.outcomes(suite, "noise")));
-        for setting in Setting::ALL {
-            files.extend(Role::ALL.map(|role| folder.data_set(setting, role)));
-            files.extend([folder.diagnoser(setting), folder.band(setting)]);
-            files.push(folder.left_out(setting));
+        for scenario in Scenario::ALL {
+            files.extend(Role::ALL.map(|role| folder.data_set(scenario, role)));
+            files.extend([folder.diagnoser(scenario), folder.band(scenario)]);
+            files.push(folder.left_out(scenario));
         }
         files.extend(Role::ALL.map(|role| calibration_file(folder.path(), role)));
         for subject in Subject::ALL {

@@ -49,7 +49,7 @@ struct Moves {
 /// The perturbation of training windows. The larger reach exceeds the windows' uncertainty, so that splits keep a
 /// distance from the training data. It is largest without noise, where the uncertainty alone is small.
 fn learned(subject: Subject) -> Moves {
-    let reaches: &[f64] = if subject.setting().has_noise() { &[1.0, 2.0] } else { &[1.0, 8.0] };
+    let reaches: &[f64] = if subject.scenario().has_noise() { &[1.0, 2.0] } else { &[1.0, 8.0] };
     Moves { draws: 6, seed: 1, reaches }
 }
 
@@ -68,7 +68,7 @@ const SOLVER_ERROR: f64 = 1e-4;
 pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError> {
     let there = |subject: &Subject| {
         let possible = !subject.extra_sensor() || study.extra_sensor.is_some();
-        possible && folder.data_set(subject.setting(), Role::Judged).exists()
+        possible && folder.data_set(subject.scenario(), Role::Judged).exists()
     };
     let subjects: Vec<Subject> = Subject::ALL.into_iter().filter(there).collect();
     match subjects.is_empty() {
@@ -82,7 +82,7 @@ pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError
 /// # Errors
 /// A file cannot be read, or contradicts the study.
 pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<DataSet, JobError> {
-    let path = |role| folder.data_set(subject.setting(), role);
+    let path = |role| folder.data_set(subject.scenario(), role);
     let wrong = |error| JobError::DataSet { path: path(Role::Judged), error };
     let mut tables = vec![];
     for role in study.roles() {
@@ -290,7 +290,7 @@ fn windows(
         return Ok(windows);
     }
     for role in study.roles() {
-        let stored = Campaign::stored(folder.path(), study, subject.setting(), role);
+        let stored = Campaign::stored(folder.path(), study, subject.scenario(), role);
         for rows in stored.windows()? {
             // A data set has no rows for failed variants.
             let ran = rows.into_iter().filter(|row| row.failure.is_empty());
@@ -298,7 +298,7 @@ fn windows(
         }
     }
     if windows.len() != data.rows.len() {
-        let path = folder.data_set(subject.setting(), Role::Judged);
+        let path = folder.data_set(subject.scenario(), Role::Judged);
         return Err(JobError::OtherRows { path, rows: data.rows.len(), windows: windows.len() });
     }
     Ok(windows)
@@ -310,14 +310,14 @@ fn moving<'w>(
     windows: &'w [Window],
     Moves { draws, seed, reaches }: Moves,
 ) -> Option<Moving<'w>> {
-    let has_noise = subject.setting().has_noise();
+    let has_noise = subject.scenario().has_noise();
     let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
     let features = data_features(study).into_iter().enumerate();
     let own = features
         .filter(|(_, known)| known.feature.teaches.of_records())
         .filter(|(_, known)| subject.extra_sensor() || !known.extra);
     (!windows.is_empty()).then(|| Moving {
-        sensors: study.sensors_in(subject.setting()),
+        sensors: study.sensors_in(subject.scenario()),
         windows,
         noise: noise.collect(),
         lasting: SOLVER_ERROR,

@@ -1,6 +1,6 @@
 //! The outcomes of a suite in a scenario, as a folder holds them. An interrupted suite goes on where it was last stored.
 
-use super::flights::{Crew, SETTINGS, diagnoser};
+use super::flights::{Crew, SCENARIOS, diagnoser};
 use super::{Folder, JobError};
 use crate::flight::judge::HealthyMetrics;
 use crate::flight::outcome::{self, FlightOutcome};
@@ -10,7 +10,7 @@ use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::{RunName, plan};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
-use crate::study::{Purpose, Setting, Study, Suite};
+use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table::{self, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
@@ -65,7 +65,7 @@ impl Basis {
     pub fn of(
         folder: &Folder,
         (study, is_full): (&Study, bool),
-        scenario: Setting,
+        scenario: Scenario,
     ) -> Result<Self, JobError> {
         Ok(Basis {
             is_full,
@@ -101,7 +101,7 @@ impl FlownSuite {
         folder: &Folder,
         (study, is_full): (&Study, bool),
         suite: &Suite,
-        scenario: Setting,
+        scenario: Scenario,
     ) -> Result<Self, JobError> {
         Ok(FlownSuite {
             suite: suite.name.clone(),
@@ -220,7 +220,7 @@ pub fn fly(
     folder: &Folder,
     (study, is_full): (&Study, bool),
     suite: &Suite,
-    scenario: Setting,
+    scenario: Scenario,
     crew: &Crew,
 ) -> Result<FlownSuite, JobError> {
     let model = Arc::new(diagnoser(folder, scenario)?);
@@ -257,7 +257,7 @@ pub fn fly(
 /// # Errors
 /// A twin cannot be simulated, or the diagnoser does not fit.
 pub fn fly_environment(
-    (study, suite, scenario): (&Study, &Suite, Setting),
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     environment: usize,
     diagnoser: &Arc<Diagnoser>,
     workers: Workers,
@@ -301,7 +301,7 @@ pub fn write(
     folder: &Folder,
     (study, is_full): (&Study, bool),
     suite: &Suite,
-    scenario: Setting,
+    scenario: Scenario,
     mut outcomes: Vec<FlightOutcome>,
 ) -> Result<(), JobError> {
     outcomes.sort_by_key(|outcome| outcome.number);
@@ -314,7 +314,7 @@ pub fn write(
 /// # Errors
 /// As [`stored`].
 pub fn healthy(folder: &Folder) -> Result<Vec<FlownSuite>, JobError> {
-    let both = |suite| SETTINGS.map(|setting| stored(folder, suite, setting).transpose());
+    let both = |suite| SCENARIOS.map(|scenario| stored(folder, suite, scenario).transpose());
     [HEALTHY, HEALTHY_OTHER_STRUCTURE].into_iter().flat_map(both).flatten().collect()
 }
 
@@ -325,7 +325,7 @@ pub fn healthy(folder: &Folder) -> Result<Vec<FlownSuite>, JobError> {
 pub fn stored(
     folder: &Folder,
     suite: &str,
-    scenario: Setting,
+    scenario: Scenario,
 ) -> Result<Option<FlownSuite>, JobError> {
     let path = folder.outcomes(suite, scenario.name());
     if !path.exists() {

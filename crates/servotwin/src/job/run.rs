@@ -5,7 +5,7 @@
 //!
 //! let study = Study::read("my_study.toml")?;
 //! let results = study.run("out")?;
-//! let trees = results.trees(Setting::Noise)?;
+//! let trees = results.trees(Scenario::Noise)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -17,7 +17,7 @@ use super::{JobError, Results, Subject};
 use super::{data_card, flights, manifest, subjects, train_and_evaluate};
 use crate::campaign::{Campaign, CampaignError, CampaignOutcome};
 use crate::parallel::Workers;
-use crate::study::{Role, Setting, Study};
+use crate::study::{Role, Scenario, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -149,8 +149,8 @@ impl<'r> StudyRun<'r> {
     /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let study = self.study;
-        if self.fitted && !Setting::Fitted.is_possible(study) {
-            return Err(CampaignError::no_section(Setting::Fitted, study).into());
+        if self.fitted && !Scenario::Fitted.is_possible(study) {
+            return Err(CampaignError::no_section(Scenario::Fitted, study).into());
         }
         let Kept { hold, dropped } = self.folder.keep_study(study, self.replace)?;
         if dropped > 0 {
@@ -178,11 +178,11 @@ impl<'r> StudyRun<'r> {
     /// the `following` ones.
     fn scenarios(&self, following: usize) -> Result<(Results, usize), JobError> {
         let study = self.study;
-        let is_wanted = |setting: Setting| {
-            let is_there = || self.folder.data_set(setting, Role::Judged).exists();
-            setting.is_usual() || self.fitted || is_there()
+        let is_wanted = |scenario: Scenario| {
+            let is_there = || self.folder.data_set(scenario, Role::Judged).exists();
+            scenario.is_usual() || self.fitted || is_there()
         };
-        let groups = Setting::groups(study, is_wanted);
+        let groups = Scenario::groups(study, is_wanted);
         let of = groups.len() * (study.roles().len() + 1) + following;
         let mut stage = 0;
         let mut begin = || {
@@ -192,14 +192,14 @@ impl<'r> StudyRun<'r> {
         };
         let mut evaluated = vec![];
         let mut results = Results::new(study, vec![]);
-        for settings in groups {
+        for scenarios in groups {
             for role in study.roles() {
                 begin();
-                self.simulate(role, settings.clone())?;
+                self.simulate(role, scenarios.clone())?;
             }
             self.check()?;
             let stage = begin();
-            evaluated.extend(self.evaluate(&settings)?);
+            evaluated.extend(self.evaluate(&scenarios)?);
             results = super::write_results(&self.folder, study, evaluated.clone())?;
             data_card::write(&self.folder, study)?;
             manifest::write(&self.folder, study)?;
@@ -220,17 +220,17 @@ impl<'r> StudyRun<'r> {
     ///
     /// # Errors
     /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
-    pub fn data_sets(&self, setting: Setting) -> Result<(), JobError> {
+    pub fn data_sets(&self, scenario: Scenario) -> Result<(), JobError> {
         let _kept = self.folder.keep_study(self.study, self.replace)?;
-        self.study.roles().into_iter().try_for_each(|role| self.simulate(role, vec![setting]))
+        self.study.roles().into_iter().try_for_each(|role| self.simulate(role, vec![scenario]))
     }
 
-    fn simulate(&self, role: Role, settings: Vec<Setting>) -> Result<(), JobError> {
+    fn simulate(&self, role: Role, scenarios: Vec<Scenario>) -> Result<(), JobError> {
         let campaign = Campaign {
-            settings: settings.clone(),
+            scenarios: scenarios.clone(),
             threads: self.workers.threads().max(1),
             cancel: self.workers.cancel(),
-            ..Campaign::stored(self.folder.path(), self.study, settings[0], role)
+            ..Campaign::stored(self.folder.path(), self.study, scenarios[0], role)
         };
         let rows = |done, all| {
             (self.observer)(&StudyEvent::Rows { campaign: &campaign, done, all });
@@ -247,17 +247,17 @@ impl<'r> StudyRun<'r> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Flying { what, share });
         let crew = Crew { workers: self.workers, progress: &progress };
-        let settings = flights::settings(self.study);
-        let results = flights::fly_all(&self.folder, (self.study, false), &settings, &crew)?;
+        let scenarios = flights::scenarios(self.study);
+        let results = flights::fly_all(&self.folder, (self.study, false), &scenarios, &crew)?;
         (self.observer)(&StudyEvent::Flown(&results));
         Ok(results)
     }
 
-    fn evaluate(&self, settings: &[Setting]) -> Result<Vec<SubjectResult>, JobError> {
+    fn evaluate(&self, scenarios: &[Scenario]) -> Result<Vec<SubjectResult>, JobError> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Evaluating { what, share });
         let mut subjects = subjects(&self.folder, self.study)?;
-        subjects.retain(|subject| settings.contains(&subject.setting()));
+        subjects.retain(|subject| scenarios.contains(&subject.scenario()));
         train_and_evaluate(&self.folder, self.study, &subjects, self.workers, &progress)
     }
 }
@@ -296,8 +296,8 @@ impl StudyResults {
     ///
     /// # Errors
     /// The scenario was not simulated.
-    pub fn table(&self, setting: Setting) -> Result<Table, JobError> {
-        let path = self.folder.data_set(setting, Role::Judged);
+    pub fn table(&self, scenario: Scenario) -> Result<Table, JobError> {
+        let path = self.folder.data_set(scenario, Role::Judged);
         table::read(&path).map_err(|error| JobError::DataSet { path, error: error.into() })
     }
 
@@ -305,15 +305,15 @@ impl StudyResults {
     ///
     /// # Errors
     /// The scenario was not simulated.
-    pub fn trees(&self, setting: Setting) -> Result<Hierarchy, JobError> {
-        super::hierarchy(&self.folder, Subject::of(setting))
+    pub fn trees(&self, scenario: Scenario) -> Result<Hierarchy, JobError> {
+        super::hierarchy(&self.folder, Subject::of(scenario))
     }
 
     /// The diagnoser trained in the flights of a scenario.
     ///
     /// # Errors
     /// No flights were flown in this scenario.
-    pub fn diagnoser(&self, setting: Setting) -> Result<Diagnoser, JobError> {
-        flights::diagnoser(&self.folder, setting)
+    pub fn diagnoser(&self, scenario: Scenario) -> Result<Diagnoser, JobError> {
+        flights::diagnoser(&self.folder, scenario)
     }
 }

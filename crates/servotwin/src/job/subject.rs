@@ -5,7 +5,7 @@ use crate::evaluation::data_set::TrainingFilter;
 use crate::evaluation::protocol::{Holding, Protocol};
 use crate::evaluation::{self, EvaluationSettings};
 use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
-use crate::study::{Plants, Setting, Study};
+use crate::study::{Plants, Scenario, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::HierarchySettings as Training;
@@ -15,7 +15,7 @@ use servotwin_learning::tree::Criterion;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Subject {
-    /// Perfect sensors, and a plant that equals the twin apart from its fault; the seed paper's setting.
+    /// Perfect sensors, and a plant that equals the twin apart from its fault; the seed paper's scenario.
     Ideal,
     /// Sensors with noise and quantization.
     Noise,
@@ -32,13 +32,13 @@ impl Subject {
     pub const ALL: [Subject; 5] =
         [Subject::Ideal, Subject::Noise, Subject::Fitted, Subject::Realistic, Subject::ExtraSensor];
 
-    /// The subject of a setting without the extra sensor.
-    pub fn of(setting: Setting) -> Self {
-        match setting {
-            Setting::Ideal => Subject::Ideal,
-            Setting::Noise => Subject::Noise,
-            Setting::Fitted => Subject::Fitted,
-            Setting::Realistic => Subject::Realistic,
+    /// The subject of a scenario without the extra sensor.
+    pub fn of(scenario: Scenario) -> Self {
+        match scenario {
+            Scenario::Ideal => Subject::Ideal,
+            Scenario::Noise => Subject::Noise,
+            Scenario::Fitted => Subject::Fitted,
+            Scenario::Realistic => Subject::Realistic,
         }
     }
 
@@ -54,7 +54,7 @@ impl Subject {
     pub fn name(self) -> &'static str {
         match self {
             Subject::ExtraSensor => "extra_sensor",
-            subject => subject.setting().name(),
+            subject => subject.scenario().name(),
         }
     }
 
@@ -62,18 +62,18 @@ impl Subject {
     pub fn title(self, study: &Study) -> String {
         let extra = || study.extra_sensor.as_deref().unwrap_or("an extra sensor");
         match self {
-            Subject::ExtraSensor => format!("{}, {}", self.setting().name(), extra()),
+            Subject::ExtraSensor => format!("{}, {}", self.scenario().name(), extra()),
             subject => subject.name().into(),
         }
     }
 
-    /// The setting of its data set.
-    pub fn setting(self) -> Setting {
+    /// The scenario of its data set.
+    pub fn scenario(self) -> Scenario {
         match self {
-            Subject::Ideal => Setting::Ideal,
-            Subject::Noise => Setting::Noise,
-            Subject::Fitted => Setting::Fitted,
-            Subject::Realistic | Subject::ExtraSensor => Setting::Realistic,
+            Subject::Ideal => Scenario::Ideal,
+            Subject::Noise => Scenario::Noise,
+            Subject::Fitted => Scenario::Fitted,
+            Subject::Realistic | Subject::ExtraSensor => Scenario::Realistic,
         }
     }
 
@@ -92,8 +92,8 @@ impl Subject {
 
     /// Replaces usual settings by those of the study.
     fn as_asked(self, mut settings: EvaluationSettings, asked: &Evaluating) -> EvaluationSettings {
-        let is_asked = |list: &Option<Vec<Setting>>| {
-            list.as_ref().map(|settings| settings.contains(&self.setting()))
+        let is_asked = |list: &Option<Vec<Scenario>>| {
+            list.as_ref().map(|settings| settings.contains(&self.scenario()))
         };
         for (holding, Rounds { random_thirds, folds }) in [
             (&mut settings.holding, asked.rounds),
@@ -111,7 +111,7 @@ impl Subject {
             let classifiers = is_asked(&asked.classifiers).map(compared);
             settings.classifiers = classifiers.unwrap_or(settings.classifiers);
         }
-        let growing = asked.trees.get(&self.setting()).copied().unwrap_or_default();
+        let growing = asked.trees.get(&self.scenario()).copied().unwrap_or_default();
         for stage in stages(&mut settings.training) {
             grown(stage, growing);
         }
@@ -123,8 +123,8 @@ impl Subject {
 
     /// The usual settings of training and evaluation.
     ///
-    /// Classifiers are compared on the ideal setting, like in the seed paper. The ablation uses the realistic
-    /// setting, where each part matters most. Perfect specimens are judged with the paper's band of 3 %. On specimens
+    /// Classifiers are compared on the ideal scenario, like in the seed paper. The ablation uses the realistic
+    /// scenario, where each part matters most. Perfect specimens are judged with the paper's band of 3 %. On specimens
     /// with tolerances that band would alarm for one healthy specimen in eight, so bands are learned there.
     ///
     /// Trees are as deep as the paper's for specimens that equal their twin. With tolerances they need two more
@@ -138,19 +138,19 @@ impl Subject {
     fn usual(self) -> EvaluationSettings {
         let defaults = EvaluationSettings::default();
         let usually = defaults.holding.lessons;
-        let lessons = match self.setting().plants() {
+        let lessons = match self.scenario().plants() {
             Plants::Pool => TrainingFilter { healthy: 1.0, ..usually },
             Plants::Specimens => usually,
             Plants::Twin => TrainingFilter { weaker: 0.25, ..usually },
         };
         let settings = EvaluationSettings {
-            training: match self.setting().plants() {
+            training: match self.scenario().plants() {
                 Plants::Specimens => evaluation::trees(Criterion::Gini, 9),
                 Plants::Pool => evaluation::trees(Criterion::Entropy, 10),
                 Plants::Twin => defaults.training,
             },
             holding: Holding { lessons, ..defaults.holding },
-            learned_bands: self.setting().has_tolerances(),
+            learned_bands: self.scenario().has_tolerances(),
             ablation: self == Subject::Realistic,
             ..defaults
         };

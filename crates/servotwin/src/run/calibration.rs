@@ -9,14 +9,14 @@ use crate::ensemble::{Ensemble, Variant};
 use crate::fit::fleet::{Fleet, Specimen};
 use crate::fit::{Fit, FitError, FitRecord, Unknown};
 use crate::signal::random::NormalDeviates;
-use crate::study::{Calibration, Setting, Study};
+use crate::study::{Calibration, Scenario, Study};
 
 /// The calibration flight of a study.
 ///
 /// # Errors
 /// The study has none.
 pub(crate) fn calibration_of(study: &Study) -> Result<&Calibration, CampaignError> {
-    study.calibration.as_ref().ok_or_else(|| CampaignError::no_section(Setting::Fitted, study))
+    study.calibration.as_ref().ok_or_else(|| CampaignError::no_section(Scenario::Fitted, study))
 }
 
 /// The sensor values of specimens in a calibration flight, each ordered by sample. `alter` changes the plant of a

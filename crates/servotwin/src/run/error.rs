@@ -1,7 +1,7 @@
 //! Errors of campaigns and flights.
 
 use crate::files::FileError;
-use crate::study::{Section, Setting, Study, StudyError};
+use crate::study::{Scenario, Section, Study, StudyError};
 use crate::table::TableError;
 use std::path::{Path, PathBuf};
 
@@ -19,8 +19,8 @@ pub enum CampaignError {
     #[error("the study has no faults: add [[classes]] with 'faults'")]
     NoVariants,
     /// The study lacks sections that a scenario needs.
-    #[error("{}", lacking_sections(*.setting, .lacks))]
-    NoSection { setting: Setting, lacks: Vec<Section> },
+    #[error("{}", lacking_sections(*.scenario, .lacks))]
+    NoSection { scenario: Scenario, lacks: Vec<Section> },
     /// A specimen's twin could not be fitted.
     #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
     Calibration { specimen: usize, reason: String },
@@ -49,18 +49,18 @@ impl From<StudyError> for CampaignError {
 
 impl CampaignError {
     /// The error for a study that lacks sections needed by a scenario.
-    pub fn no_section(setting: Setting, study: &Study) -> Self {
-        CampaignError::NoSection { setting, lacks: setting.lacks(study) }
+    pub fn no_section(scenario: Scenario, study: &Study) -> Self {
+        CampaignError::NoSection { scenario, lacks: scenario.lacks(study) }
     }
 }
 
-fn lacking_sections(setting: Setting, lacks: &[Section]) -> String {
+fn lacking_sections(scenario: Scenario, lacks: &[Section]) -> String {
     let names: Vec<String> = lacks.iter().map(|section| format!("[{}]", section.name)).collect();
     let examples: String = lacks.iter().map(|section| format!("\n  {}", section.example)).collect();
     format!(
-        "the study lacks {}, which setting '{}' needs; for example, above its first section:{examples}",
+        "the study lacks {}, which scenario '{}' needs; for example, above its first section:{examples}",
         names.join(" and "),
-        setting.name()
+        scenario.name()
     )
 }
 

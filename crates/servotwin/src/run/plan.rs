@@ -1,7 +1,7 @@
 //! The runs of a suite: fault, intensity, onset, environment and duration of each.
 
 use crate::ensemble::Later;
-use crate::study::{Purpose, Setting, Stream, Study, Suite};
+use crate::study::{Purpose, Scenario, Stream, Study, Suite};
 use servotwin_model::program::FaultAt;
 use std::fmt;
 use std::ops::Range;
@@ -66,7 +66,7 @@ pub struct RunName {
     /// The number in the suite.
     pub number: usize,
     /// The scenario.
-    pub scenario: Setting,
+    pub scenario: Scenario,
 }
 
 impl fmt::Display for RunName {
@@ -82,7 +82,7 @@ impl FromStr for RunName {
         let parse = || {
             let (suite, rest) = text.split_once('#')?;
             let (number, scenario) = rest.split_once('@')?;
-            let (number, scenario) = (number.parse().ok()?, Setting::named(scenario)?);
+            let (number, scenario) = (number.parse().ok()?, Scenario::named(scenario)?);
             Some(RunName { suite: suite.into(), number, scenario })
         };
         parse().ok_or("a run is written as suite#number@scenario, such as judge#17@realistic")
@@ -246,7 +246,7 @@ mod tests {
         for one in &runs(&study, judge, &(3..5)) {
             assert_eq!(one, &all[one.number]);
         }
-        let name = RunName { suite: "judge".into(), number: 17, scenario: Setting::Realistic };
+        let name = RunName { suite: "judge".into(), number: 17, scenario: Scenario::Realistic };
         assert_eq!(name.to_string(), "judge#17@realistic");
         assert_eq!(name.to_string().parse(), Ok(name));
         assert!("judge#x@realistic".parse::<RunName>().is_err());

@@ -16,7 +16,7 @@ use crate::parallel::Workers;
 use crate::signal::random::NormalDeviates;
 use crate::study::flights::Environment;
 use crate::study::other_plant::apply_draws;
-use crate::study::{Plants, Seed, Setting, Stream, Study, Suite};
+use crate::study::{Plants, Scenario, Seed, Stream, Study, Suite};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{SolverFailure, Statistics};
 use std::ops::Range;
@@ -39,7 +39,7 @@ pub struct Runner<'s> {
     study: &'s Study,
     suite: &'s Suite,
     /// The scenario.
-    pub scenario: Setting,
+    pub scenario: Scenario,
     /// The number of the first environment.
     first: usize,
     pub(super) environments: Vec<Environment>,
@@ -67,7 +67,7 @@ pub struct Runner<'s> {
 pub fn in_batches<'s, E: From<CampaignError>>(
     study: &'s Study,
     suite: &'s Suite,
-    scenario: Setting,
+    scenario: Scenario,
     from: usize,
     workers: Workers,
     mut fly: impl FnMut(&Runner, Range<usize>) -> Result<(), E>,
@@ -101,7 +101,7 @@ impl<'s> Runner<'s> {
     pub fn new(
         study: &'s Study,
         suite: &'s Suite,
-        (scenario, others): (Setting, Option<&'s OtherPlants>),
+        (scenario, others): (Scenario, Option<&'s OtherPlants>),
         environments: Range<usize>,
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
@@ -116,7 +116,7 @@ impl<'s> Runner<'s> {
     pub fn of_runs(
         study: &'s Study,
         suite: &'s Suite,
-        (scenario, others): (Setting, Option<&'s OtherPlants>),
+        (scenario, others): (Scenario, Option<&'s OtherPlants>),
         (environments, runs): (Range<usize>, Vec<Run>),
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
@@ -137,7 +137,7 @@ impl<'s> Runner<'s> {
     pub fn chosen(
         study: &'s Study,
         suite: &'s Suite,
-        scenario: Setting,
+        scenario: Scenario,
         planned: (Vec<Environment>, Vec<Run>),
         chosen: Chosen,
         workers: Workers<'s>,
@@ -148,7 +148,7 @@ impl<'s> Runner<'s> {
     fn of(
         study: &'s Study,
         suite: &'s Suite,
-        scenario: Setting,
+        scenario: Scenario,
         (environments, runs): (Vec<Environment>, Vec<Run>),
         workers: Workers<'s>,
     ) -> Self {
@@ -195,7 +195,7 @@ impl<'s> Runner<'s> {
     }
 
     fn draw(&self, seed: Seed) -> SpecimenDraw<'s> {
-        SpecimenDraw { study: self.study, setting: self.scenario, seed }
+        SpecimenDraw { study: self.study, scenario: self.scenario, seed }
     }
 
     /// The seed of an environment, and of a specimen that makes all runs there; by its place in this runner.

@@ -1,7 +1,7 @@
 //! Specimens: plants with their own tolerances.
 
 use crate::signal::random::NormalDeviates;
-use crate::study::{Realism, Seed, Setting, Stream, Study};
+use crate::study::{Realism, Scenario, Seed, Stream, Study};
 
 /// Parameters that differ from the system's: (component, parameter, value).
 pub(crate) type Overrides = Vec<(usize, usize, f64)>;
@@ -11,7 +11,7 @@ pub(crate) type Overrides = Vec<(usize, usize, f64)>;
 pub(crate) struct SpecimenDraw<'s> {
     pub study: &'s Study,
     /// The scenario: whether specimens have tolerances, and sensors noise.
-    pub setting: Setting,
+    pub scenario: Scenario,
     pub seed: Seed,
 }
 
@@ -30,11 +30,11 @@ impl<'s> SpecimenDraw<'s> {
 
     /// The random numbers of its sensors in a stream; `None` if these are perfect.
     pub fn noise(self, stream: Stream) -> Option<NormalDeviates> {
-        let is_noisy = self.study.realism.is_some() && self.setting.has_noise();
+        let is_noisy = self.study.realism.is_some() && self.scenario.has_noise();
         is_noisy.then(|| self.seed.stream(stream))
     }
 
     fn tolerant(self) -> Option<&'s Realism> {
-        self.study.realism.as_ref().filter(|_| self.setting.has_tolerances())
+        self.study.realism.as_ref().filter(|_| self.scenario.has_tolerances())
     }
 }

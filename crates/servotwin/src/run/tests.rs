@@ -3,7 +3,7 @@
 use super::twins::record_runs;
 use super::*;
 use crate::ensemble::{Sink, Variant};
-use crate::study::{Setting, Stream};
+use crate::study::{Scenario, Stream};
 use std::collections::BTreeSet;
 use std::sync::atomic::AtomicBool;
 
@@ -79,16 +79,16 @@ fn the_first_run_that_fails_is_reported_and_a_cancelled_one_is_no_result() {
 fn a_draw_has_the_tolerances_and_the_noise_of_its_scenario() {
     let study = &Study::default();
     let seed = study.seed_of("training", 3);
-    let draw = |setting| SpecimenDraw { study, setting, seed };
+    let draw = |scenario| SpecimenDraw { study, scenario, seed };
     let realism = study.realism.as_ref().unwrap();
-    for setting in Setting::ALL {
-        let drawn = draw(setting);
+    for scenario in Scenario::ALL {
+        let drawn = draw(scenario);
         let own = realism.specimen(study, seed, 1.0);
-        let tolerant = if setting.has_tolerances() { own } else { vec![] };
-        assert_eq!(drawn.parameters(1.0), tolerant, "{setting:?}");
+        let tolerant = if scenario.has_tolerances() { own } else { vec![] };
+        assert_eq!(drawn.parameters(1.0), tolerant, "{scenario:?}");
         let chosen = drawn.parameters_with(&vec![0.0; realism.tolerances().len()]);
-        assert_eq!(chosen.len(), tolerant.len(), "{setting:?}");
-        let noise = setting.has_noise().then(|| seed.stream(Stream::Sensors).normal());
+        assert_eq!(chosen.len(), tolerant.len(), "{scenario:?}");
+        let noise = scenario.has_noise().then(|| seed.stream(Stream::Sensors).normal());
         assert_eq!(drawn.noise(Stream::Sensors).map(|mut random| random.normal()), noise);
     }
 }

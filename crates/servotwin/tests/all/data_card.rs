@@ -4,7 +4,7 @@ use crate::folder::Folder;
 use servotwin::campaign::columns::{DIMENSIONLESS, feature_columns_of, is_feature_column};
 use servotwin::campaign::{Campaign, FOLDS, calibration_file};
 use servotwin::job::{Folder as Results, data_card};
-use servotwin::study::{Role, Setting, Study};
+use servotwin::study::{Role, Scenario, Study};
 use servotwin::table::{self, Table, Values};
 use std::collections::BTreeMap;
 
@@ -24,16 +24,16 @@ fn study(training: &str) -> Study {
 }
 
 /// Simulates the data sets of a study, and reads them.
-fn data_sets(study: &Study, folder: &Folder, threads: usize) -> BTreeMap<(Setting, Role), Table> {
+fn data_sets(study: &Study, folder: &Folder, threads: usize) -> BTreeMap<(Scenario, Role), Table> {
     let mut found = BTreeMap::new();
-    for settings in Setting::groups(study, |_| true) {
+    for scenarios in Scenario::groups(study, |_| true) {
         for role in study.roles() {
-            let stored = Campaign::stored(&folder.0, study, settings[0], role);
-            let campaign = Campaign { settings: settings.clone(), threads, ..stored };
+            let stored = Campaign::stored(&folder.0, study, scenarios[0], role);
+            let campaign = Campaign { scenarios: scenarios.clone(), threads, ..stored };
             assert!(campaign.run(|_, _| ()).unwrap().failed.is_empty());
-            for &setting in &settings {
-                let file = Results::new(&folder.0).data_set(setting, role);
-                found.insert((setting, role), table::read(file).unwrap());
+            for &scenario in &scenarios {
+                let file = Results::new(&folder.0).data_set(scenario, role);
+                found.insert((scenario, role), table::read(file).unwrap());
             }
         }
     }
@@ -69,7 +69,7 @@ fn loads_and_specimens_are_what_was_flown() {
     let (input, parameters) =
         (study.load_input().unwrap(), ["p:actuator_1.cylinder.coulomb_friction_n"]);
     let load = format!("load:{}", study.system.network().inputs[input].id);
-    for ((setting, role), table) in &tables {
+    for ((scenario, role), table) in &tables {
         let loads = table.columns().iter().find(|c| c.name.starts_with(&load)).unwrap();
         for (case, load) in table.text("case").unwrap().iter().zip(&*loads.numbers().unwrap()) {
             let flown = study.cases_of(*role).iter().find(|known| &known.name == case).unwrap();
@@ -80,7 +80,7 @@ fn loads_and_specimens_are_what_was_flown() {
             let (c, p) = study.system.parameter(&name[2..]).unwrap();
             let nominal = study.system.network().components[c].parameters[p];
             let is_nominal = own.iter().all(|value| *value == nominal);
-            assert_eq!((is_nominal, unit.as_str()), (!setting.has_tolerances(), "N"), "{name}");
+            assert_eq!((is_nominal, unit.as_str()), (!scenario.has_tolerances(), "N"), "{name}");
             assert!(own.iter().all(|value| (value / nominal - 1.0).abs() < 0.301), "{own:?}");
         }
         // Rows of one specimen are one plant, and rows of different specimens are not.
@@ -89,12 +89,12 @@ fn loads_and_specimens_are_what_was_flown() {
         for (specimen, friction) in table.u32("specimen").unwrap().iter().zip(frictions.iter()) {
             assert_eq!(plants.entry(*specimen).or_insert(*friction), friction);
         }
-        let expected = match setting {
-            Setting::Ideal | Setting::Noise => 1..=1,
-            Setting::Fitted => 2..=4,
-            Setting::Realistic => table.row_count()..=table.row_count(),
+        let expected = match scenario {
+            Scenario::Ideal | Scenario::Noise => 1..=1,
+            Scenario::Fitted => 2..=4,
+            Scenario::Realistic => table.row_count()..=table.row_count(),
         };
-        assert!(expected.contains(&plants.len()), "{setting:?} {}", plants.len());
+        assert!(expected.contains(&plants.len()), "{scenario:?} {}", plants.len());
     }
 }
 
@@ -152,8 +152,8 @@ fn the_card_counts_what_is_there_and_is_the_same_for_all_threads() {
     let read = |folder: &Folder| std::fs::read_to_string(folder.file("data-card.md")).unwrap();
     let card = read(&calm.0);
     assert_eq!(card, read(&quick.0));
-    for ((setting, role), table) in &calm.1 {
-        let name = format!("dataset-{}{}.parquet", setting.name(), role.suffix());
+    for ((scenario, role), table) in &calm.1 {
+        let name = format!("dataset-{}{}.parquet", scenario.name(), role.suffix());
         let bytes = |folder: &Folder| std::fs::read(folder.file(&name)).unwrap();
         assert!(bytes(&calm.0) == bytes(&quick.0), "{name}");
         let counts = format!("| {} | {} | 0 |", table.row_count(), table.columns().len());

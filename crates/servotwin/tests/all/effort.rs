@@ -4,7 +4,7 @@ use crate::folder::Folder;
 use servotwin::campaign::Campaign;
 use servotwin::job::Folder as Results;
 use servotwin::job::manifest;
-use servotwin::study::{Role, Setting, Study};
+use servotwin::study::{Role, Scenario, Study};
 use servotwin::table::{self, Table};
 
 const FAULTS: &str = "\n[[classes]]\ndetail = \"part\"\ncommand = \"warning\"\nfaults = \
@@ -19,13 +19,13 @@ fn study() -> Study {
 
 /// The data sets that one simulation gives, with perfect sensors and with noise.
 fn data_sets(study: &Study, folder: &Folder) -> [Table; 2] {
-    let settings = [Setting::Ideal, Setting::Noise];
-    let stored = Campaign::stored(&folder.0, study, Setting::Ideal, Role::Judged);
-    let campaign = Campaign { settings: settings.into(), threads: 2, ..stored };
+    let scenarios = [Scenario::Ideal, Scenario::Noise];
+    let stored = Campaign::stored(&folder.0, study, Scenario::Ideal, Role::Judged);
+    let campaign = Campaign { scenarios: scenarios.into(), threads: 2, ..stored };
     let outcome = campaign.run(|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
-    settings.map(|setting| {
-        table::read(folder.file(&format!("dataset-{}.parquet", setting.name()))).unwrap()
+    scenarios.map(|scenario| {
+        table::read(folder.file(&format!("dataset-{}.parquet", scenario.name()))).unwrap()
     })
 }
 
@@ -84,7 +84,7 @@ fn a_damaged_part_is_named_and_made_anew() {
     let before = data_sets(&study, &folder);
     let part = folder.file("parts/noise-0000.parquet");
     let whole = std::fs::read(&part).unwrap();
-    let stored = Campaign::stored(&folder.0, &study, Setting::Noise, Role::Judged);
+    let stored = Campaign::stored(&folder.0, &study, Scenario::Noise, Role::Judged);
     let mut named = 0;
     for place in (0..whole.len()).step_by(whole.len().div_ceil(20)) {
         let mut bytes = whole.clone();

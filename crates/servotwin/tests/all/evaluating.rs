@@ -2,11 +2,11 @@
 
 use servotwin::evaluation::EvaluationSettings;
 use servotwin::job::Subject;
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_learning::classifiers::Settings as Classifier;
 use servotwin_learning::tree::Criterion;
 
-/// The paper's study, which has every setting, with a section.
+/// The paper's study, which has every scenario, with a section.
 fn study(section: &str) -> Study {
     let text = include_str!("../../../../studies/paper.toml");
     Study::parse(&format!("{text}\n[evaluation]\n{section}"), "paper.toml").unwrap()
@@ -47,8 +47,8 @@ fn what_is_said_changes_that_and_nothing_else() {
         let mut expected = usual.clone();
         (expected.holding.seed, expected.holding.folds) = (7, 4);
         (expected.comparison_holding.seed, expected.comparison_holding.repeats) = (7, 2);
-        let setting = subject.setting();
-        expected.learned_bands = setting == Setting::Noise;
+        let scenario = subject.scenario();
+        expected.learned_bands = scenario == Scenario::Noise;
         expected.ablation = false;
         // The third sensor is not what classifiers are compared on.
         let is_compared = matches!(subject, Subject::Noise | Subject::Realistic);
@@ -62,7 +62,7 @@ fn what_is_said_changes_that_and_nothing_else() {
         let trees = &mut expected.training;
         for stage in [&mut trees.actuator, &mut trees.action, &mut trees.detail] {
             let Classifier::Cart(tree) = stage else { panic!("{stage:?}") };
-            if setting == Setting::Noise {
+            if scenario == Scenario::Noise {
                 tree.criterion = Criterion::Gini;
                 (tree.max_depth, tree.min_samples_leaf) = (Some(3), 4);
             }

@@ -1,8 +1,8 @@
-//! The fitted setting: specimens beside twins that were fitted to them in a calibration flight.
+//! The fitted scenario: specimens beside twins that were fitted to them in a calibration flight.
 
 use crate::folder::Folder;
 use servotwin::campaign::{Campaign, CampaignError, PartRow, calibration_file};
-use servotwin::study::{Role, Setting, Study};
+use servotwin::study::{Role, Scenario, Study};
 use servotwin::table::{self, Column, Table};
 use servotwin_model::solver::SolverSettings;
 use std::collections::BTreeSet;
@@ -27,14 +27,14 @@ fn study(fitted: &str) -> Study {
 
 fn campaign<'s>(
     study: &'s Study,
-    setting: Setting,
+    scenario: Scenario,
     folder: &Folder,
     threads: usize,
 ) -> Campaign<'s> {
     Campaign {
         solver: SolverSettings::campaign(),
         threads,
-        ..Campaign::stored(&folder.0, study, setting, Role::Judged)
+        ..Campaign::stored(&folder.0, study, scenario, Role::Judged)
     }
 }
 
@@ -58,13 +58,13 @@ fn means(campaign: &Campaign) -> Vec<f64> {
 #[test]
 fn beside_a_fitted_twin_a_healthy_specimen_leaves_little() {
     let study = study(FITTED);
-    let worst = |setting: Setting| {
-        let folder = Folder::new(&format!("left-{}", setting.name()));
-        let means = means(&campaign(&study, setting, &folder, 2));
+    let worst = |scenario: Scenario| {
+        let folder = Folder::new(&format!("left-{}", scenario.name()));
+        let means = means(&campaign(&study, scenario, &folder, 2));
         assert_eq!(means.len(), 80);
         means.into_iter().fold(0.0, f64::max)
     };
-    let (fitted, realistic) = (worst(Setting::Fitted), worst(Setting::Realistic));
+    let (fitted, realistic) = (worst(Scenario::Fitted), worst(Scenario::Realistic));
     assert!(fitted < 0.25 * realistic, "{fitted} {realistic}");
 }
 
@@ -72,7 +72,7 @@ fn beside_a_fitted_twin_a_healthy_specimen_leaves_little() {
 fn the_pool_is_fitted_and_told_with_its_true_values() {
     let study = study(FITTED);
     let folder = Folder::new("pool");
-    campaign(&study, Setting::Fitted, &folder, 2).run(|_, _| ()).unwrap();
+    campaign(&study, Scenario::Fitted, &folder, 2).run(|_, _| ()).unwrap();
     let table = table::read(calibration_file(&folder.0, Role::Judged)).unwrap();
     // Twenty specimens with two tolerances.
     assert_eq!(table.row_count(), 40);
@@ -97,14 +97,14 @@ fn threads_and_interruptions_change_no_bit() {
         (name("dataset-fitted.parquet"), name("calibration-fitted.parquet"))
     };
     let (calm, broken) = (Folder::new("calm"), Folder::new("broken"));
-    rows(&campaign(&study, Setting::Fitted, &calm, 1));
-    rows(&campaign(&study, Setting::Fitted, &broken, 2));
+    rows(&campaign(&study, Scenario::Fitted, &calm, 1));
+    rows(&campaign(&study, Scenario::Fitted, &broken, 2));
     assert!(files(&calm) == files(&broken));
     // What is lost is made again, and only that.
     let parts = std::fs::read_dir(broken.file("parts")).unwrap();
     std::fs::remove_file(parts.into_iter().next().unwrap().unwrap().path()).unwrap();
     std::fs::remove_file(broken.file("calibration-fitted.parquet")).unwrap();
-    rows(&campaign(&study, Setting::Fitted, &broken, 2));
+    rows(&campaign(&study, Scenario::Fitted, &broken, 2));
     assert!(files(&calm) == files(&broken));
 }
 
@@ -112,11 +112,11 @@ fn threads_and_interruptions_change_no_bit() {
 fn what_the_setting_needs_is_told() {
     let none = study("");
     let folder = Folder::new("none");
-    let error = campaign(&none, Setting::Fitted, &folder, 1).run(|_, _| ()).unwrap_err();
-    assert!(matches!(error, CampaignError::NoSection { setting: Setting::Fitted, .. }));
+    let error = campaign(&none, Scenario::Fitted, &folder, 1).run(|_, _| ()).unwrap_err();
+    assert!(matches!(error, CampaignError::NoSection { scenario: Scenario::Fitted, .. }));
     assert!(error.to_string().contains("[fitted]"), "{error}");
-    assert!(Setting::groups(&none, |_| true).iter().flatten().all(|s| *s != Setting::Fitted));
-    assert!(Setting::groups(&study(FITTED), |_| true).contains(&vec![Setting::Fitted]));
+    assert!(Scenario::groups(&none, |_| true).iter().flatten().all(|s| *s != Scenario::Fitted));
+    assert!(Scenario::groups(&study(FITTED), |_| true).contains(&vec![Scenario::Fitted]));
     let wrong = |from: &str, to: &str| {
         let text = text(&FITTED.replace(from, to));
         Study::parse(&text, "spring.toml").map(drop).unwrap_err().to_string()
@@ -135,10 +135,10 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     let (whole, parts) = (Folder::new("whole"), Folder::new("parts"));
     let file = |folder: &Folder, name: &str| std::fs::read(folder.file(name)).unwrap();
     let (data_set, pool) = ("dataset-fitted.parquet", "calibration-fitted.parquet");
-    let one = campaign(&study, Setting::Fitted, &whole, 2);
+    let one = campaign(&study, Scenario::Fitted, &whole, 2);
     rows(&one);
     // By another number of threads.
-    let other = campaign(&study, Setting::Fitted, &parts, 1);
+    let other = campaign(&study, Scenario::Fitted, &parts, 1);
     other.calibrate().unwrap();
     assert!(file(&parts, pool) == file(&whole, pool));
     for share in ["2/2", "1/2"] {
@@ -153,7 +153,7 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
 
     // The file is what is flown with, unless it is of something else.
     let bent = Folder::new("bent");
-    let third = campaign(&study, Setting::Fitted, &bent, 2);
+    let third = campaign(&study, Scenario::Fitted, &bent, 2);
     let known = table::read(whole.file(pool)).unwrap();
     let rows = known.row_count();
     let mut columns = known.columns().to_vec();

@@ -1,7 +1,7 @@
 //! The twin at work, on a study small enough for a test: flights, what is learned in them, and what
 //! is said and done.
 
-use servotwin::flight::closed_loop::{self, FlightRecord, Scenario};
+use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::judge::{FlightGroup, FlightMetrics};
 use servotwin::flight::measure;
 use servotwin::flight::outcome::{FlightOutcome, Needed};
@@ -17,7 +17,7 @@ use servotwin::run::{CampaignError, Observer, Runner, plan};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::suites::{JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN};
-use servotwin::study::{Flights, Setting, Study, Suite};
+use servotwin::study::{Flights, Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -62,19 +62,19 @@ pub fn study() -> &'static Study {
     MADE.get_or_init(|| Study::parse(&format!("{head}{STUDY}"), "tiny.toml").unwrap())
 }
 
-fn learned(setting: Setting, threads: usize) -> Diagnoser {
+fn learned(scenario: Scenario, threads: usize) -> Diagnoser {
     let path = std::env::temp_dir()
-        .join(format!("servotwin-{setting:?}-{}-{threads}", std::process::id()));
+        .join(format!("servotwin-{scenario:?}-{}-{threads}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
     let crew = Crew { workers: Workers::new(threads), progress: &|_, _| () };
-    let learned = learn(&Folder::new(&path), (study(), false), setting, &crew).unwrap();
+    let learned = learn(&Folder::new(&path), (study(), false), scenario, &crew).unwrap();
     std::fs::remove_dir_all(&path).unwrap();
     learned
 }
 
 pub fn diagnoser() -> &'static Arc<Diagnoser> {
     static MADE: OnceLock<Arc<Diagnoser>> = OnceLock::new();
-    MADE.get_or_init(|| Arc::new(learned(Setting::Noise, 2)))
+    MADE.get_or_init(|| Arc::new(learned(Scenario::Noise, 2)))
 }
 
 fn suite(name: &str) -> &'static Suite {
@@ -87,7 +87,7 @@ fn flights() -> &'static Flights {
 
 /// The outcomes of a suite, watched by the diagnoser.
 fn outcomes(name: &str, threads: usize) -> Vec<FlightOutcome> {
-    let (place, own) = ((study(), suite(name), Setting::Noise), Workers::new(threads));
+    let (place, own) = ((study(), suite(name), Scenario::Noise), Workers::new(threads));
     let watching = watching(suite(name), diagnoser()).unwrap();
     let mut outcomes = vec![];
     let flown = fly_suite(place, &watching, 0, own, &|_, _| (), |flown| {
@@ -130,7 +130,7 @@ fn text(value: &impl serde::Serialize) -> String {
 
 #[test]
 fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
-    assert!(text(&learned(Setting::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
+    assert!(text(&learned(Scenario::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
     let [one, two] = [1, 2].map(|threads| text(&measured(&outcomes(JUDGE, threads))));
     assert_eq!(one, two);
     assert_eq!(text(&outcomes(UNSEEN, 1)), text(&outcomes(UNSEEN, 2)));
@@ -179,9 +179,9 @@ impl Observer for Seen {
 
 #[test]
 fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
-    for setting in [Setting::Noise, Setting::Realistic] {
-        let diagnoser = Arc::new(learned(setting, 2));
-        let (suite, plants) = (suite(LEARN), (setting, None));
+    for scenario in [Scenario::Noise, Scenario::Realistic] {
+        let diagnoser = Arc::new(learned(scenario, 2));
+        let (suite, plants) = (suite(LEARN), (scenario, None));
         let all = 0..suite.environments;
         let flown = Runner::new(study(), suite, plants, all, Workers::new(2)).unwrap();
         let mut seen = BTreeMap::new();
@@ -202,10 +202,10 @@ fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
             let place = (number("at") as usize, number("kind") as usize);
             let Some(own) = seen[&number("flight")].get(&place) else { continue };
             let bits = window["bits"].as_array().unwrap().iter().map(|bits| bits.as_u64().unwrap());
-            assert_eq!(bits.collect::<Vec<u64>>(), *own, "{setting:?} {place:?}");
+            assert_eq!(bits.collect::<Vec<u64>>(), *own, "{scenario:?} {place:?}");
             compared[place.1] += 1;
         }
-        assert!(compared.iter().all(|&count| count > 10), "{setting:?} {compared:?}");
+        assert!(compared.iter().all(|&count| count > 10), "{scenario:?} {compared:?}");
     }
 }
 
@@ -219,7 +219,7 @@ fn hard_negatives_change_what_health_looks_like_and_no_band() {
         Folder::new(std::env::temp_dir().join(format!("servotwin-few-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let without = learn(&folder, (&few, false), Setting::Noise, &crew).unwrap();
+    let without = learn(&folder, (&few, false), Scenario::Noise, &crew).unwrap();
     std::fs::remove_dir_all(folder.path()).unwrap();
     let [with, without] = [&**diagnoser(), &without].map(|diagnoser| &diagnoser.lengths[0].panel);
     assert_eq!(with.bands, without.bands);
@@ -232,7 +232,7 @@ fn environments_that_are_flown_apart_are_learned_from_and_judged_as_all_together
     // Through a text, as it comes from another machine.
     let mut taken = TrainingWindows::default();
     for environment in (0..suite(LEARN).environments).rev() {
-        let (plants, own) = ((Setting::Noise, None), environment..environment + 1);
+        let (plants, own) = ((Scenario::Noise, None), environment..environment + 1);
         let flown = Runner::new(study(), suite(LEARN), plants, own, workers).unwrap();
         let sent = text(&training_windows::of_runs(flights(), &flown));
         taken.add(serde_json::from_str(&sent).unwrap());
@@ -241,15 +241,15 @@ fn environments_that_are_flown_apart_are_learned_from_and_judged_as_all_together
         Folder::new(std::env::temp_dir().join(format!("servotwin-apart-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let found = learn_from(&folder, (study(), false), Setting::Noise, taken, &crew).unwrap();
-    let left_out = std::fs::read_to_string(folder.left_out(Setting::Noise)).unwrap();
+    let found = learn_from(&folder, (study(), false), Scenario::Noise, taken, &crew).unwrap();
+    let left_out = std::fs::read_to_string(folder.left_out(Scenario::Noise)).unwrap();
     assert_eq!(serde_json::from_str::<LeftOut>(&left_out).unwrap(), LeftOut::default());
     assert!(text(&found) == text(&**diagnoser()));
     std::fs::remove_dir_all(folder.path()).unwrap();
 
     let mut watched: Vec<FlightOutcome> = vec![];
     for environment in 0..suite(JUDGE).environments {
-        let place = (study(), suite(JUDGE), Setting::Noise);
+        let place = (study(), suite(JUDGE), Scenario::Noise);
         let sent = text(&fly_environment(place, environment, diagnoser(), workers).unwrap());
         watched.extend(serde_json::from_str::<Vec<FlightOutcome>>(&sent).unwrap());
     }
@@ -342,7 +342,7 @@ fn samples(section: Option<&str>) -> Vec<Samples> {
     let mut runs = plan::runs(&study, suite, &all);
     let last = runs.len() - 1;
     runs.retain(|run| [0, last].contains(&run.number));
-    let (plants, workers) = ((Setting::Realistic, plants.as_ref()), Workers::new(2));
+    let (plants, workers) = ((Scenario::Realistic, plants.as_ref()), Workers::new(2));
     let flown = Runner::of_runs(&study, suite, plants, (all, runs), workers).unwrap();
     let mut found = vec![];
     flown.fly(
@@ -410,7 +410,7 @@ fn left_beside(is_fitted: bool) -> f64 {
     let mut runs = plan::runs(&study, suite, &all);
     let healthy = runs.iter().rposition(|run| run.fault.is_none()).unwrap();
     runs.retain(|run| run.number == healthy);
-    let (plants, workers) = ((Setting::Realistic, plants.as_ref()), Workers::new(2));
+    let (plants, workers) = ((Scenario::Realistic, plants.as_ref()), Workers::new(2));
     let flown = Runner::of_runs(&study, suite, plants, (all, runs), workers).unwrap();
     if let Some(records) = flown.calibration {
         assert_eq!((records.flown, records.rejected), (2, 0));
@@ -444,9 +444,9 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     std::fs::create_dir_all(&path).unwrap();
     let (folder, crew) =
         (Folder::new(&path), Crew { workers: Workers::new(2), progress: &|_, _| () });
-    let setting = [Setting::Realistic];
-    let results = fly_all(&folder, (&study, false), &setting, &crew).unwrap();
-    let taught = std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap();
+    let scenario = [Scenario::Realistic];
+    let results = fly_all(&folder, (&study, false), &scenario, &crew).unwrap();
+    let taught = std::fs::read(folder.diagnoser(Scenario::Realistic)).unwrap();
     let other = results.of_suite(OTHER_STRUCTURE).next().unwrap();
     assert_eq!((other.group.scenario.as_str(), other.flights, other.failed), ("realistic", 16, 0));
     assert_eq!(other.healthy.flights[0], 2);
@@ -454,8 +454,8 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     assert_eq!(judged.len(), 1, "it is no further scenario");
     assert!(text(&other.classes) != text(&judged[0].classes));
     // Without such plants the diagnoser is the same.
-    learn(&folder, (self::study(), false), setting[0], &crew).unwrap();
-    assert!(taught == std::fs::read(folder.diagnoser(Setting::Realistic)).unwrap());
+    learn(&folder, (self::study(), false), scenario[0], &crew).unwrap();
+    assert!(taught == std::fs::read(folder.diagnoser(Scenario::Realistic)).unwrap());
     std::fs::remove_dir_all(&path).unwrap();
 }
 
@@ -468,7 +468,7 @@ pub fn fly(faults: Vec<(f64, FaultAt)>) -> FlightRecord {
     let constant = |value: f64| Piecewise::constant(value).unwrap();
     let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
     inputs[study.command_input] = as_sent(&command, study.sample_period_s, duration_s).unwrap();
-    let scenario = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: true };
+    let scenario = ClosedLoop { study, inputs, faults, duration_s, specimen: None, reacts: true };
     closed_loop::fly(&scenario, diagnoser(), &[]).unwrap()
 }
 

@@ -2,7 +2,7 @@
 
 use crate::flights::{diagnoser, fault, fly, study};
 use crate::places::places;
-use servotwin::flight::closed_loop::{self, Scenario};
+use servotwin::flight::closed_loop::{self, ClosedLoop};
 use servotwin::flight::runtime::{Runtime, place_of};
 use servotwin::flight::watcher::Watcher;
 use servotwin::observer::{DiagnosisState, Finding, Observer, Phase};
@@ -10,7 +10,7 @@ use servotwin::parallel::Workers;
 use servotwin::run::{Observer as FlightObserver, Run, Runner, plan};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
-use servotwin::study::Setting;
+use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
 use servotwin::study::{Reaction, Study};
 use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
@@ -41,7 +41,7 @@ fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
     let mut runs = plan::runs(study(), suite, &all);
     let last = runs.len() - 1;
     runs.retain(|run| [0, 5, last].contains(&run.number));
-    let (plants, workers) = ((Setting::Realistic, None), Workers::new(2));
+    let (plants, workers) = ((Scenario::Realistic, None), Workers::new(2));
     let flown = Runner::of_runs(study(), suite, plants, (all, runs), workers).unwrap();
     let mut logs: Vec<(Run, Log)> = vec![];
     flown.fly(
@@ -172,7 +172,8 @@ fn samples(faults: Vec<(f64, FaultAt)>, mode_1: impl Fn(f64) -> f64) -> Vec<(Vec
     let constant = |value: f64| Piecewise::constant(value).unwrap();
     let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
     inputs[study.command_input] = as_sent(&command, study.sample_period_s, duration_s).unwrap();
-    let mut flight = Scenario { study, inputs, faults, duration_s, specimen: None, reacts: false };
+    let mut flight =
+        ClosedLoop { study, inputs, faults, duration_s, specimen: None, reacts: false };
     let times_s = (0..400).map(|k| f64::from(k) * study.sample_period_s);
     let (times_s, modes): (Vec<f64>, Vec<f64>) = times_s.map(|t| (t, mode_1(t))).unzip();
     let mode = input("actuator_1.mode");

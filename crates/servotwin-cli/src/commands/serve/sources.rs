@@ -6,7 +6,7 @@ use super::super::watch::input::{usual_diagnoser, warn_of_lacking};
 use super::{Options, diagnoser};
 use crate::failure::Failure;
 use crate::{Global, stop};
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_serve::measured::Log;
 use servotwin_serve::{LiveSource, Measured, SavedSession, ServeError, Stream};
@@ -37,7 +37,7 @@ pub fn open<'s>(
     };
     // A source that cannot be opened fails before training takes its time.
     let opened = options.source.iter().map(opened).collect::<Result<Vec<_>, _>>()?;
-    let diagnoser = diagnoser(options, study, Setting::Realistic, global)?;
+    let diagnoser = diagnoser(options, study, Scenario::Realistic, global)?;
     opened.into_iter().map(|opened| source(options, study, opened, &diagnoser, global)).collect()
 }
 

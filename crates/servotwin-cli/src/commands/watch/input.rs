@@ -8,7 +8,7 @@ use servotwin::flight::band::BandMerit;
 use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
 use servotwin::moment;
-use servotwin::study::{Setting, Study};
+use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_watch::guard::{self, LogPlan, Opened, Trial};
 use servotwin_watch::intake;
@@ -198,7 +198,7 @@ pub fn warn_of_lacking(map: &Map, needed: &[&str], global: Global) {
 
 /// The path of the default diagnoser.
 pub fn usual_diagnoser() -> PathBuf {
-    Folder::new("out").diagnoser(Setting::Realistic)
+    Folder::new("out").diagnoser(Scenario::Realistic)
 }
 
 /// Reads a diagnoser from a file, and replaces its band if one is named.
@@ -223,7 +223,7 @@ pub fn diagnoser(
         note(global, text);
         return with_band(shipped, band);
     }
-    with_band(flights::diagnoser(&Folder::new("out"), Setting::Realistic)?, band)
+    with_band(flights::diagnoser(&Folder::new("out"), Scenario::Realistic)?, band)
 }
 
 /// The diagnoser with the band of a file, if one is named, instead of its own.

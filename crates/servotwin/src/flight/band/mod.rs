@@ -29,7 +29,7 @@ use crate::parallel::Workers;
 use crate::run::runner::{Runner, batches};
 use crate::run::{CampaignError, Observer, Run, plan};
 use crate::study::suites::{HARD_NEGATIVES, HEALTHY, JUDGE, LEARN};
-use crate::study::{Setting, Stream, Study, Suite};
+use crate::study::{Scenario, Stream, Study, Suite};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::conditional_band::{
     ConditionalBand, Covariate, CovariateSample, CovariateSource,
@@ -105,7 +105,7 @@ impl Observer for Tracing<'_> {
 #[serde(deny_unknown_fields)]
 pub struct BandMerit {
     /// The scenario in which it was learned.
-    pub setting: String,
+    pub scenario: String,
     /// The sensors, in the order of the band.
     pub sensors: Vec<String>,
     /// Duration of the flights, s.
@@ -148,14 +148,14 @@ pub struct IndependentFlights {
 /// The flights cannot be simulated, or there are too few.
 pub fn measure(
     (study, is_full): (&Study, bool),
-    setting: Setting,
+    scenario: Scenario,
     share: f64,
     more_judged: usize,
     workers: Workers,
 ) -> Result<BandMerit, BandError> {
     let covariates = &covariates(study);
     let duration_s = study.flights.as_ref().map_or(0.0, |flights| flights.duration_s);
-    let flying = Flying { study, duration_s, setting, workers, covariates };
+    let flying = Flying { study, duration_s, scenario, workers, covariates };
     let (learning, calibration) = flying.learning_and_calibration(is_full)?;
     let (axes, kept) = binned(covariates, &learning, &calibration);
     let sensors = study.base_sensors();
@@ -170,7 +170,7 @@ pub fn measure(
     };
     let fixed = learn(vec![], sensors, &none(&learning), &none(&calibration), share)?;
     let mut merit = BandMerit {
-        setting: setting.name().into(),
+        scenario: scenario.name().into(),
         sensors: study.sensors.0[..sensors].iter().map(|sensor| sensor.name.clone()).collect(),
         duration_s,
         field,
@@ -284,7 +284,7 @@ fn binned(
 struct Flying<'f> {
     study: &'f Study,
     duration_s: f64,
-    setting: Setting,
+    scenario: Scenario,
     workers: Workers<'f>,
     covariates: &'f [(String, CovariateSource)],
 }
@@ -333,7 +333,7 @@ impl Flying<'_> {
         is_chosen: &dyn Fn(&Run) -> bool,
         done: &mut (dyn FnMut(&Run, Trace, bool) + Send),
     ) -> Result<(), CampaignError> {
-        let Flying { study, duration_s, setting, workers, covariates } = *self;
+        let Flying { study, duration_s, scenario, workers, covariates } = *self;
         let scales: Vec<f64> = study.scales();
         let observer = |_: &Run| Tracing {
             covariates,
@@ -349,7 +349,7 @@ impl Flying<'_> {
                 run.duration_s = run.duration_s.min(duration_s);
             }
             let chosen = (environments, runs);
-            let flown = Runner::of_runs(study, suite, (setting, None), chosen, workers)?;
+            let flown = Runner::of_runs(study, suite, (scenario, None), chosen, workers)?;
             flown.fly(observer, |run, tracing, outcome| {
                 if let Ok(work) = outcome {
                     done(run, tracing.trace, flown.is_on_the_move(run, &work));

@@ -16,7 +16,7 @@ use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};
 use crate::run::{CampaignError, Profile, Run};
 use crate::study::flights::Environment;
-use crate::study::{Setting, Stream, Study, Suite};
+use crate::study::{Scenario, Stream, Study, Suite};
 use effect::Changes;
 use serde::{Deserialize, Serialize};
 
@@ -282,7 +282,7 @@ impl Plan {
 pub(super) fn fly(
     study: &Study,
     suite: &Suite,
-    scenario: Setting,
+    scenario: Scenario,
     watching: &[Watching],
     only: Option<usize>,
     workers: Workers,

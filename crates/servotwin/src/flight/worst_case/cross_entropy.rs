@@ -155,7 +155,7 @@ fn chosen(shares: &[f64], place: f64) -> usize {
 mod tests {
     use super::super::SearchObjective;
     use super::*;
-    use crate::study::{Setting, Study};
+    use crate::study::{Scenario, Study};
 
     #[test]
     fn laws_move_towards_the_elite_and_keep_a_spread() {
@@ -190,7 +190,7 @@ mod tests {
     #[test]
     fn a_search_finds_larger_departures_than_random_flights() {
         let study = Study::default();
-        let space = SearchSpace::new(&study, Setting::Noise, SearchObjective::Transient).unwrap();
+        let space = SearchSpace::new(&study, Scenario::Noise, SearchObjective::Transient).unwrap();
         let runs = 256;
         let largest = |points: &[SearchPoint]| {
             points.iter().map(|point| departure(&space, point)).fold(0.0, f64::max)

@@ -16,7 +16,7 @@ use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};
 use crate::run::{CampaignError, Profile, Run};
 use crate::study::suites::JUDGE;
-use crate::study::{Setting, Study, StudyError, Suite};
+use crate::study::{Scenario, Study, StudyError, Suite};
 use margin::{MarginWatch, Target};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Session;
@@ -134,7 +134,7 @@ pub struct PointFlyer<'s> {
     /// The study.
     pub study: &'s Study,
     /// The scenario: with tolerances or without.
-    pub setting: Setting,
+    pub scenario: Scenario,
     /// The seed of commands, noise and draws, 0 to 999.
     pub seed: u64,
     /// The diagnosis before a flight.
@@ -166,7 +166,7 @@ impl PointFlyer<'_> {
         };
         let planned = (environments, runs);
         let flown =
-            Runner::chosen(self.study, &suite, self.setting, planned, chosen, self.workers)?;
+            Runner::chosen(self.study, &suite, self.scenario, planned, chosen, self.workers)?;
         let target = |run: &Run| Target::new(space.objective, self.study, run);
         let mut outcomes = vec![SearchOutcome::failed(); points.len()];
         flown.fly(

@@ -3,7 +3,7 @@
 use super::{SearchError, SearchObjective};
 use crate::shown::shown;
 use crate::signal::random::NormalDeviates;
-use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Seed, Setting, Study};
+use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Scenario, Seed, Study};
 
 /// Numbers of a point are rounded to this many steps per unit, so that a line of text holds them exactly.
 const STEPS_PER_UNIT: f64 = 1000.0;
@@ -122,7 +122,7 @@ impl SearchSpace {
     /// The study has no flights, or no fault for the objective.
     pub fn new(
         study: &Study,
-        setting: Setting,
+        scenario: Scenario,
         objective: SearchObjective,
     ) -> Result<Self, SearchError> {
         let ranges = study.environment_ranges().ok_or(SearchError::NoFlights)?;
@@ -154,7 +154,7 @@ impl SearchSpace {
             ..Dimension::new(name, Distribution::Share)
         }));
         let tolerances = dimensions.len();
-        let realism = study.realism.as_ref().filter(|_| setting.has_tolerances());
+        let realism = study.realism.as_ref().filter(|_| scenario.has_tolerances());
         let parts = &study.system.network().components;
         for tolerance in realism.map_or(&[][..], |realism| realism.tolerances()) {
             let name = tolerance.parameters.first().map_or("none".into(), |&(part, parameter)| {
