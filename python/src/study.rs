@@ -251,8 +251,7 @@ fn planned<'s>(
 ) -> Campaign<'s> {
     Campaign {
         scenarios: scenarios.clone(),
-        threads: watch.workers(threads).threads(),
-        cancel: Some(&watch.cancel),
+        workers: watch.workers(threads),
         ..Campaign::stored(folder.path(), study, scenarios[0], role)
     }
 }

@@ -129,11 +129,11 @@ impl TrainingWindows {
         flights: &Flights,
         pick: impl Fn(&Run) -> Pick<'p> + Sync,
     ) {
-        let empty = windows(flown.study(), flights, flown.scenario);
+        let empty = windows(flown.study(), flights, flown.scenario());
         flown.fly(
             |flight| Collector::new(flown, empty.clone(), *flight, pick(flight)),
             |flight, collector, outcome| match outcome {
-                Ok(work) if flown.is_on_the_move(flight, &work) => {
+                Ok(work) if flown.is_on_the_move(flight, work) => {
                     self.on_the_move.push(MovingFlight {
                         flight: flight.number,
                         environment: flight.environment,
@@ -260,7 +260,7 @@ fn windows(study: &Study, flights: &Flights, scenario: Scenario) -> Windows {
 /// Takes training windows out of runs of [`LEARN`].
 pub fn of_runs(flights: &Flights, flown: &Runner) -> TrainingWindows {
     let period_s = flown.period_s();
-    let kinds = windows::kinds(flights, flown.scenario, period_s);
+    let kinds = windows::kinds(flights, flown.scenario(), period_s);
     let mut taken = TrainingWindows::default();
     taken.take(flown, flights, |run| {
         let random = flown.suite().seed_of(run.number).choices(Stream::Windows);

@@ -228,8 +228,7 @@ impl<'r> StudyRun<'r> {
     fn simulate(&self, role: Role, scenarios: Vec<Scenario>) -> Result<(), JobError> {
         let campaign = Campaign {
             scenarios: scenarios.clone(),
-            threads: self.workers.threads().max(1),
-            cancel: self.workers.cancel(),
+            workers: self.workers,
             ..Campaign::stored(self.folder.path(), self.study, scenarios[0], role)
         };
         let rows = |done, all| {
