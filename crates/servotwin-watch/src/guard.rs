@@ -307,7 +307,7 @@ pub fn unjudged(
         doubts.push(format!("the log has no {}", without.join(", ")));
     }
     if doubts.is_empty() {
-        let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
+        let shortest = diagnoser.lengths.iter().map(|length| length.span.samples()).min();
         let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * diagnoser.period_s);
         doubts.push(gaps(map, &needed, counts, shortest_s));
     }

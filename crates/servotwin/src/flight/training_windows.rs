@@ -339,7 +339,7 @@ pub fn tables(
 fn planned(kinds: &[WindowKind], flight: &Run, period_s: f64, mut random: Random) -> Vec<Planned> {
     let mut all = vec![];
     for (kind, WindowKind { span, .. }) in kinds.iter().enumerate() {
-        let window_s = span.samples().unwrap_or(0) as f64 * period_s;
+        let window_s = span.samples() as f64 * period_s;
         let mut plan = |at_s: f64, is_faulty: bool| {
             if at_s <= flight.duration_s {
                 let at = (at_s / period_s).round() as usize;

@@ -305,7 +305,7 @@ impl StudyResults {
     /// # Errors
     /// The scenario was not simulated.
     pub fn trees(&self, scenario: Scenario) -> Result<Hierarchy, JobError> {
-        super::hierarchy(&self.folder, Subject::of(scenario))
+        Ok(super::panel(&self.folder, Subject::of(scenario))?.trees)
     }
 
     /// The diagnoser trained in the flights of a scenario.

@@ -14,6 +14,7 @@ mod flights;
 mod folder;
 #[path = "../../../servotwin-io/tests/all/places.rs"]
 mod places;
+mod records;
 mod reservoir;
 mod runtime;
 mod sealed;
