@@ -136,7 +136,8 @@ pub fn of_records(
         costs: Costs::usual(&is_off),
         ..diagnoser.tuning
     };
-    let diagnoser = Diagnoser { tuning, ..diagnoser };
+    let environment = within(study, &vec![NOT_FLOWN; study.system.network().inputs.len()]);
+    let diagnoser = Diagnoser { tuning, environment, ..diagnoser };
     diagnoser.check()?;
     Ok(diagnoser)
 }
@@ -299,6 +300,9 @@ fn diagnosed(study: &Study, scenario: Scenario, count: usize) -> Vec<diagnoser::
     sensors.take(count).map(sensor).collect()
 }
 
+/// The least and largest value of an input before any is known.
+const NOT_FLOWN: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
+
 /// The accepted inputs: within their declared ranges, and not far outside of what the training flies: the ranges that its
 /// suites declare, and the values that its commands reach.
 ///
@@ -306,8 +310,7 @@ fn diagnosed(study: &Study, scenario: Scenario, count: usize) -> Vec<diagnoser::
 /// A command cannot be flown.
 pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, CampaignError> {
     let network = study.system.network();
-    let margin = Tuning::default().input_margin;
-    let mut flown = vec![(f64::INFINITY, f64::NEG_INFINITY); network.inputs.len()];
+    let mut flown = vec![NOT_FLOWN; network.inputs.len()];
     let mut reach = |input: usize, value: f64| {
         let (low, high) = &mut flown[input];
         (*low, *high) = (low.min(value), high.max(value));
@@ -326,6 +329,14 @@ pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, Campaign
             }
         }
     }
+    Ok(within(study, &flown))
+}
+
+/// The accepted inputs: within their declared ranges, and not far outside of what is `flown`, from least to largest; an
+/// input that never changes is free there.
+fn within(study: &Study, flown: &[(f64, f64)]) -> InputChecks {
+    let network = study.system.network();
+    let margin = Tuning::default().input_margin;
     let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {
         let (low, high) = flown[place];
         let margin = margin * (high - low);
@@ -342,5 +353,5 @@ pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, Campaign
         }
     };
     let inputs = network.inputs.iter().enumerate().map(input).collect();
-    Ok(InputChecks { inputs, differences: vec![] })
+    InputChecks { inputs, differences: vec![] }
 }

@@ -34,12 +34,12 @@ load = [0.5, 1]
 shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
 "#;
 
-/// Watches a record with a session.
-struct Watched(Session);
+/// Watches a record with a session, which accepts these inputs.
+struct Watched(Session, Vec<f64>);
 
 impl Observer for Watched {
-    fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], inputs: &[f64]) {
-        self.0.push(inputs, measured, twin);
+    fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
+        self.0.push(&self.1, measured, twin);
     }
 }
 
@@ -65,6 +65,7 @@ fn a_session_that_watches_a_record_answers_as_the_data_set() {
     let table = table::read(results.data_set(Scenario::Noise, Role::Judged)).unwrap();
     let session = Session::new(diagnoser.clone()).unwrap().at_rest();
 
+    let inputs: Vec<f64> = study.system.network().inputs.iter().map(|own| own.default).collect();
     let suite = study.records(Role::Judged);
     let runs: Vec<_> =
         (0..plan::count(&study, &suite)).map(|number| plan::run(&study, &suite, number)).collect();
@@ -73,8 +74,8 @@ fn a_session_that_watches_a_record_answers_as_the_data_set() {
     let flown = Runner::of_runs(&study, &suite, plants, (0..1, runs), workers).unwrap();
     let (mut healthy, mut isolated) = (0, 0);
     flown.fly(
-        |_| Watched(session.clone()),
-        |run, Watched(session), outcome| {
+        |_| Watched(session.clone(), inputs.clone()),
+        |run, Watched(session, _), outcome| {
             assert!(outcome.is_ok());
             let (verdict, views) = of_row(&table, &diagnoser.lengths[0].panel, run.number);
             // A window within its bands asks no trees, so its features are not computed.
