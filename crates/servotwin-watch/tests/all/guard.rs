@@ -137,7 +137,7 @@ fn watched(
     let mut source: Box<dyn Source> = if is_live { Box::new(Live(rows)) } else { Box::new(rows) };
     let (mut observer, mut reported) = (Replayed::new(study, twin), Reported::default());
     let mut watch = Watch::new(&mut *source, map, &mut observer, 0.01);
-    watch.expect(&study.system, &[]);
+    watch.expect(study, &[]);
     watch.sink(&mut reported);
     let end = watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
     let found = watch.plausibility().contradictions(&study.system, map, watch.counts());
@@ -618,14 +618,23 @@ fn columns_that_are_exchanged_within_a_log_end_it_and_are_reported_by_a_stream()
     let (end, found, reported) = watched(&study, (&map, &exchanged(900), &twin), false);
     let said = "from 10.00 s (row 1001) on, p_a and p_b look exchanged: each follows the twin of the other";
     assert_eq!((end, &found[..]), (End::Contradicted, &[said.to_owned()][..]));
-    assert_eq!(reported, [said]);
+    // Actions before do not count.
+    let taken_back = |said: &str| format!("{said}; no finding and no action since then counts");
+    assert_eq!(reported, [taken_back(said)]);
     // A stream goes on.
     let (end, found, reported) = watched(&study, (&map, &exchanged(900), &twin), true);
-    assert_eq!((end, found, reported), (End::Complete, vec![said.into()], vec![said.into()]));
+    assert_eq!((end, found, reported), (End::Complete, vec![said.into()], vec![taken_back(said)]));
     let (_, _, reported) = watched(&study, (&map, &exchanged(0), &twin), true);
-    assert_eq!(reported, ["p_a and p_b look exchanged: each follows the twin of the other"]);
+    let said = "p_a and p_b look exchanged: each follows the twin of the other";
+    assert_eq!(reported, [taken_back(said)]);
     let (end, found, reported) = watched(&study, (&map, &twin, &twin), false);
     assert_eq!((end, found.len(), reported.len()), (End::Complete, 0, 0));
+    // A fit names no fault that is nearest to it.
+    let record = FitRecord::from_table("log", &exchanged(900), &study.system).unwrap();
+    let told = servotwin::fit::Fit::of_study(&study, vec![record]).check().unwrap_err();
+    let said =
+        "log: from 9.00 s on, p_a_pa and p_b_pa look exchanged: each follows the twin of the other";
+    assert_eq!(told.to_string(), said);
     // An actuator that moves beside a resting twin may have a fault.
     let resting = changed(
         &twin,
@@ -634,6 +643,50 @@ fn columns_that_are_exchanged_within_a_log_end_it_and_are_reported_by_a_stream()
     let (end, found, reported) = watched(&study, (&map, &twin, &resting), false);
     assert_eq!((end, found.len(), reported.len()), (End::Complete, 0, 1));
     assert!(reported[0].contains("the actuator moves while the twin stands still"), "{reported:?}");
+}
+
+/// Watches a log of the aileron whose command stands still from a row on, with the shipped diagnosis.
+fn with_frozen_command(command: &str, from: usize, is_live: bool) -> (End, Vec<String>) {
+    let study = Study::default();
+    let simulation = Simulation::new(&study.system).input("command", command).noise(3);
+    let log = simulation.duration_s(40.0).run().unwrap().table().unwrap();
+    let map = guard::plan("log", &table_columns(&log), &study, true).unwrap().map;
+    let frozen = changed(&log, |of, name, row| match name {
+        "command_rad" if row >= from => log.f64(name).unwrap()[from],
+        name => of(name),
+    });
+    let rows = TableRows::of_table("log", &frozen, map.wanted()).unwrap();
+    let mut source: Box<dyn Source> = if is_live { Box::new(Live(rows)) } else { Box::new(rows) };
+    let diagnoser = Arc::new(shipped::diagnoser(&study).unwrap());
+    let (mut observer, mut reported) =
+        (Watcher::new(&study, diagnoser).unwrap(), Reported::default());
+    let mut watch = Watch::new(&mut *source, &map, &mut observer, 0.01);
+    watch.expect(&study, &[]);
+    watch.sink(&mut reported);
+    let end = watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
+    drop(watch);
+    (end, reported.0)
+}
+
+#[test]
+fn a_command_that_freezes_while_the_actuator_moves_on_is_no_column_of_the_command() {
+    let steps = "step:size=6deg,at=1s + step:size=-12deg,at=7s + step:size=10deg,at=12s + step:size=-9deg,at=17s \
+                 + step:size=12deg,at=22s + step:size=-9deg,at=27s + step:size=9deg,at=32s";
+    for (command, from, is_live) in [
+        ("noise:rms=4deg,bandwidth=1Hz,limit=15deg,seed=7", 600, false),
+        ("sine:amplitude=8deg,frequency=0.2Hz", 600, true),
+        (steps, 600, false),
+        (steps, 0, false),
+    ] {
+        let (end, reported) = with_frozen_command(command, from, is_live);
+        let ends = if is_live { End::Complete } else { End::Contradicted };
+        let last = reported.last().unwrap();
+        assert_eq!(end, ends, "{command}: {reported:?}");
+        let begin = format!("from {:.2} s", 0.01 * from as f64);
+        assert!(last.starts_with(&begin), "{last}");
+        assert!(last.contains("command stands still while the sensors move"), "{last}");
+        assert!(last.ends_with("no finding and no action since then counts"), "{last}");
+    }
 }
 
 const INTENSITIES: [f64; 7] = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
@@ -655,9 +708,7 @@ fn contradicted_by_faults(study: &Study, command: &str) -> Vec<String> {
             let tables = (0..INTENSITIES.len()).filter_map(|run| runs.table_of_run(run).ok());
             tables.for_each(|table| add(tried_table(study, &map, &table, &twin)));
         }
-        if command.starts_with("noise")
-            && let Ok(late) = long.clone().fault_from(&fault.id, 1.0, 4.0).run()
-        {
+        if let Ok(late) = long.clone().fault_from(&fault.id, 1.0, 4.0).run() {
             add(watched(study, (&map, &late.table().unwrap(), &long_twin), false).1);
         }
     }
