@@ -320,6 +320,8 @@ impl Plausibility {
                 .or_else(|| beside::other_units_in_words(&sensors, &names, beside.as_slice()))
         });
         let mut all = self.contradictions(system, map, counts);
+        let at_rest = self.beside.atmosphere_at_rest(&sensors, &names);
+        all.extend(at_rest.filter(|_| all.is_empty()));
         all.extend(self.late(false));
         all.extend(self.pace(period_s).into_iter().chain(columns));
         if all.is_empty() {

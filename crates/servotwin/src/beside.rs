@@ -419,6 +419,22 @@ impl Comparisons {
     /// The pressures that are one atmosphere below (`-1.0`) or, if they are read as gauge pressures, above (`1.0`) their
     /// twins: all, or some beside others that agree with theirs. A unit that states *absolute* is believed.
     pub fn without_atmosphere(&self, columns: &[SensorColumn]) -> Option<(f64, Vec<usize>)> {
+        self.off_by_atmosphere(columns, false)
+    }
+
+    /// The same in words, with `names` of the sensors, for pressures that stand still: a faulty sensor explains them, too.
+    pub fn atmosphere_at_rest(&self, columns: &[SensorColumn], names: &[&str]) -> Option<String> {
+        let (sign, low) = self.off_by_atmosphere(columns, true)?;
+        let low: Vec<&str> = low.iter().map(|&sensor| names[sensor]).collect();
+        let words = atmosphere_in_words(sign, &low);
+        Some(format!("{words}; while nothing moves, an offset of a faulty sensor looks the same"))
+    }
+
+    fn off_by_atmosphere(
+        &self,
+        columns: &[SensorColumn],
+        at_rest: bool,
+    ) -> Option<(f64, Vec<usize>)> {
         let is_pressure = |sensor: &usize| {
             columns[*sensor].sensor.unit == Unit::Pascal
                 && !columns[*sensor].unit.is_absolute
@@ -438,18 +454,22 @@ impl Comparisons {
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
         let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
         // A gain that is too low by a few per cent shifts the level, too. Only motion, which it shrinks, tells the two apart.
-        let is_shifted = |own: &TwinComparison, deviation: f64| {
-            let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
-            let too_high = own.gain() - 1.0;
-            let of_level = own.offset() / own.twin.mean();
-            too_high.abs() < SURE * error && (too_high - of_level).abs() > SURE * error
-        };
+        let is_shifted =
+            |own: &TwinComparison, SensorColumn { deviation, sensor, .. }: &SensorColumn| {
+                if at_rest && !own.moves(sensor.scale) {
+                    return true;
+                }
+                let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
+                let too_high = own.gain() - 1.0;
+                let of_level = own.offset() / own.twin.mean();
+                too_high.abs() < SURE * error && (too_high - of_level).abs() > SURE * error
+            };
         let is_low = |&sensor: &usize| {
             let (own, column) = (self.of(sensor), &columns[sensor]);
             column.unit.is_proportional() == (sign < 0.0)
                 && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
                 && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
-                && is_shifted(own, column.deviation)
+                && is_shifted(own, column)
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;
