@@ -692,7 +692,7 @@ fn a_command_that_freezes_while_the_actuator_moves_on_is_no_column_of_the_comman
 const INTENSITIES: [f64; 7] = [0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0];
 
 /// What the trial says of each fault of a study's system, at several intensities, and the watch of one that begins in
-/// flight beside a moving command.
+/// flight.
 fn contradicted_by_faults(study: &Study, command: &str) -> Vec<String> {
     let short = Simulation::new(&study.system).input("command", command).noise(3);
     let long = short.clone().duration_s(14.0);
@@ -729,6 +729,24 @@ fn no_fault_of_a_shipped_study_is_taken_for_a_mistake_of_columns() {
             "sine:amplitude=5deg,frequency=0.5Hz",
         ] {
             assert_eq!(contradicted_by_faults(&study, command), none, "{command}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn no_fault_that_moves_an_actuator_in_gusts_is_taken_for_a_frozen_command() {
+    let study = Study::default();
+    let simulation = Simulation::new(&study.system).input("command", "constant:value=8deg");
+    let simulation =
+        simulation.input("load_factor", "150% + noise:rms=50%,bandwidth=0.4Hz,limit=140%,seed=3");
+    let simulation = simulation.noise(3).duration_s(24.0);
+    let twin = simulation.run().unwrap().table().unwrap();
+    let map = guard::plan("twin", &table_columns(&twin), &study, true).unwrap().map;
+    for fault in study.system.fault_list() {
+        if let Ok(late) = simulation.clone().fault_from(&fault.id, 1.0, 4.0).run() {
+            let (_, found, _) = watched(&study, (&map, &late.table().unwrap(), &twin), false);
+            assert_eq!(found, [] as [String; 0], "{}", fault.id);
         }
     }
 }
