@@ -369,6 +369,17 @@ impl Plausibility {
         self.beside.input_mistake(input, &columns(system, map), &names, rerun)
     }
 
+    /// Says that the times are in another unit, as soon as enough steps show it.
+    pub(super) fn other_time_unit(&self, period_s: f64) -> Option<String> {
+        let has_evidence = self.steps_s.len() as u64 >= LEAST_VALUES;
+        let is_other = |step_s: f64| has_evidence && !moment::is_period(step_s);
+        let likely = |step_s: f64| {
+            moment::likely_unit(step_s / self.unit_s, period_s, units::of_times()).is_some()
+        };
+        self.step_s().filter(|&step_s| is_other(step_s) && likely(step_s))?;
+        self.pace(period_s)
+    }
+
     fn pace(&self, period_s: f64) -> Option<String> {
         let step_s = self.step_s()?;
         let apart = format!(

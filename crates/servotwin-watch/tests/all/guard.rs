@@ -201,6 +201,13 @@ fn a_log_that_contradicts_its_map_is_refused_before_it_is_judged() {
         assert!(parts.iter().all(|part| told.contains(part)), "{parts:?}: {told}");
         assert!(!told.contains("sign"), "{told}");
     }
+    // Times in another unit are seen in the first rows.
+    let milliseconds = csv(&table, |name, row, value| match name {
+        "time_s" => format!("{}", 10 * row),
+        _ => format!("{value}"),
+    });
+    let told = tried(&study, &folder, &milliseconds).err().unwrap_or_default();
+    assert!(told.starts_with("its times seem to be in ms"), "{told}");
     // The same gauge pressures, said to be such.
     let said = gauge.replacen("p_a_pa", "p_a [Pag]", 1).replacen("p_b_pa", "p_b [Pa(g)]", 1);
     tried(&study, &folder, &said.replacen("p_s_pa", "p_s_pag", 1)).unwrap();
