@@ -5,13 +5,14 @@ use super::read_table;
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
+use crate::render::number;
 use serde_json::json;
 use servotwin::campaign::Campaign;
+use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::job::{Folder, JobError, data_card, manifest};
+use servotwin::recordings::{NominalFit, RecordingError, RecordingStudy, Windows};
 use servotwin::study::{Scenario, Study};
-use servotwin::table::TableError;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
 use std::path::{Path, PathBuf};
@@ -71,8 +72,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
     let sensors = match study {
         Some(path) => {
-            let in_study = |error| Failure::Trace { path: path.clone(), error };
-            read_traces_study(path)?.sensors().map_err(in_study)?
+            let in_study = |error| Failure::Recording { path: path.clone(), error };
+            read_recording_study(path)?.sensors().map_err(in_study)?
         }
         None => Study::default().sensors,
     };
@@ -105,10 +106,10 @@ const LIST_HEAD: &str = "# Features\n\n\
     r' is a residual: the measured value less the twin's value, over the sensor's scale.\n\
     The threshold of a tree is in the unit given here.\n";
 
-/// Reads a study file of traces.
-pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
+/// Reads a study file of recordings.
+pub fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
     let text = files::read_document(path).map_err(EvaluationError::File)?;
-    TraceStudy::parse(&text).map_err(|error| Failure::Trace { path: path.clone(), error })
+    RecordingStudy::parse(&text).map_err(|error| Failure::Recording { path: path.into(), error })
 }
 
 fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
@@ -147,33 +148,81 @@ fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure>
 fn of_traces(
     options: &Options,
     traces: &Path,
-    study: &PathBuf,
+    study: &Path,
     out: &Path,
     global: Global,
 ) -> Result<String, Failure> {
-    let parsed = read_traces_study(study)?;
-    // An error about a non-finite number already names its place.
-    let of = |path: &Path, error| match error {
-        EvaluationError::Table(TableError::NotFinite { .. }) => error.into(),
-        error => Failure::NotAs { path: path.into(), study: study.clone(), error: Box::new(error) },
-    };
-    let told = |error| match (error, &options.healthy) {
-        (TraceError::Healthy(error), Some(path)) => of(path, error),
-        (TraceError::Evaluation(error) | TraceError::Healthy(error), _) => of(traces, error),
-        (error @ TraceError::TooFar { .. }, _) => Failure::Trace { path: traces.into(), error },
-        (error, _) => Failure::Trace { path: study.clone(), error },
+    let parsed = read_recording_study(study)?;
+    let of = |path: &Path| {
+        let path = path.to_owned();
+        move |error| match error {
+            RecordingError::Evaluation(error) => {
+                Failure::NotAs { path: path.clone(), study: study.into(), error: Box::new(error) }
+            }
+            error @ RecordingError::TooFar { .. } => {
+                Failure::Recording { path: path.clone(), error }
+            }
+            error => Failure::Recording { path: study.into(), error },
+        }
     };
     let healthy = match &options.healthy {
-        Some(path) => Some(read_table(path, global)?),
+        Some(path) => Some((path, read_table(path, global)?)),
         None => None,
     };
     let table = read_table(traces, global)?;
-    let features = parsed.features(&table, healthy.as_ref()).map_err(told)?;
-    table::write(out, &features)?;
-    let (windows, columns) = (features.row_count(), features.columns().len());
+    let nominals = match &healthy {
+        Some((path, table)) => {
+            parsed.learn(table, &(0..table.row_count()).collect::<Vec<_>>()).map_err(of(path))?
+        }
+        None => {
+            let rows = parsed.healthy_rows(&table).map_err(of(traces))?;
+            parsed.learn(&table, &rows).map_err(of(traces))?
+        }
+    };
+    let windows = parsed.windows(&table, &nominals).map_err(of(traces))?;
+    table::write(out, &windows.table)?;
+    let fits = parsed.fits(&nominals);
+    let (count, columns) = (windows.table.row_count(), windows.table.columns().len());
     Ok(match (global.json, global.quiet) {
-        (true, _) => crate::render::json(&json!({ "windows": windows, "columns": columns })),
+        (true, _) => crate::render::json(&json!({
+            "windows": count, "columns": columns, "left_over_rows": windows.left_over,
+            "incomplete_rows": windows.incomplete, "nominals": fits,
+        })),
         (false, true) => String::new(),
-        (false, false) => format!("{}: {windows} windows, {columns} columns\n", out.display()),
+        (false, false) => {
+            let head = format!("{}: {count} windows, {columns} columns\n", out.display());
+            head + &remarks(&windows, &fits)
+        }
     })
+}
+
+/// What the windows do not show: rows that are not used, and how well nominal values fit.
+pub fn remarks(windows: &Windows, fits: &[NominalFit]) -> String {
+    let mut text = String::new();
+    if windows.left_over > 0 {
+        text += &format!("{} beyond whole windows: not used\n", counted(windows.left_over, "row"));
+    }
+    if windows.incomplete > 0 {
+        text +=
+            &format!("{} without a number of every sensor\n", counted(windows.incomplete, "row"));
+    }
+    for fit in fits {
+        let NominalFit { sensor, inputs, regressions, rows, deviation, r2 } = fit;
+        let how = match inputs.as_slice() {
+            [] => "the mean".into(),
+            inputs => format!("a regression on {}", inputs.join(", ")),
+        };
+        let conditions = if *regressions > 1 {
+            format!(" in each of {regressions} conditions")
+        } else {
+            String::new()
+        };
+        let r2 = r2.filter(|_| !inputs.is_empty());
+        let r2 = r2.map_or(String::new(), |r2| format!(", R² {r2:.3}"));
+        text += &format!(
+            "{sensor}: nominal is {how} of {rows} healthy rows{conditions}, remaining deviation {}{r2}\n",
+            number(*deviation, 3)
+        );
+    }
+    text
 }

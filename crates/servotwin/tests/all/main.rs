@@ -14,7 +14,7 @@ mod flights;
 mod folder;
 #[path = "../../../servotwin-io/tests/all/places.rs"]
 mod places;
+mod recordings;
 mod reservoir;
 mod runtime;
 mod sealed;
-mod traces;
