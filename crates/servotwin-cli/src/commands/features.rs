@@ -11,7 +11,7 @@ use servotwin::campaign::Campaign;
 use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{Folder, JobError, data_card, manifest};
-use servotwin::recordings::{NominalFit, RecordingError, RecordingStudy, Windows};
+use servotwin::recordings::{NominalFit, RecordingError, RecordingStudy};
 use servotwin::study::{Scenario, Study};
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
@@ -191,20 +191,19 @@ fn of_traces(
         (false, true) => String::new(),
         (false, false) => {
             let head = format!("{}: {count} windows, {columns} columns\n", out.display());
-            head + &remarks(&windows, &fits)
+            head + &remarks(windows.left_over, windows.incomplete, &fits)
         }
     })
 }
 
 /// What the windows do not show: rows that are not used, and how well nominal values fit.
-pub fn remarks(windows: &Windows, fits: &[NominalFit]) -> String {
+pub fn remarks(left_over: usize, incomplete: usize, fits: &[NominalFit]) -> String {
     let mut text = String::new();
-    if windows.left_over > 0 {
-        text += &format!("{} beyond whole windows: not used\n", counted(windows.left_over, "row"));
+    if left_over > 0 {
+        text += &format!("{} beyond whole windows: not used\n", counted(left_over, "row"));
     }
-    if windows.incomplete > 0 {
-        text +=
-            &format!("{} without a number of every sensor\n", counted(windows.incomplete, "row"));
+    if incomplete > 0 {
+        text += &format!("{} without a number of every sensor\n", counted(incomplete, "row"));
     }
     for fit in fits {
         let NominalFit { sensor, inputs, regressions, rows, deviation, r2 } = fit;

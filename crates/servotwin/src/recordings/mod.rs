@@ -13,6 +13,8 @@
 //! keep = ["note"]                      # copied to the windows; a window ends where one changes
 //! conditions = ["load"]                # columns: each combination of their values has nominal values of its own
 //! residuals = ["r1", "r2"]             # columns that are used as they are
+//! folds = 5                            # how often windows are held out
+//! classifiers = ["cart", "random_forest"]
 //!
 //! [healthy]                            # rows to learn nominal values from: all conditions hold
 //! mode = "none"
@@ -29,11 +31,16 @@
 //! [[targets]]                          # what to learn from the windows
 //! column = "mode"
 //! healthy = "none"                     # its value without a fault, if it has one
+//!
+//! [novelty]                            # what is unlike the first healthy groups
+//! healthy_groups = 3
 //! ```
 //!
 //! The windows and features are those of simulated runs. A missing number does not stop a study: see [`windows`].
 
+pub mod judged;
 mod nominal;
+pub mod novelty;
 mod records;
 pub mod windows;
 
@@ -80,6 +87,11 @@ pub struct RecordingStudy {
     sensors: Vec<SensorText>,
     #[serde(default)]
     targets: Vec<Target>,
+    #[serde(default = "five")]
+    folds: usize,
+    #[serde(default = "tree_and_forest")]
+    classifiers: Vec<String>,
+    novelty: Option<NoveltyChoice>,
 }
 
 /// A column that is learned from the windows.
@@ -90,6 +102,14 @@ pub struct Target {
     pub column: String,
     /// Its value without a fault, if it has one.
     pub healthy: Option<String>,
+}
+
+/// From what novelty is learned.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NoveltyChoice {
+    /// So many groups, the first ones that are healthy.
+    healthy_groups: usize,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -112,6 +132,15 @@ fn other() -> String {
 
 fn first() -> usize {
     1
+}
+
+fn five() -> usize {
+    5
+}
+
+/// One readable tree, and the ensemble that learns from missing values.
+fn tree_and_forest() -> Vec<String> {
+    vec!["cart".into(), "random_forest".into()]
 }
 
 /// Why a study file of recordings, or the recordings themselves, are invalid.
@@ -239,6 +268,11 @@ impl RecordingStudy {
                 return Err(RecordingError::Nominal { sensor: sensor.name.clone(), problem });
             }
             range(sensor.unit >= 1, &format!("the unit of {}", sensor.name), "at least 1")?;
+        }
+        range(self.folds >= 2, "folds", "at least 2")?;
+        if self.novelty.is_some() && (self.groups.is_empty() || self.healthy.is_empty()) {
+            let reason = "novelty is learned from the first healthy groups";
+            return Err(RecordingError::Lacks { key: "groups and [healthy]", reason });
         }
         if self.labels.is_some() && self.record.is_none() {
             let reason = "the column of the labels that names the record";
