@@ -12,6 +12,7 @@ which writes the two tables of studies/zema_hydraulic.toml.
 """
 
 import csv
+import json
 import lzma
 import shutil
 import subprocess
@@ -76,6 +77,27 @@ def beside(out):
         print(f"{target:12} {kind:14} {ours:9.4f}  {right / len(truth):12.4f}", flush=True)
 
 
+def unlike(out):
+    """The share of each session's windows that an isolation forest calls unlike the first three healthy sessions."""
+    import numpy
+    import polars
+    from sklearn.ensemble import IsolationForest
+
+    results = json.loads((out / "recordings.json").read_text())["novelty"]
+    windows = polars.read_parquet(out / "windows.parquet")
+    groups = (windows["date"] + " " + windows["session"]).to_numpy()
+    features = windows.select(polars.col(polars.Float64)).to_numpy()
+    learned = numpy.isin(groups, [group["group"] for group in results["groups"] if group["is_learned"]])
+    forest = IsolationForest(random_state=0).fit(features[learned])
+    scores = forest.score_samples(features)
+    # As many of the learned windows are outside as the quantile of servotwin allows.
+    limit = numpy.quantile(scores[learned], 1 - results["quantile"])
+    print(f"{'session':28} servotwin  isolation forest")
+    for group in results["groups"]:
+        theirs = (scores[groups == group["group"]] < limit).mean()
+        print(f"{group['group']:28} {group['unknown']['share']:9.4f}  {theirs:16.4f}")
+
+
 def main():
     if sys.argv[1:2] == ["zema"]:
         return zema(Path(sys.argv[2]), Path(sys.argv[3]))
@@ -91,8 +113,7 @@ def main():
                 source = {"liu_engine": "liu_engine_residuals/residuals.csv", "reprise": "reprise/strokes.csv"}
                 shutil.copy(data / source[name], folder)
             out = study(binary, name, folder)
-            if name != "reprise":
-                beside(out)
+            (unlike if name == "reprise" else beside)(out)
 
 
 if __name__ == "__main__":

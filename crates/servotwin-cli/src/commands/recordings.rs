@@ -1,8 +1,10 @@
-//! `servotwin study` of recordings: learns targets and novelty from the windows of measured records.
+//! `servotwin study` and `servotwin watch` of recordings: learns targets and novelty from the windows of measured
+//! records, and answers for those of a new one.
 
 use super::StudyOptions;
 use super::evaluate::workers;
 use super::features::{read_recording_study, remarks};
+use super::read_table;
 use crate::Global;
 use crate::failure::Failure;
 use crate::render::{Side, TextTable, json, number};
@@ -13,8 +15,10 @@ use servotwin::files;
 use servotwin::job::Folder;
 use servotwin::recordings::RecordingError;
 use servotwin::recordings::judged::{RecordingResults, TargetResult};
+use servotwin::recordings::model::{Answers, FORMAT, RecordingModel};
 use servotwin::recordings::novelty::NoveltyResult;
 use servotwin_report::words::percent;
+use std::io::Read;
 use std::path::Path;
 
 /// Returns the text for standard output.
@@ -124,7 +128,7 @@ fn groups(novelty: &NoveltyResult) -> String {
         ("windows", Side::Right),
         ("unlike", Side::Right),
         ("share", Side::Right),
-        ("median distance", Side::Right),
+        ("mean distance", Side::Right),
     ]);
     for group in &novelty.groups {
         let state = match (group.is_healthy, group.is_learned) {
@@ -138,8 +142,57 @@ fn groups(novelty: &NoveltyResult) -> String {
             group.unknown.of.to_string(),
             group.unknown.count.to_string(),
             percent(group.unknown.share),
-            number(group.median_score, 3),
+            number(group.mean_distance, 3),
         ]);
     }
     table.text()
+}
+
+/// Whether a file holds the model of a study of recordings.
+pub fn is_model(path: &Path) -> bool {
+    let mut begin = vec![];
+    let read = files::open(path).map(|file| file.take(200).read_to_end(&mut begin));
+    matches!(read, Ok(Ok(_))) && String::from_utf8_lossy(&begin).contains(FORMAT)
+}
+
+/// Answers for the windows of a log. Returns the text for standard output.
+pub fn watch(log: &Path, model: &Path, global: Global) -> Result<String, Failure> {
+    let known = RecordingModel::read(model)?;
+    let answers = known.answer(&read_table(log, global)?);
+    let answers = answers.map_err(|error| Failure::Recording { path: log.into(), error })?;
+    let (starts, rows) = (&answers.windows.starts, answers.windows.rows);
+    if global.json {
+        let window = |place: usize| {
+            let told =
+                answers.targets.iter().map(|(column, said)| (column.clone(), json!(said[place])));
+            json!({
+                "first_row": starts[place] + 1, "rows": rows,
+                "answers": told.collect::<serde_json::Map<_, _>>(),
+                "distance": answers.distances.as_ref().map(|distances| distances[place]),
+            })
+        };
+        return Ok(json(&(0..starts.len()).map(window).collect()));
+    }
+    if global.quiet {
+        return Ok(String::new());
+    }
+    let said: Vec<String> = (0..starts.len()).map(|place| answer(&answers, place)).collect();
+    let mut text = String::new();
+    let mut place = 0;
+    for same in said.chunk_by(|a, b| a == b) {
+        let (first, last) = (starts[place], starts[place + same.len() - 1] + rows);
+        text += &format!("rows {} to {last}: {}\n", first + 1, same[0]);
+        place += same.len();
+    }
+    Ok(text + &remarks(answers.windows.left_over, answers.windows.incomplete, &[]))
+}
+
+/// What a window is, in words.
+fn answer(answers: &Answers, window: usize) -> String {
+    let targets = answers.targets.iter().map(|(column, said)| format!("{column} {}", said[window]));
+    let novelty = answers.distances.as_ref().map(|distances| match distances[window] > 1.0 {
+        true => "unlike the healthy records".to_owned(),
+        false => "like the healthy records".to_owned(),
+    });
+    targets.chain(novelty).collect::<Vec<_>>().join(", ")
 }

@@ -115,7 +115,8 @@ pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationErr
     read_checked(path.as_ref(), Hierarchy::check)
 }
 
-fn read_checked<T: DeserializeOwned>(
+/// Reads a model and checks it.
+pub(crate) fn read_checked<T: DeserializeOwned>(
     path: &Path,
     check: impl Fn(&T) -> Result<(), servotwin_diagnosis::Error>,
 ) -> Result<T, EvaluationError> {

@@ -4,8 +4,9 @@
 //! parts as there are folds. Nominal values are learned anew for every fold, from the healthy rows of its training
 //! windows.
 
-use super::novelty::{LearnedNovelty, NoveltyResult};
-use super::windows::{NominalFit, Nominals, Windows, joined};
+use super::model::{FORMAT, RecordingModel, TargetModel};
+use super::novelty::NoveltyResult;
+use super::windows::{NominalFit, Windows, joined};
 use super::{RecordingError, RecordingStudy, Target};
 use crate::evaluation::metrics::{Prediction, Rate, Score};
 use crate::evaluation::{EvaluationError, model_file};
@@ -14,14 +15,11 @@ use crate::job::{Among, Folder, JobError};
 use crate::parallel::{self, Workers};
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind, Model};
+use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::{Fit, Settings};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::splits::{Split, grouped_k_fold};
-
-/// The format name at the start of a stored model.
-pub const FORMAT: &str = "servotwin recordings 1";
 
 /// The seed of the folds.
 const SEED: u64 = 1;
@@ -77,34 +75,6 @@ pub struct TargetResult {
     pub false_alarms: Option<Rate>,
     /// Of the other windows: the answer healthy.
     pub missed: Option<Rate>,
-}
-
-/// All that answers for the windows of a new record.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RecordingModel {
-    /// [`FORMAT`].
-    pub format: String,
-    /// The text of the study.
-    pub study: String,
-    /// The features of a window.
-    pub features: Vec<String>,
-    /// The nominal values, learned from all healthy rows, or those of the novelty if there is no target.
-    pub nominals: Nominals,
-    /// Every target with every classifier.
-    pub targets: Vec<TargetModel>,
-    /// What the first healthy groups look like.
-    pub novelty: Option<LearnedNovelty>,
-}
-
-/// A classifier that has learned a target from all windows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TargetModel {
-    /// The column.
-    pub column: String,
-    /// Its values, in the order of the model's classes.
-    pub classes: Vec<String>,
-    /// The model.
-    pub model: Model,
 }
 
 /// The windows of records with what all targets have in common.
@@ -468,5 +438,34 @@ impl JudgedRecordings {
         }
         model_file::write_model(file("model.json"), &self.model)?;
         Ok(model_file::write(file("recordings.json"), &self.results)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_held_out_group_does_not_teach_its_own_nominal_value() {
+        let text = "format = 1\nwindow_rows = 2\ngroups = [\"tank\"]\nfamilies = [\"moments\"]\n\
+            [[targets]]\ncolumn = \"state\"\nhealthy = \"none\"\n\
+            [[sensors]]\nname = \"y\"\nmeasured = \"y\"\nnominal_from = []\nscale = 1.0\n";
+        let study = RecordingStudy::parse(text).unwrap();
+        let texts = |a: &str, b: &str| [a, a, b, b].map(str::to_owned).to_vec();
+        let records = Table::from_columns(vec![
+            Column::new("y", "", vec![0.0, 0.0, 10.0, 10.0]),
+            Column::new("tank", "", texts("a", "b")),
+            Column::new("state", "", texts("none", "none")),
+        ]);
+        let records = records.unwrap();
+        let healthy = study.healthy_rows(&records).unwrap();
+        let windows = study.windows(&records, &study.learn(&records, &healthy).unwrap()).unwrap();
+        assert_eq!(windows.table.f64("mean_y").unwrap().as_ref(), [-5.0, 5.0]);
+        let prepared = study.prepare(&records, windows, &healthy, Workers::new(1)).unwrap();
+        let own = |window: usize| {
+            let fold = prepared.folds()[window] as usize;
+            prepared.of_fold(fold).table.f64("mean_y").unwrap()[window]
+        };
+        assert_eq!([own(0), own(1)], [-10.0, 10.0]);
     }
 }

@@ -39,6 +39,7 @@
 //! The windows and features are those of simulated runs. A missing number does not stop a study: see [`windows`].
 
 pub mod judged;
+pub mod model;
 mod nominal;
 pub mod novelty;
 mod records;

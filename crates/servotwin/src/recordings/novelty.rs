@@ -23,6 +23,20 @@ pub struct LearnedNovelty {
     pub known: Novelty,
 }
 
+impl LearnedNovelty {
+    /// The distance of every window from what is known; above 1 a window is unknown.
+    pub(super) fn known_distances(&self, windows: &Windows) -> Result<Vec<f64>, RecordingError> {
+        let features = &windows.table.columns()[windows.kept..];
+        let columns = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
+        let mut row = vec![0.0; columns.len()];
+        let distance = |window: usize| {
+            row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
+            self.known.score(None, &row)
+        };
+        Ok((0..windows.starts.len()).map(distance).collect())
+    }
+}
+
 /// The novelty of all groups.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoveltyResult {
@@ -47,8 +61,8 @@ pub struct GroupNovelty {
     pub is_learned: bool,
     /// Of its windows, those that are unlike what was learned.
     pub unknown: Rate,
-    /// Median of the distance from what was learned; above 1 a window is unknown.
-    pub median_score: f64,
+    /// Mean distance of its windows from what was learned; above 1 a window is unknown.
+    pub mean_distance: f64,
 }
 
 /// The groups of records in their order.
@@ -78,12 +92,12 @@ impl RecordingStudy {
             return Err(RecordingError::OutOfRange { what, allowed });
         }
         let (learned, windows) = self.learn_novelty(records, &groups, &first)?;
-        let mut scores = scores(&learned.known, &windows)?;
+        let mut scores = learned.known_distances(&windows)?;
         let of_window: Vec<u32> = windows.starts.iter().map(|&row| groups.of_row[row]).collect();
         for &own in &first {
             let others: Vec<usize> = first.iter().copied().filter(|group| *group != own).collect();
             let (of_others, windows) = self.learn_novelty(records, &groups, &others)?;
-            let instead = self::scores(&of_others.known, &windows)?;
+            let instead = of_others.known_distances(&windows)?;
             let of_own = (0..scores.len()).filter(|&window| of_window[window] as usize == own);
             of_own.for_each(|window| scores[window] = instead[window]);
         }
@@ -92,14 +106,13 @@ impl RecordingStudy {
             own.map(|(_, score)| *score).collect()
         };
         let one = |group: usize| {
-            let mut own = of_group(group);
-            own.sort_by(f64::total_cmp);
+            let own = of_group(group);
             GroupNovelty {
                 group: groups.names[group].clone(),
                 is_healthy: groups.is_healthy[group],
                 is_learned: first.contains(&group),
                 unknown: Rate::of(&own, |score| *score > 1.0),
-                median_score: own.get(own.len() / 2).copied().unwrap_or(0.0),
+                mean_distance: own.iter().sum::<f64>() / own.len().max(1) as f64,
             }
         };
         let list: Vec<GroupNovelty> = (0..groups.names.len()).map(one).collect();
@@ -165,16 +178,4 @@ impl RecordingStudy {
         let known = novelty::learn(&examples, &taught, &of_window, quantile)?;
         Ok((LearnedNovelty { nominals, known }, windows))
     }
-}
-
-/// The distance of every window from what is known.
-fn scores(known: &Novelty, windows: &Windows) -> Result<Vec<f64>, RecordingError> {
-    let features = &windows.table.columns()[windows.kept..];
-    let columns = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
-    let mut row = vec![0.0; columns.len()];
-    let score = |window: usize| {
-        row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
-        known.score(None, &row)
-    };
-    Ok((0..windows.starts.len()).map(score).collect())
 }

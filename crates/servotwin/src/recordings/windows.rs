@@ -23,6 +23,8 @@ pub struct Windows {
     pub kept: usize,
     /// The first row of each window in the records.
     pub starts: Vec<usize>,
+    /// Number of rows in a window.
+    pub rows: usize,
     /// Rows of the records that are in no window.
     pub left_over: usize,
     /// Rows within windows that lack a number.
@@ -97,7 +99,7 @@ pub(super) fn joined(table: &Table, names: &[String]) -> Result<Vec<String>, Tab
 }
 
 impl RecordingStudy {
-    /// The rows in which every column of [healthy] has the given value; none if the study names no healthy rows.
+    /// The rows in which every column of `[healthy]` has the given value; none if the study names no healthy rows.
     ///
     /// # Errors
     /// A column is missing.
@@ -151,6 +153,12 @@ impl RecordingStudy {
     /// Whether any nominal value is learned.
     pub fn learns_nominals(&self) -> bool {
         self.sensors.iter().any(|sensor| sensor.nominal_from.is_some())
+    }
+
+    /// Whether these are nominal values of the study's sensors.
+    pub(super) fn has_nominals(&self, nominals: &Nominals) -> bool {
+        let learned = nominals.sensors.iter().map(Option::is_some);
+        learned.eq(self.sensors.iter().map(|sensor| sensor.nominal_from.is_some()))
     }
 
     /// How well the learned nominal values fit the rows that they were learned from.
@@ -214,6 +222,7 @@ impl RecordingStudy {
         Ok(Windows {
             table,
             kept: kept.len(),
+            rows: self.window_rows,
             left_over: records.row_count() - starts.len() * self.window_rows,
             incomplete: used.filter(is_incomplete).count(),
             starts,

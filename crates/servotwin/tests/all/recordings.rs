@@ -1,8 +1,14 @@
 //! Measured signals become windows of features.
 
 use super::folder::Folder;
+use servotwin::job::{self, JobError};
+use servotwin::parallel::Workers;
+use servotwin::recordings::judged::JudgedRecordings;
+use servotwin::recordings::model::RecordingModel;
 use servotwin::recordings::{RecordingError, RecordingStudy, Windows};
 use servotwin::table::{Column, Table};
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 fn small() -> Table {
     let x: Vec<f64> = (0..40).map(f64::from).collect();
@@ -172,4 +178,231 @@ fn logs_of_a_folder_take_the_labels_of_their_record() {
     assert!(error.contains("log"), "{error}");
     let error = RecordingStudy::parse(&text.replace("record = \"run\"\n", "")).unwrap_err();
     assert!(error.to_string().starts_with("the study needs 'record'"), "{error}");
+}
+
+/// A study of two tanks in six runs each: a leak lowers y by 1, and each run has an offset of its own.
+const RUNS: &str = "format = 1\nwindow_rows = 4\ngroups = [\"run\"]\nfamilies = [\"moments\", \"deviation\"]\n\
+    residuals = [\"y\", \"z\"]\n[[targets]]\ncolumn = \"state\"\nhealthy = \"none\"\n";
+
+fn runs(offset: impl Fn(usize) -> f64) -> Table {
+    let rows = 0..12 * 40;
+    let is_leak = |row: usize| row / 20 % 2 == 1;
+    let noise = |row: usize, k: usize| ((row * k % 17) as f64 - 8.0) / 100.0;
+    let y = |row: usize| offset(row / 40) + noise(row, 5) - if is_leak(row) { 1.0 } else { 0.0 };
+    let text = |of: &dyn Fn(usize) -> String| rows.clone().map(of).collect::<Vec<_>>();
+    Table::from_columns(vec![
+        Column::new("y", "", rows.clone().map(y).collect::<Vec<f64>>()),
+        Column::new("z", "", rows.clone().map(|row| noise(row, 3)).collect::<Vec<f64>>()),
+        Column::new("run", "", text(&|row| (row / 40).to_string())),
+        Column::new("state", "", text(&|row| if is_leak(row) { "leak" } else { "none" }.into())),
+    ])
+    .unwrap()
+}
+
+fn judged(text: &str, records: &Table) -> JudgedRecordings {
+    RecordingStudy::parse(text).unwrap().judge(text, records, Workers::new(2)).unwrap()
+}
+
+#[test]
+fn windows_are_judged_by_what_other_groups_teach() {
+    let judged = judged(RUNS, &runs(|run| 0.01 * run as f64));
+    let [cart, forest] = judged.results.targets.as_slice() else { panic!("two classifiers") };
+    for target in [cart, forest] {
+        assert_eq!((target.score.accuracy.count, target.score.accuracy.of), (120, 120));
+        assert_eq!(target.false_alarms.unwrap().of, 60);
+    }
+    let outcomes = &judged.outcomes;
+    assert_eq!(outcomes.row_count(), 240, "a row for each window and classifier");
+    let (groups, folds) = (outcomes.text("group").unwrap(), outcomes.u32("fold").unwrap());
+    for (group, fold) in groups.iter().zip(folds.iter()) {
+        let first = groups.iter().position(|known| known == group).unwrap();
+        assert_eq!(*fold, folds[first], "group {group} is in two folds");
+    }
+    // What only identifies the run teaches nothing about another one.
+    let by_run = runs(|run| 10.0 * run as f64 + if run % 2 == 0 { 0.0 } else { 0.5 });
+    let lost = self::judged(RUNS, &by_run);
+    assert!(lost.results.targets[0].score.accuracy.share.unwrap() < 0.8);
+}
+
+#[test]
+fn a_sensor_that_is_silent_for_some_windows_is_learned_around() {
+    let records = changed(&runs(|_| 0.0), "z", |z| {
+        z[8..24].fill(f64::NAN);
+        z[100] = f64::NAN;
+    });
+    let judged = judged(RUNS, &records);
+    assert_eq!(judged.results.incomplete_rows, 17);
+    for target in &judged.results.targets {
+        assert_eq!(target.score.accuracy.count, 120, "{:?}", target.classifier);
+    }
+}
+
+#[test]
+fn without_groups_consecutive_windows_are_held_out_together() {
+    let text = RUNS.replace("groups = [\"run\"]\n", "");
+    let judged = judged(&text, &runs(|_| 0.0));
+    let folds = judged.windows.u32("fold").unwrap();
+    assert_eq!(folds[..5], [0, 1, 2, 3, 4], "a run of 20 rows has 5 windows: {folds:?}");
+    let long = self::judged(&text.replace("window_rows = 4", "window_rows = 2"), &runs(|_| 0.0));
+    assert_eq!(long.windows.u32("fold").unwrap()[..10], [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]);
+}
+
+#[test]
+fn a_group_unlike_the_first_healthy_ones_is_found_and_false_alarms_are_counted() {
+    let text = RUNS.replace("[[targets]]\ncolumn = \"state\"\nhealthy = \"none\"\n", "")
+        + "[healthy]\ncondition = \"good\"\n[novelty]\nhealthy_groups = 3\n";
+    let good = |run: usize| if run < 8 { "good" } else { "worn" }.to_owned();
+    let records = |offset: &dyn Fn(usize) -> f64| {
+        let mut records = runs(offset);
+        let condition: Vec<String> = (0..480).map(|row| good(row / 40)).collect();
+        records.push(Column::new("condition", "", condition)).unwrap();
+        records
+    };
+    let worn = judged(&text, &records(&|run| if run < 8 { 0.0 } else { run as f64 }));
+    let novelty = worn.results.novelty.unwrap();
+    assert_eq!((novelty.false_alarms.count, novelty.false_alarms.of), (0, 50), "5 later groups");
+    assert_eq!((novelty.alarms.count, novelty.alarms.of), (40, 40));
+    let distances: Vec<f64> = novelty.groups.iter().map(|group| group.mean_distance).collect();
+    assert!(distances[8] > 1.0 && distances[7] < 0.5, "{distances:?}");
+    // A later healthy group that differs is a false alarm, and so is one of the first among the others.
+    let odd = judged(&text, &records(&|run| if run == 1 || run == 6 { 5.0 } else { 0.0 }));
+    let novelty = odd.results.novelty.unwrap();
+    assert_eq!(novelty.groups[1].unknown.count, 10, "it is judged by what the others teach");
+    assert_eq!(novelty.false_alarms.count, 0, "it taught that 5 is healthy");
+    let late = judged(&text, &records(&|run| if run == 6 { 5.0 } else { 0.0 }));
+    assert_eq!(late.results.novelty.unwrap().false_alarms.count, 10);
+    let study = RecordingStudy::parse(&text.replace("= 3", "= 9")).unwrap();
+    let error = study.judge("", &records(&|_| 0.0), Workers::new(1)).unwrap_err().to_string();
+    assert!(error.starts_with("healthy_groups (8 are healthy) must be"), "{error}");
+}
+
+#[test]
+fn results_are_written_beside_each_other_but_not_over_those_of_a_simulated_study() {
+    let folder = Folder::new("recordings-written");
+    let judged = judged(RUNS, &runs(|_| 0.0));
+    let out = job::Folder::new(&folder.0);
+    judged.write(&out).unwrap();
+    let names =
+        ["model.json", "outcomes.parquet", "recordings.json", "study.toml", "windows.parquet"];
+    assert!(names.iter().all(|name| folder.file(name).exists()), "{:?}", folder.names());
+    let model = RecordingModel::read(&folder.file("model.json")).unwrap();
+    assert_eq!(model, judged.model);
+    judged.write(&out).unwrap();
+    folder.write("evaluation.json", "{}");
+    assert!(matches!(judged.write(&out), Err(JobError::OtherResults { count: 1, .. })));
+}
+
+#[test]
+fn a_model_answers_for_a_record_without_labels() {
+    let records = runs(|_| 0.0);
+    let model = judged(RUNS, &records).model;
+    let mut new = records.rows(0..42);
+    for column in ["run", "state"] {
+        new.take(column).unwrap();
+    }
+    let answers = model.answer(&new).unwrap();
+    let [(target, said)] = answers.targets.as_slice() else { panic!("one target, one answer") };
+    assert_eq!(target, "state");
+    assert_eq!(said[..], [["none"; 5], ["leak"; 5]].concat());
+    assert!(answers.distances.is_none());
+    assert_eq!(answers.windows.left_over, 2);
+    let other = RecordingModel { study: RUNS.replace("\"y\", \"z\"", "\"z\", \"y\""), ..model };
+    assert!(other.answer(&new).unwrap_err().to_string().contains("features"), "exchanged sensors");
+}
+
+#[test]
+fn a_damaged_model_is_refused() {
+    let folder = Folder::new("recordings-damaged");
+    let text = RUNS.replace("residuals = [\"y\", \"z\"]\n", "")
+        + "[[sensors]]\nname = \"y\"\nmeasured = \"y\"\nnominal_from = []\n";
+    judged(&text, &runs(|_| 0.0)).write(&job::Folder::new(&folder.0)).unwrap();
+    let model = std::fs::read_to_string(folder.file("model.json")).unwrap();
+    let rest = model.split_once("\",\n").unwrap().1;
+    let cases = [
+        ("servotwin recordings 1", "servotwin recordings 2"),
+        ("window_rows = 4", "window_rows = 0"),
+        ("nominal_from = []", "scale = 1.0"),
+        ("\"features\": [", "\"features\": [ \"more\","),
+    ];
+    for (known, other) in cases {
+        assert!(rest.contains(known), "{known}");
+        let path = folder.write("damaged.json", format!("{{\n{}", rest.replacen(known, other, 1)));
+        assert!(RecordingModel::read(&path).is_err(), "{other}");
+    }
+}
+
+/// The public records, which stand in `../shared/data` beside the repository, or where `SERVOTWIN_DATA` points. Without
+/// them, nothing is tested.
+fn data() -> Option<PathBuf> {
+    let beside = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+    let root = std::env::var_os("SERVOTWIN_DATA").map_or_else(|| beside.into(), PathBuf::from);
+    let is_there = root.is_dir();
+    if !is_there {
+        eprintln!("{} is not there: nothing tested", root.display());
+    }
+    is_there.then_some(root)
+}
+
+/// Runs the study of public records in a folder that holds them.
+fn public(name: &str, folder: &Path) -> JudgedRecordings {
+    let path = format!("{}/../../studies/{name}.toml", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(path).unwrap();
+    let study = RecordingStudy::parse(&text).unwrap();
+    study.judge(&text, &study.read(folder).unwrap(), Workers::all()).unwrap()
+}
+
+/// The shares of right answers, with those of scikit-learn 1.9.1 on the same windows and folds, and what is asked.
+fn compare(judged: &JudgedRecordings, peers: &[(&str, f64, f64)]) {
+    let forests = judged.results.targets.iter().filter(|t| t.classifier.id() == "random_forest");
+    for (target, (name, sklearn, least)) in forests.zip(peers) {
+        assert_eq!(target.column, *name);
+        let ours = target.score.accuracy.share.unwrap();
+        println!("{name}: {ours:.4}, scikit-learn {sklearn}");
+        assert!(ours >= *least && ours >= sklearn - 0.01, "{name}: {ours}");
+    }
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn val_sklearn_zema_hydraulic_rig() {
+    let Some(data) = data() else { return };
+    let folder = Folder::new("zema");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../peers/recordings.py");
+    let status = Command::new("python3").args([script, "zema"]).args([&data, &folder.0]).status();
+    assert!(status.expect("python3 runs").success());
+    let judged = public("zema_hydraulic", &folder.0);
+    assert_eq!((judged.results.windows, judged.results.left_over_rows), (2205, 0));
+    let peers = [
+        ("cooler", 0.9950, 0.99),
+        ("valve", 0.9982, 0.99),
+        ("pump", 0.9986, 0.99),
+        ("accumulator", 0.9710, 0.94),
+    ];
+    compare(&judged, &peers);
+}
+
+/// Issue 59 asks for 0.90. Rows in random folds give 0.91, but a row is like its neighbors in time, and consecutive
+/// folds, in which the first part of every mode is unlike the rest, give less to both programs.
+#[test]
+#[ignore = "slow: ./check --all"]
+fn val_sklearn_liu_engine_residuals() {
+    let Some(data) = data() else { return };
+    let judged = public("liu_engine", &data.join("liu_engine_residuals"));
+    assert_eq!((judged.results.windows, judged.results.left_over_rows), (408, 8));
+    compare(&judged, &[("mode", 0.8088, 0.80)]);
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn the_last_sessions_of_an_actuator_run_to_failure_are_unlike_the_first() {
+    let Some(data) = data() else { return };
+    let novelty = public("reprise", &data.join("reprise")).results.novelty.unwrap();
+    let alarms = novelty.false_alarms;
+    println!("false alarms: {} of {} windows of later healthy sessions", alarms.count, alarms.of);
+    assert!(alarms.of > 500 && alarms.share.unwrap() <= 0.01, "{alarms:?}");
+    let [.., ninth, eleventh, twelfth] = novelty.groups.as_slice() else { panic!("16 sessions") };
+    let last = [ninth, eleventh, twelfth].map(|group| group.mean_distance);
+    assert!(last.is_sorted() && last[0] > 0.5, "the way to failure in October 2017: {last:?}");
+    let before = &novelty.groups[..novelty.groups.len() - 3];
+    assert!(before.iter().all(|group| group.mean_distance < 0.2), "{before:?}");
 }
