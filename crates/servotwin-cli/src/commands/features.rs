@@ -11,8 +11,9 @@ use servotwin::campaign::Campaign;
 use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{Folder, JobError, data_card, manifest};
-use servotwin::recordings::{NominalFit, RecordingError, RecordingStudy};
+use servotwin::recordings::{NominalFit, NominalSource, RecordingError, RecordingStudy};
 use servotwin::study::{Scenario, Study};
+use servotwin::table::Table;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
 use std::path::{Path, PathBuf};
@@ -165,23 +166,32 @@ fn of_traces(
             error => Failure::Recording { path: study.into(), error },
         }
     };
-    let healthy = match &options.healthy {
-        Some(path) => Some((path, read_table(path, global)?)),
-        None => None,
+    let system = parsed.system(study.parent().unwrap_or(Path::new("")));
+    let system = system.map_err(|error| Failure::Recording { path: study.into(), error })?;
+    let read = |path: &Path| {
+        let mut table = read_table(path, global)?;
+        if let Some(system) = &system {
+            parsed.add_twin(&mut table, system).map_err(of(path))?;
+        }
+        Ok::<Table, Failure>(table)
     };
-    let table = read_table(traces, global)?;
-    let nominals = match &healthy {
-        Some((path, table)) => {
-            parsed.learn(table, &(0..table.row_count()).collect::<Vec<_>>()).map_err(of(path))?
+    let table = read(traces)?;
+    let (teacher, healthy, nominals) = match &options.healthy {
+        Some(path) => {
+            let teacher = read(path)?;
+            let rows: Vec<usize> = (0..teacher.row_count()).collect();
+            let nominals = parsed.learn(&teacher, &rows).map_err(of(path))?;
+            (teacher, rows, nominals)
         }
         None => {
             let rows = parsed.healthy_rows(&table).map_err(of(traces))?;
-            parsed.learn(&table, &rows).map_err(of(traces))?
+            let nominals = parsed.learn(&table, &rows).map_err(of(traces))?;
+            (table.clone(), rows, nominals)
         }
     };
     let windows = parsed.windows(&table, &nominals).map_err(of(traces))?;
     table::write(out, &windows.table)?;
-    let fits = parsed.fits(&nominals);
+    let fits = parsed.fits(&teacher, &nominals, &healthy).map_err(of(traces))?;
     let (count, columns) = (windows.table.row_count(), windows.table.columns().len());
     Ok(match (global.json, global.quiet) {
         (true, _) => crate::render::json(&json!({
@@ -205,21 +215,23 @@ pub fn remarks(left_over: usize, incomplete: usize, fits: &[NominalFit]) -> Stri
     if incomplete > 0 {
         text += &format!("{} without a number of every sensor\n", counted(incomplete, "row"));
     }
-    for fit in fits {
-        let NominalFit { sensor, inputs, regressions, rows, deviation, r2 } = fit;
-        let how = match inputs.as_slice() {
-            [] => "the mean".into(),
-            inputs => format!("a regression on {}", inputs.join(", ")),
+    for NominalFit { sensor, source, rows, deviation, r2 } in fits {
+        let (how, r2) = match source {
+            NominalSource::Column(name) => (format!("the column {name}"), r2),
+            NominalSource::Regression(inputs, conditions) => {
+                let (how, r2) = match inputs.as_slice() {
+                    [] => ("the mean".into(), &None),
+                    inputs => (format!("a regression on {}", inputs.join(", ")), r2),
+                };
+                match conditions {
+                    1 => (how, r2),
+                    more => (format!("{how} in each of {more} conditions"), r2),
+                }
+            }
         };
-        let conditions = if *regressions > 1 {
-            format!(" in each of {regressions} conditions")
-        } else {
-            String::new()
-        };
-        let r2 = r2.filter(|_| !inputs.is_empty());
         let r2 = r2.map_or(String::new(), |r2| format!(", R² {r2:.3}"));
         text += &format!(
-            "{sensor}: nominal is {how} of {rows} healthy rows{conditions}, remaining deviation {}{r2}\n",
+            "{sensor}: nominal is {how}; in {rows} healthy rows the remaining deviation is {}{r2}\n",
             number(*deviation, 3)
         );
     }

@@ -613,6 +613,9 @@ fn recordings_are_studied_and_a_new_log_is_watched_with_what_they_taught() {
     let said = succeeds(&["watch", &new, "--model", &model, "--json"]);
     let windows: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!(windows[2]["answers"]["state"], "leak");
+    let own = folder.file("own.toml");
+    std::fs::write(&own, text.replace("log.csv", "out/windows.parquet")).unwrap();
+    fails(&["study", &own, "--out", &out], 2, "would overwrite");
     let html = folder.file("w.html");
     fails(&["watch", &new, "--model", &model, "--html", &html], 2, "takes no other option");
     fails(&["study", &study, "--full", "--out", &out], 2, "has one size");

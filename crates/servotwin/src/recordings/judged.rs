@@ -6,6 +6,7 @@
 
 use super::model::{FORMAT, RecordingModel, TargetModel};
 use super::novelty::NoveltyResult;
+use super::twin::TWIN;
 use super::windows::{NominalFit, Windows, joined};
 use super::{RecordingError, RecordingStudy, Target};
 use crate::evaluation::metrics::{Prediction, Rate, Score};
@@ -23,6 +24,10 @@ use servotwin_learning::splits::{Split, grouped_k_fold};
 
 /// The seed of the folds.
 const SEED: u64 = 1;
+
+/// The files of results that a study of recordings writes.
+pub const FILES: [&str; 4] =
+    ["windows.parquet", "outcomes.parquet", "model.json", "recordings.json"];
 
 /// What a study of recordings returns.
 #[derive(Debug, Clone)]
@@ -168,7 +173,7 @@ impl RecordingStudy {
             windows: windows.starts.len(),
             features: windows.table.columns().len() - windows.kept,
             split: self.split_in_words(prepared.splits.len(), groups.len()),
-            nominals: self.fits(&nominals),
+            nominals: self.fits(records, &nominals, &healthy)?,
             targets,
             novelty,
         };
@@ -176,6 +181,7 @@ impl RecordingStudy {
         let model = RecordingModel {
             format: FORMAT.into(),
             study: text.into(),
+            system: self.twin.is_some().then(|| records.metadata.get(TWIN).cloned()).flatten(),
             features,
             nominals,
             targets: models,
@@ -418,7 +424,7 @@ fn data_set(prepared: &Prepared) -> Result<Table, RecordingError> {
 }
 
 impl JudgedRecordings {
-    /// Writes `study.toml`, `windows.parquet`, `outcomes.parquet`, `model.json` and `recordings.json` into a folder.
+    /// Writes [`FILES`] and the text of the study, `study.toml`, into a folder.
     ///
     /// # Errors
     /// The folder holds results of a simulated study; [`JobError::Busy`]; a file cannot be written.
@@ -429,15 +435,14 @@ impl JudgedRecordings {
             let (there, count) = ("a simulated study".into(), there.len());
             return Err(JobError::OtherResults { folder: folder.path().into(), there, count });
         }
-        let file = |name: &str| folder.path().join(name);
         let text = &self.model.study;
         write_atomically(folder.study(), |out| out.write_all(text.as_bytes()))?;
-        let tables = [("windows.parquet", &self.windows), ("outcomes.parquet", &self.outcomes)];
-        for (name, table) in tables {
-            table.write(file(name)).map_err(EvaluationError::from)?;
+        let [windows, outcomes, model, results] = FILES.map(|name| folder.path().join(name));
+        for (path, table) in [(windows, &self.windows), (outcomes, &self.outcomes)] {
+            table.write(path).map_err(EvaluationError::from)?;
         }
-        model_file::write_model(file("model.json"), &self.model)?;
-        Ok(model_file::write(file("recordings.json"), &self.results)?)
+        model_file::write_model(model, &self.model)?;
+        Ok(model_file::write(results, &self.results)?)
     }
 }
 

@@ -22,7 +22,7 @@
 //! [[sensors]]                          # or measured and nominal separately
 //! name = "p_a_1"
 //! measured = "pressure_a_pa"
-//! nominal = "twin_pressure_a_pa"       # a column; or, to be learned from the healthy rows,
+//! nominal = "twin_pressure_a_pa"       # a column, or twin.<sensor>; or, to be learned from the healthy rows,
 //! # nominal_from = ["command_m"]       # a regression on these columns, [] for the mean
 //! scale = 206.84e5                     # where learned, 100 deviations of healthy rows if not given
 //! quantity = "pressure_a"              # `other` where not given
@@ -31,6 +31,11 @@
 //! [[targets]]                          # what to learn from the windows
 //! column = "mode"
 //! healthy = "none"                     # its value without a fault, if it has one
+//!
+//! [twin]                               # gives every sensor of a system as a column twin.<sensor>
+//! system = "axis.toml"                 # beside this file, or the name of a built-in system
+//! period_s = 0.01                      # the time between two rows
+//! inputs = { command = "command_m" }   # the column of each driven input, SI
 //!
 //! [novelty]                            # what is unlike the first healthy groups
 //! healthy_groups = 3
@@ -43,17 +48,21 @@ pub mod model;
 mod nominal;
 pub mod novelty;
 mod records;
+mod twin;
 pub mod windows;
 
 pub use nominal::Nominal;
-pub use windows::{NominalFit, Nominals, Windows};
+pub use windows::{NominalFit, NominalSource, Nominals, Windows};
 
 use crate::evaluation::EvaluationError;
 use crate::nearest::nearest;
+use crate::simulate::SimulationError;
+use crate::system::SystemError;
 use serde::Deserialize;
 use servotwin_diagnosis::features::{ALL, Family, Quantity, Sensor, Sensors, find};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use twin::TwinChoice;
 
 /// The supported format of these study files.
 const FORMAT: u32 = 1;
@@ -93,6 +102,7 @@ pub struct RecordingStudy {
     #[serde(default = "tree_and_forest")]
     classifiers: Vec<String>,
     novelty: Option<NoveltyChoice>,
+    twin: Option<TwinChoice>,
 }
 
 /// A column that is learned from the windows.
@@ -191,6 +201,12 @@ pub enum RecordingError {
     /// A record has no row in the table of labels, or several.
     #[error("the labels have {count} rows for the record '{record}'")]
     Labels { record: String, count: usize },
+    /// The system of the twin cannot be read.
+    #[error("the twin's system: {0}")]
+    System(Box<SystemError>),
+    /// The twin of a record cannot be simulated.
+    #[error("the twin of the record '{record}': {error}")]
+    Twin { record: String, error: Box<SimulationError> },
     /// The table does not match the study file, or training fails.
     #[error(transparent)]
     Evaluation(EvaluationError),
@@ -241,9 +257,9 @@ impl RecordingStudy {
         self.window_rows
     }
 
-    /// Where the records are, relative to the study file; `None` if the study names none.
-    pub fn records(&self) -> Option<&PathBuf> {
-        self.records.as_ref()
+    /// The tables that the study reads, relative to its file; a folder of logs is one.
+    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.records.iter().chain(&self.labels)
     }
 
     fn check(&self) -> Result<(), RecordingError> {
@@ -275,6 +291,8 @@ impl RecordingStudy {
             let reason = "novelty is learned from the first healthy groups";
             return Err(RecordingError::Lacks { key: "groups and [healthy]", reason });
         }
+        let is_period = |twin: &TwinChoice| twin.period_s > 0.0 && twin.period_s.is_finite();
+        range(self.twin.as_ref().is_none_or(is_period), "period_s", "above 0")?;
         if self.labels.is_some() && self.record.is_none() {
             let reason = "the column of the labels that names the record";
             return Err(RecordingError::Lacks { key: "record", reason });

@@ -4,6 +4,7 @@ use super::novelty::LearnedNovelty;
 use super::windows::{Nominals, Windows};
 use super::{RecordingError, RecordingStudy};
 use crate::evaluation::{EvaluationError, model_file};
+use crate::system::System;
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{Classifier, Model};
@@ -20,6 +21,8 @@ pub struct RecordingModel {
     pub format: String,
     /// The text of the study.
     pub study: String,
+    /// The text of the twin's system, if there is a twin.
+    pub system: Option<String>,
     /// The features of a window.
     pub features: Vec<String>,
     /// The nominal values, learned from all healthy rows, or those of the novelty if there is no target.
@@ -99,7 +102,13 @@ impl RecordingModel {
     /// As [`RecordingStudy::windows`]; the features are not those of the model.
     pub fn answer(&self, record: &Table) -> Result<Answers, RecordingError> {
         let study = self.new_record()?;
-        let windows = study.windows(record, &self.nominals)?;
+        let mut record = record.clone();
+        if let Some(text) = &self.system {
+            let system = System::parse(text, "the twin of the model");
+            let system = system.map_err(|error| RecordingError::System(Box::new(error)))?;
+            study.add_twin(&mut record, &system)?;
+        }
+        let windows = study.windows(&record, &self.nominals)?;
         let features = &windows.table.columns()[windows.kept..];
         let is_same = features.iter().map(|feature| &feature.name).eq(&self.features);
         require_sound(is_same, "its features are not those of its study")?;
@@ -123,7 +132,7 @@ impl RecordingModel {
         let distances = self
             .novelty
             .as_ref()
-            .map(|novelty| novelty.known_distances(&study.windows(record, &novelty.nominals)?));
+            .map(|novelty| novelty.known_distances(&study.windows(&record, &novelty.nominals)?));
         Ok(Answers { targets, distances: distances.transpose()?, windows })
     }
 }

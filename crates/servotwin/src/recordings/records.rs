@@ -1,5 +1,6 @@
 //! Reads records: one table, or a folder of logs, with the labels of each record.
 
+use super::twin::TWIN;
 use super::windows::texts;
 use super::{RecordingError, RecordingStudy};
 use crate::files::FileError;
@@ -14,10 +15,11 @@ const RECORD: &str = "record";
 const LOGS: [&str; 4] = ["csv", "parquet", "jsonl", "ndjson"];
 
 impl RecordingStudy {
-    /// Reads the records that the study names, with the columns of their labels. `folder` is that of the study file.
+    /// Reads the records that the study names, with the columns of their labels and of their twin. `folder` is that of the study file.
     ///
     /// # Errors
-    /// The study names no records; a file cannot be read; a column is missing; a record has no labels.
+    /// The study names no records; a file cannot be read; a column is missing; a record has no labels, or its twin
+    /// cannot be simulated.
     pub fn read(&self, folder: &Path) -> Result<Table, RecordingError> {
         let Some(records) = &self.records else {
             let reason = "a table, or a folder of logs, relative to the study file";
@@ -43,6 +45,10 @@ impl RecordingStudy {
         if let (Some(labels), Some(record)) = (&labels, record) {
             join(&mut table, labels, record)?;
         }
+        if let Some(system) = self.system(folder)? {
+            self.add_twin(&mut table, &system)?;
+            table.metadata.insert(TWIN.into(), system.text);
+        }
         Ok(table)
     }
 
@@ -52,7 +58,10 @@ impl RecordingStudy {
             let inputs = sensor.nominal_from.iter().flatten();
             [&sensor.measured].into_iter().chain(&sensor.nominal).chain(inputs)
         });
-        sensors.chain(self.healthy.keys()).chain(self.kept()).map(String::as_str).collect()
+        let driven = self.twin.iter().flat_map(|twin| twin.inputs.values());
+        let names = sensors.chain(driven).chain(self.healthy.keys()).chain(self.kept());
+        let is_of_twin = |name: &&str| self.twin.is_some() && name.starts_with(TWIN);
+        names.map(String::as_str).filter(|name| !is_of_twin(name)).collect()
     }
 }
 

@@ -38,22 +38,30 @@ pub struct Nominals {
     sensors: Vec<Option<BTreeMap<String, Nominal>>>,
 }
 
-/// How well a learned nominal value fits the healthy rows.
+/// Where the nominal values of a sensor come from, and how well they fit the healthy rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NominalFit {
     /// The sensor.
     pub sensor: String,
-    /// The inputs of the regression; none for the mean.
-    pub inputs: Vec<String>,
-    /// Number of regressions, one for each combination of the conditions.
-    pub regressions: usize,
+    /// Where they come from.
+    pub source: NominalSource,
     /// Number of healthy rows.
     pub rows: usize,
-    /// Standard deviation of measured minus nominal over the healthy rows, in the unit of the column.
+    /// Root mean square of measured minus nominal over the healthy rows, in the unit of the column.
     pub deviation: f64,
-    /// Coefficient of determination: the share of the variance within the conditions that the inputs explain. `None`
-    /// without variance.
+    /// Coefficient of determination over the healthy rows, of regressions within their conditions. `None` without
+    /// variance.
     pub r2: Option<f64>,
+}
+
+/// Where the nominal values of a sensor come from.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NominalSource {
+    /// A column, or the twin.
+    Column(String),
+    /// A regression on these columns in each of some conditions; without columns, the mean.
+    Regression(Vec<String>, usize),
 }
 
 /// The signals of a sensor in all rows. A missing number is not finite.
@@ -161,25 +169,44 @@ impl RecordingStudy {
         learned.eq(self.sensors.iter().map(|sensor| sensor.nominal_from.is_some()))
     }
 
-    /// How well the learned nominal values fit the rows that they were learned from.
-    pub fn fits(&self, nominals: &Nominals) -> Vec<NominalFit> {
-        let one = |(sensor, learned): (&SensorText, &Option<BTreeMap<String, Nominal>>)| {
-            let learned = learned.as_ref()?;
-            let rows = learned.values().map(|nominal| nominal.rows).sum();
-            let squares = |of: &dyn Fn(&Nominal) -> f64| -> f64 {
-                learned.values().map(|nominal| nominal.rows as f64 * of(nominal).powi(2)).sum()
+    /// How well the nominal values fit the healthy rows. Columns that are used as they are have none.
+    ///
+    /// # Errors
+    /// A column is missing or not numeric.
+    pub fn fits(
+        &self,
+        records: &Table,
+        nominals: &Nominals,
+        healthy: &[usize],
+    ) -> Result<Vec<NominalFit>, RecordingError> {
+        let mut fits = vec![];
+        for (sensor, learned) in self.sensors.iter().zip(&nominals.sensors) {
+            let (source, rows, rest, all) = match (&sensor.nominal, learned) {
+                (Some(name), _) => {
+                    let own = Nominal::learn(&records.f64(&sensor.measured)?, &[], healthy);
+                    let residuals = residuals(records, &sensor.measured, name, healthy)?;
+                    let rest = residuals.iter().map(|residual| residual.powi(2)).sum();
+                    let all = own.map_or(0.0, |own| own.rows as f64 * own.spread.powi(2));
+                    (NominalSource::Column(name.clone()), residuals.len(), rest, all)
+                }
+                (None, Some(learned)) => {
+                    let rows = learned.values().map(|nominal| nominal.rows).sum();
+                    let squares = |of: &dyn Fn(&Nominal) -> f64| -> f64 {
+                        learned.values().map(|own| own.rows as f64 * of(own).powi(2)).sum()
+                    };
+                    let inputs = sensor.nominal_from.clone().unwrap_or_default();
+                    let source = NominalSource::Regression(inputs, learned.len());
+                    (source, rows, squares(&|own| own.deviation), squares(&|own| own.spread))
+                }
+                (None, None) => continue,
             };
-            let (rest, all) = (squares(&|nominal| nominal.deviation), squares(&|n| n.spread));
-            Some(NominalFit {
-                sensor: sensor.name.clone(),
-                inputs: sensor.nominal_from.clone().unwrap_or_default(),
-                regressions: learned.len(),
-                rows,
-                deviation: (rest / rows as f64).sqrt(),
-                r2: (all > 0.0).then(|| 1.0 - rest / all),
-            })
-        };
-        self.sensors.iter().zip(&nominals.sensors).filter_map(one).collect()
+            if rows > 0 {
+                let deviation = (rest / rows as f64).sqrt();
+                let r2 = (all > 0.0).then(|| 1.0 - rest / all);
+                fits.push(NominalFit { sensor: sensor.name.clone(), source, rows, deviation, r2 });
+            }
+        }
+        Ok(fits)
     }
 
     /// The features of every complete window of the records.
@@ -294,6 +321,18 @@ impl RecordingStudy {
             false => Ok(starts),
         }
     }
+}
+
+/// Measured minus nominal in the healthy rows that have both.
+fn residuals(
+    records: &Table,
+    measured: &str,
+    nominal: &str,
+    healthy: &[usize],
+) -> Result<Vec<f64>, TableError> {
+    let (measured, nominal) = (records.f64(measured)?, records.f64(nominal)?);
+    let residuals = healthy.iter().map(|&row| measured[row] - nominal[row]);
+    Ok(residuals.filter(|residual| residual.is_finite()).collect())
 }
 
 /// The features of a segment. Those that depend on a sensor without a number are missing.

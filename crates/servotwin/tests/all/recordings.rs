@@ -5,7 +5,9 @@ use servotwin::job::{self, JobError};
 use servotwin::parallel::Workers;
 use servotwin::recordings::judged::JudgedRecordings;
 use servotwin::recordings::model::RecordingModel;
-use servotwin::recordings::{RecordingError, RecordingStudy, Windows};
+use servotwin::recordings::{NominalSource, RecordingError, RecordingStudy, Windows};
+use servotwin::simulate::Simulation;
+use servotwin::system::System;
 use servotwin::table::{Column, Table};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -83,14 +85,26 @@ fn the_fit_of_a_nominal_is_reported() {
     let study = RecordingStudy::parse(LEAK).unwrap();
     let fits = |table: &Table| {
         let rows = study.healthy_rows(table).unwrap();
-        study.fits(&study.learn(table, &rows).unwrap())
+        study.fits(table, &study.learn(table, &rows).unwrap(), &rows).unwrap()
     };
     let [exact] = fits(&leaking()).try_into().unwrap();
-    assert_eq!((exact.rows, exact.inputs.len(), exact.regressions), (20, 1, 1));
+    assert_eq!((exact.rows, &exact.source), (20, &NominalSource::Regression(vec!["u".into()], 1)));
     assert!(exact.r2.unwrap() > 1.0 - 1e-9 && exact.deviation < 1e-9, "{exact:?}");
     let noisy = changed(&leaking(), "y", |y| (0..20).for_each(|k| y[k] += f64::from(k as u8 % 2)));
     let [noisy] = fits(&noisy).try_into().unwrap();
     assert!(noisy.r2.unwrap() < 0.999 && (noisy.deviation - 0.5).abs() < 0.05, "{noisy:?}");
+    let column = LEAK.replace("nominal_from = [\"u\"]", "nominal = \"u\"");
+    let study = RecordingStudy::parse(&column).unwrap();
+    let (table, rows) = (leaking(), [0, 1]);
+    let [of_column] = study
+        .fits(&table, &study.learn(&table, &rows).unwrap(), &rows)
+        .unwrap()
+        .try_into()
+        .unwrap();
+    // u = 0, 7 and y = 1, 15: residuals 1 and 8, of a variance of 49.
+    assert_eq!(of_column.source, NominalSource::Column("u".into()));
+    assert!((of_column.deviation - 32.5_f64.sqrt()).abs() < 1e-12, "{of_column:?}");
+    assert!((of_column.r2.unwrap() - (1.0 - 32.5 / 49.0)).abs() < 1e-12, "{of_column:?}");
 }
 
 #[test]
@@ -329,6 +343,59 @@ fn a_damaged_model_is_refused() {
         let path = folder.write("damaged.json", format!("{{\n{}", rest.replacen(known, other, 1)));
         assert!(RecordingModel::read(&path).is_err(), "{other}");
     }
+}
+
+#[test]
+fn nominal_values_come_from_a_twin_of_every_record() {
+    let folder = Folder::new("recordings-twin");
+    std::fs::create_dir(folder.file("logs")).unwrap();
+    let system = System::read("press_axis").unwrap();
+    let mut labels = String::from("run,state\n");
+    let logged = |run: usize, intensity: f64| {
+        let command = format!("noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed={}", 1 + run);
+        let simulation = Simulation::new(&system).input("command", command).duration_s(3.99);
+        simulation
+            .fault("valve.gain_low", intensity)
+            .noise(run as u64)
+            .run()
+            .unwrap()
+            .table()
+            .unwrap()
+    };
+    for run in 0..8 {
+        let is_low = run % 2 == 1;
+        let path = folder.file(&format!("logs/{run}.csv"));
+        logged(run, if is_low { 0.5 } else { 0.0 }).write(path).unwrap();
+        labels += &format!("{run},{}\n", if is_low { "low" } else { "none" });
+    }
+    folder.write("labels.csv", labels);
+    let sensor = |id: &str, column: &str, scale: &str| {
+        format!(
+            "[[sensors]]\nname = \"{id}\"\nmeasured = \"{column}\"\nnominal = \"twin.{id}\"\nscale = {scale}\n"
+        )
+    };
+    let text = "format = 1\nrecords = \"logs\"\nrecord = \"run\"\nlabels = \"labels.csv\"\ngroups = [\"run\"]\n\
+        window_rows = 100\n[twin]\nsystem = \"press_axis\"\nperiod_s = 0.01\ninputs = { command = \"command_m\" }\n\
+        [[targets]]\ncolumn = \"state\"\nhealthy = \"none\"\n"
+        .to_owned()
+        + &sensor("x_p", "x_p_m", "0.15")
+        + &sensor("x_v", "x_v_m", "1e-3");
+    let study = RecordingStudy::parse(&text).unwrap();
+    let records = study.read(&folder.0).unwrap();
+    let judged = study.judge(&text, &records, Workers::new(2)).unwrap();
+    for fit in &judged.results.nominals {
+        assert_eq!(fit.source, NominalSource::Column(format!("twin.{}", fit.sensor)));
+        assert!(fit.rows == 1600 && fit.r2.unwrap() > 0.99, "the twin is the plant: {fit:?}");
+    }
+    let accuracy = judged.results.targets[1].score.accuracy;
+    assert!(accuracy.of == 32 && accuracy.count >= 30, "{accuracy:?}");
+    let mut new = logged(9, 0.5);
+    new.push(Column::new("twin.x_p", "", vec![0.0; 400])).unwrap();
+    let answers = judged.model.answer(&new).unwrap();
+    assert_eq!(answers.targets[0].1, ["low"; 4], "its own twin runs beside a new record");
+    let unknown = RecordingStudy::parse(&text.replace("twin.x_v", "twin.x_y")).unwrap();
+    let error = unknown.read(&folder.0).unwrap_err().to_string();
+    assert!(error.starts_with("the twin of the record '0':"), "{error}");
 }
 
 /// The public records, which stand in `../shared/data` beside the repository, or where `SERVOTWIN_DATA` points. Without
