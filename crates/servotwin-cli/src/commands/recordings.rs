@@ -1,5 +1,5 @@
-//! `servotwin study` and `servotwin watch` of recordings: learns targets and novelty from the windows of measured
-//! records, and answers for those of a new one.
+//! `servotwin study`, `watch` and `export` of recordings: learns targets and novelty from the windows of measured
+//! records, answers for those of a new one, and writes the trees as C.
 
 use super::StudyOptions;
 use super::evaluate::workers;
@@ -18,6 +18,7 @@ use servotwin::recordings::RecordingError;
 use servotwin::recordings::judged::{FILES, RecordingResults, TargetResult};
 use servotwin::recordings::model::{Answers, FORMAT, RecordingModel};
 use servotwin::recordings::novelty::NoveltyResult;
+use servotwin_export::recording;
 use servotwin_report::words::percent;
 use std::io::Read;
 use std::path::Path;
@@ -190,6 +191,22 @@ pub fn watch(log: &Path, model: &Path, global: Global) -> Result<String, Failure
         place += same.len();
     }
     Ok(text + &remarks(answers.windows.left_over, answers.windows.incomplete, &[]))
+}
+
+/// Writes the trees of a model as C. Returns the text for standard output.
+pub fn export(model: &Path, out: &Path, global: Global) -> Result<String, Failure> {
+    let sources = recording::files(&RecordingModel::read(model)?)?;
+    files::create_folder(out)?;
+    for source in &sources {
+        files::write_atomically(out.join(source.name), |file| {
+            file.write_all(source.text.as_bytes())
+        })?;
+    }
+    Ok(match global {
+        Global { json: true, .. } => json(&json!({ "files": sources.map(|source| source.name) })),
+        Global { quiet: true, .. } => String::new(),
+        _ => format!("{}: the trees of {}\n", out.display(), model.display()),
+    })
 }
 
 /// What a window is, in words.
