@@ -206,7 +206,7 @@ class Bench:
             "study of two": ("tiny.toml", [["check", "@"]]),
             "system": ("system.toml", [["check", "@"], ["describe", "@"],
                                        ["simulate", "@", "--duration", "0.1s", "--out", "s.csv"]]),
-            "study of traces": ("traces.toml", [["features", "x.csv", "--study", "@", "--out", "f.csv"]]),
+            "study of recordings": ("traces.toml", [["features", "x.csv", "--study", "@", "--out", "f.csv"]]),
             "map": ("map.toml", [watch("log.csv", "--map", "@")]),
             **logs,
             "traces": ("x.csv", [["features", "@", "--study", "traces.toml", "--out", "f.csv"]]),

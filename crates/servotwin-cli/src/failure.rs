@@ -4,7 +4,6 @@ use crate::hint;
 use crate::incomplete::Incomplete;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::traces::TraceError;
 use servotwin::figure::FigureError;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
@@ -13,6 +12,7 @@ use servotwin::flight::runtime::RuntimeError;
 use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::{UnknownName, nearest};
+use servotwin::recordings::RecordingError;
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
 use servotwin::simulate::SimulationError;
@@ -132,10 +132,10 @@ pub enum Failure {
     /// A stage of the main job stopped.
     #[error("{}", hint::of_job(.0))]
     Job(JobError),
-    /// A study file for traces has mistakes, or the traces contradict it.
-    #[error("{}", hint::of_traces(.path, .error))]
-    Trace { path: PathBuf, error: TraceError },
-    /// A table contradicts a study file for traces.
+    /// A study file of recordings has mistakes, or the recordings contradict it.
+    #[error("{}", hint::of_recordings(.path, .error))]
+    Recording { path: PathBuf, error: RecordingError },
+    /// A table contradicts a study file of recordings.
     #[error("error: {path} does not follow {study}: {error}")]
     NotAs { path: PathBuf, study: PathBuf, error: Box<EvaluationError> },
     /// The twin or the diagnosis could not run.
@@ -231,7 +231,7 @@ impl Failure {
         match self {
             Failure::System(_)
             | Failure::Study(_)
-            | Failure::Trace { .. }
+            | Failure::Recording { .. }
             | Failure::NotAs { .. }
             | Failure::NoLogs { .. }
             | Failure::NoSample { .. }

@@ -1,7 +1,7 @@
 //! Adds helpful options to errors of the library, which does not know the command line.
 
-use servotwin::evaluation::traces::TraceError;
 use servotwin::job::JobError;
+use servotwin::recordings::RecordingError;
 use servotwin_watch::WatchError;
 use servotwin_watch::checkpoint::CheckpointError;
 use servotwin_watch::source::SourceError;
@@ -23,10 +23,10 @@ pub fn of_job(error: &JobError) -> String {
     }
 }
 
-/// The message for traces that contradict their study.
-pub fn of_traces(path: &Path, error: &TraceError) -> String {
+/// The message for recordings that contradict their study.
+pub fn of_recordings(path: &Path, error: &RecordingError) -> String {
     let hint = match error {
-        TraceError::NoHealthyRows { .. } => " with --healthy",
+        RecordingError::NoHealthyRows { .. } => " with --healthy",
         _ => "",
     };
     format!("error: {}: {error}{hint}", path.display())

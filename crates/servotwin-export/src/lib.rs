@@ -5,6 +5,7 @@
 //! - [`fmu`]: the system with its faults for other simulation tools
 //! - [`folder`]: an export on disk, with what it was made of
 //! - [`prove`]: compiles an export and compares its decisions with those of the diagnoser
+//! - [`recording`]: the trees of a study of recordings as C99
 //!
 //! The flight control computer's answer must be the trained one. Therefore nothing is approximated: the code has the
 //! same operations in the same order, and the comparison demands equal bits.
@@ -20,6 +21,7 @@ pub mod fmu;
 pub mod folder;
 mod notation;
 pub mod prove;
+pub mod recording;
 mod source_file;
 mod tables;
 mod twin;

@@ -1,4 +1,4 @@
-//! Detects whether a text is a system, a study or a trace study from its keys, even if it is not valid TOML. Also finds
+//! Detects whether a text is a system, a study or a study of recordings from its keys, even if it is not valid TOML. Also finds
 //! the text of a path or a built-in name.
 
 use crate::built_in;
@@ -16,8 +16,8 @@ pub enum FileType {
     System,
     /// Faults, cases and sensors of a system.
     Study,
-    /// The roles of columns in traces: a study file of `servotwin features`.
-    Traces,
+    /// Measured signals with labels instead of a system.
+    Recordings,
 }
 
 /// Line beginnings that occur in systems only.
@@ -26,8 +26,8 @@ const OF_SYSTEM: [&str; 6] =
 /// Line beginnings that occur in studies only.
 const OF_STUDY: [&str; 6] =
     ["[command", "[[classes", "intensities", "sample_hz", "duration_s", "command"];
-/// Line beginnings that occur in trace studies only.
-const OF_TRACES: [&str; 1] = ["window_rows"];
+/// Line beginnings that occur in studies of recordings only.
+const OF_RECORDINGS: [&str; 1] = ["window_rows"];
 
 impl FileType {
     /// The type of a text; `None` if it matches none of them, or several.
@@ -35,10 +35,10 @@ impl FileType {
         let begins = |words: &[&str]| {
             text.lines().any(|line| words.iter().any(|word| line.trim_start().starts_with(word)))
         };
-        match (begins(&OF_SYSTEM), begins(&OF_STUDY), begins(&OF_TRACES)) {
+        match (begins(&OF_SYSTEM), begins(&OF_STUDY), begins(&OF_RECORDINGS)) {
             (true, false, false) => Some(FileType::System),
             (false, true, false) => Some(FileType::Study),
-            (false, false, true) => Some(FileType::Traces),
+            (false, false, true) => Some(FileType::Recordings),
             _ => None,
         }
     }
@@ -53,7 +53,7 @@ impl FileType {
         let studies = ("studies", &built_in::STUDIES[..]);
         let folders = match self {
             FileType::System => [systems, studies],
-            FileType::Study | FileType::Traces => [studies, systems],
+            FileType::Study | FileType::Recordings => [studies, systems],
         };
         let shown = path.display();
         let known = |list| path.to_str().and_then(|name| built_in::find(list, name));
@@ -72,7 +72,7 @@ impl FileType {
         let list = match self {
             FileType::System => &built_in::SYSTEMS[..],
             FileType::Study => &built_in::STUDIES[..],
-            FileType::Traces => return FileError::Missing { path },
+            FileType::Recordings => return FileError::Missing { path },
         };
         let is_name = path.extension().is_none() && path.components().count() == 1;
         let Some(name) = path.to_str().filter(|_| is_name) else {
@@ -87,7 +87,7 @@ impl FileType {
         match self {
             FileType::System => "a system",
             FileType::Study => "a study",
-            FileType::Traces => "a study of traces",
+            FileType::Recordings => "a study of recordings",
         }
     }
 
@@ -97,8 +97,8 @@ impl FileType {
         let help = match (is, named_system(text)) {
             (FileType::Study, Some(name)) => format!("it is a study of the system '{name}'"),
             (FileType::Study, None) => "a study names its system".into(),
-            (FileType::Traces, _) => {
-                "'servotwin features TABLE --study FILE' reads it, and 'servotwin check FILE'".into()
+            (FileType::Recordings, _) => {
+                "'servotwin study FILE' and 'servotwin features TABLE --study FILE' read it".into()
             }
             (FileType::System, _) => {
                 "a study names a system, its commands, sensors and faults; 'servotwin init' writes one".into()
@@ -126,8 +126,8 @@ mod tests {
     fn what_is_built_in_is_what_it_is() {
         assert!(SYSTEMS.iter().all(|(_, text)| FileType::of(text) == Some(FileType::System)));
         assert!(STUDIES.iter().all(|(_, text)| FileType::of(text) == Some(FileType::Study)));
-        let traces = include_str!("../../../studies/liu_engine.toml");
-        assert_eq!(FileType::of(traces), Some(FileType::Traces));
+        let recordings = include_str!("../../../studies/liu_engine.toml");
+        assert_eq!(FileType::of(recordings), Some(FileType::Recordings));
         assert_eq!(FileType::of("format = 1\n"), None);
         let named = |text: &str| named_system(text);
         assert_eq!(named("name = 1\nsystem = 'a.toml'  # beside\n").as_deref(), Some("a.toml"));

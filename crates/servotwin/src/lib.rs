@@ -82,6 +82,7 @@ pub mod job;
 pub mod monitor;
 pub mod observer;
 pub mod prelude;
+pub mod recordings;
 pub mod run;
 
 #[doc(no_inline)]

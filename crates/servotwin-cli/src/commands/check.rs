@@ -1,6 +1,6 @@
 //! `servotwin check`: checks a system or a study file.
 
-use super::features::read_traces_study;
+use super::features::read_recording_study;
 use super::warn;
 use crate::Global;
 use crate::failure::Failure;
@@ -46,7 +46,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
             warn(global, &[study.warnings_in_words(), implausible.clone()].concat());
             Ok(of_study(options, &study, &implausible))
         }
-        FileType::Traces => of_traces(options),
+        FileType::Recordings => of_recordings(options),
     });
     let checked: Vec<Checked> = checked.collect::<Result<_, Failure>>()?;
     Ok(match (global, checked.as_slice()) {
@@ -166,20 +166,20 @@ fn warnings(study: &Study, implausible: &[String]) -> Value {
     warnings.chain(implausible.iter().map(|doubt| json!({ "message": doubt }))).collect()
 }
 
-/// Checks a study of traces. It names columns of a table instead of a system.
-fn of_traces(options: &Options) -> Result<Checked, Failure> {
+/// Checks a study of recordings. It names columns of a table instead of a system.
+fn of_recordings(options: &Options) -> Result<Checked, Failure> {
     let file = &options.file;
-    let study = read_traces_study(file)?;
-    let in_study = |error| Failure::Trace { path: file.clone(), error };
+    let study = read_recording_study(file)?;
+    let in_study = |error| Failure::Recording { path: file.clone(), error };
     let (rows, sensors) = (study.window_rows(), study.sensors().map_err(in_study)?.0.len());
     Ok(Checked {
         text: format!(
-            "{}: no mistakes: a study of traces for 'servotwin features', {sensors} sensors or \
-             residuals, windows of {rows} rows\n",
+            "{}: no mistakes: a study of recordings, {sensors} sensors or residuals, windows of \
+             {rows} rows\n",
             file.display()
         ),
         json: json!({
-            "file": file, "kind": "traces", "valid": true, "mistakes": [], "sensors": sensors,
+            "file": file, "kind": "recordings", "valid": true, "mistakes": [], "sensors": sensors,
             "window_rows": rows,
         }),
     })

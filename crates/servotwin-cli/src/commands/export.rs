@@ -1,7 +1,7 @@
 //! `servotwin export`: a trained diagnosis and its twin for other programs.
 
-use super::find_study;
 use super::watch::input::usual_diagnoser;
+use super::{find_study, recordings};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -69,7 +69,8 @@ enum Fmi {
 ///
 /// The C code takes inputs and measured values sample by sample, and answers as 'servotwin watch' does, bit for bit. It
 /// allocates nothing and needs only sqrt, fabs, memcpy and memset of the C library. 'servotwin prove' compiles it and
-/// proves that it decides as it was trained.
+/// proves that it decides as it was trained. Of a model of recordings, the decision tree of every target is written: it
+/// takes the features of a window.
 #[derive(clap::Args)]
 struct COptions {
     /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
@@ -138,6 +139,9 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
 /// Writes a diagnosis and its twin to a folder.
 fn write_c(options: &COptions, global: Global) -> Result<String, Failure> {
     let file = options.model.clone().unwrap_or_else(usual_diagnoser);
+    if recordings::is_model(&file) {
+        return recordings::export(&file, &options.out, global);
+    }
     let diagnoser = model_file::read_diagnoser(&file)?;
     let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;

@@ -5,13 +5,15 @@ use super::read_table;
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
+use crate::render::number;
 use serde_json::json;
 use servotwin::campaign::Campaign;
+use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
-use servotwin::evaluation::traces::{TraceError, TraceStudy};
 use servotwin::job::{Folder, JobError, data_card, manifest};
+use servotwin::recordings::{NominalFit, NominalSource, RecordingError, RecordingStudy};
 use servotwin::study::{Scenario, Study};
-use servotwin::table::TableError;
+use servotwin::table::Table;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
 use std::path::{Path, PathBuf};
@@ -71,8 +73,8 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
     let sensors = match study {
         Some(path) => {
-            let in_study = |error| Failure::Trace { path: path.clone(), error };
-            read_traces_study(path)?.sensors().map_err(in_study)?
+            let in_study = |error| Failure::Recording { path: path.clone(), error };
+            read_recording_study(path)?.sensors().map_err(in_study)?
         }
         None => Study::default().sensors,
     };
@@ -105,10 +107,10 @@ const LIST_HEAD: &str = "# Features\n\n\
     r' is a residual: the measured value less the twin's value, over the sensor's scale.\n\
     The threshold of a tree is in the unit given here.\n";
 
-/// Reads a study file of traces.
-pub fn read_traces_study(path: &PathBuf) -> Result<TraceStudy, Failure> {
+/// Reads a study file of recordings.
+pub fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
     let text = files::read_document(path).map_err(EvaluationError::File)?;
-    TraceStudy::parse(&text).map_err(|error| Failure::Trace { path: path.clone(), error })
+    RecordingStudy::parse(&text).map_err(|error| Failure::Recording { path: path.into(), error })
 }
 
 fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
@@ -147,33 +149,91 @@ fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure>
 fn of_traces(
     options: &Options,
     traces: &Path,
-    study: &PathBuf,
+    study: &Path,
     out: &Path,
     global: Global,
 ) -> Result<String, Failure> {
-    let parsed = read_traces_study(study)?;
-    // An error about a non-finite number already names its place.
-    let of = |path: &Path, error| match error {
-        EvaluationError::Table(TableError::NotFinite { .. }) => error.into(),
-        error => Failure::NotAs { path: path.into(), study: study.clone(), error: Box::new(error) },
+    let parsed = read_recording_study(study)?;
+    let of = |path: &Path| {
+        let path = path.to_owned();
+        move |error| match error {
+            RecordingError::Evaluation(error) => {
+                Failure::NotAs { path: path.clone(), study: study.into(), error: Box::new(error) }
+            }
+            error @ RecordingError::TooFar { .. } => {
+                Failure::Recording { path: path.clone(), error }
+            }
+            error => Failure::Recording { path: study.into(), error },
+        }
     };
-    let told = |error| match (error, &options.healthy) {
-        (TraceError::Healthy(error), Some(path)) => of(path, error),
-        (TraceError::Evaluation(error) | TraceError::Healthy(error), _) => of(traces, error),
-        (error @ TraceError::TooFar { .. }, _) => Failure::Trace { path: traces.into(), error },
-        (error, _) => Failure::Trace { path: study.clone(), error },
+    let system = parsed.system(study.parent().unwrap_or(Path::new("")));
+    let system = system.map_err(|error| Failure::Recording { path: study.into(), error })?;
+    let read = |path: &Path| {
+        let mut table = read_table(path, global)?;
+        if let Some(system) = &system {
+            parsed.add_twin(&mut table, system).map_err(of(path))?;
+        }
+        Ok::<Table, Failure>(table)
     };
-    let healthy = match &options.healthy {
-        Some(path) => Some(read_table(path, global)?),
-        None => None,
+    let table = read(traces)?;
+    let (teacher, healthy, nominals) = match &options.healthy {
+        Some(path) => {
+            let teacher = read(path)?;
+            let rows: Vec<usize> = (0..teacher.row_count()).collect();
+            let nominals = parsed.learn(&teacher, &rows).map_err(of(path))?;
+            (teacher, rows, nominals)
+        }
+        None => {
+            let rows = parsed.healthy_rows(&table).map_err(of(traces))?;
+            let nominals = parsed.learn(&table, &rows).map_err(of(traces))?;
+            (table.clone(), rows, nominals)
+        }
     };
-    let table = read_table(traces, global)?;
-    let features = parsed.features(&table, healthy.as_ref()).map_err(told)?;
-    table::write(out, &features)?;
-    let (windows, columns) = (features.row_count(), features.columns().len());
+    let windows = parsed.windows(&table, &nominals).map_err(of(traces))?;
+    table::write(out, &windows.table)?;
+    let fits = parsed.fits(&teacher, &nominals, &healthy).map_err(of(traces))?;
+    let (count, columns) = (windows.table.row_count(), windows.table.columns().len());
     Ok(match (global.json, global.quiet) {
-        (true, _) => crate::render::json(&json!({ "windows": windows, "columns": columns })),
+        (true, _) => crate::render::json(&json!({
+            "windows": count, "columns": columns, "left_over_rows": windows.left_over,
+            "incomplete_rows": windows.incomplete, "nominals": fits,
+        })),
         (false, true) => String::new(),
-        (false, false) => format!("{}: {windows} windows, {columns} columns\n", out.display()),
+        (false, false) => {
+            let head = format!("{}: {count} windows, {columns} columns\n", out.display());
+            head + &remarks(windows.left_over, windows.incomplete, &fits)
+        }
     })
+}
+
+/// What the windows do not show: rows that are not used, and how well nominal values fit.
+pub fn remarks(left_over: usize, incomplete: usize, fits: &[NominalFit]) -> String {
+    let mut text = String::new();
+    if left_over > 0 {
+        text += &format!("{} beyond whole windows: not used\n", counted(left_over, "row"));
+    }
+    if incomplete > 0 {
+        text += &format!("{} without a number of every sensor\n", counted(incomplete, "row"));
+    }
+    for NominalFit { sensor, source, rows, deviation, r2 } in fits {
+        let (how, r2) = match source {
+            NominalSource::Column(name) => (format!("the column {name}"), r2),
+            NominalSource::Regression(inputs, conditions) => {
+                let (how, r2) = match inputs.as_slice() {
+                    [] => ("the mean".into(), &None),
+                    inputs => (format!("a regression on {}", inputs.join(", ")), r2),
+                };
+                match conditions {
+                    1 => (how, r2),
+                    more => (format!("{how} in each of {more} conditions"), r2),
+                }
+            }
+        };
+        let r2 = r2.map_or(String::new(), |r2| format!(", R² {r2:.3}"));
+        text += &format!(
+            "{sensor}: nominal is {how}; in {rows} healthy rows the remaining deviation is {}{r2}\n",
+            number(*deviation, 3)
+        );
+    }
+    text
 }

@@ -28,6 +28,7 @@ pub mod man;
 pub mod merge;
 mod progress;
 pub mod prove;
+mod recordings;
 pub mod report;
 pub mod results;
 pub mod schema;
@@ -44,7 +45,9 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::out;
 use servotwin::document::counted;
+use servotwin::files;
 use servotwin::job::{Folder, Hold, Kept};
+use servotwin::kind::FileType;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
@@ -115,6 +118,13 @@ impl StudyOptions {
             &format!("{folder} holds the full study, which goes on (--replace for the quick one)"),
         );
         Ok(study.full()?)
+    }
+
+    /// The file of a study of recordings, if the user named one.
+    fn recordings(&self) -> Option<&Path> {
+        let path = self.study.as_deref().filter(|path| path.is_file())?;
+        let text = files::read_document(path).ok()?;
+        (FileType::of(&text) == Some(FileType::Recordings)).then_some(path)
     }
 
     /// Whether the user named a study.

@@ -2,7 +2,7 @@
 
 use super::campaign::{bar, describe, named};
 use super::progress::{Notes, Stages};
-use super::{StudyOptions, removed, summary};
+use super::{StudyOptions, recordings, removed, summary};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
@@ -18,6 +18,9 @@ use std::time::Instant;
 /// Runs `campaign`, `train`, `evaluate`, `flights` and `report` one after the other. The first scenario already
 /// produces a report, and the next ones extend it. An interrupted study continues where it stopped, and the results are
 /// the same to the byte.
+///
+/// A study of recordings has measured records instead of a simulated plant (docs/own-data.md). It learns its targets from
+/// their windows, judges each by what other groups teach, and writes the windows, the outcomes, the model and the results.
 #[derive(clap::Args)]
 pub struct Options {
     #[command(flatten)]
@@ -30,8 +33,11 @@ pub struct Options {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
-    let study = options.study.read(global)?;
     stop::heed();
+    if let Some(path) = options.study.recordings() {
+        return recordings::run(path, &options.study, global);
+    }
+    let study = options.study.read(global)?;
     let screen = Screen::new(global, options, &study);
     let run = StudyRun {
         replace: options.study.replace,

@@ -3,7 +3,7 @@
 pub mod input;
 mod outputs;
 
-use super::{note, warn};
+use super::{note, recordings, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, stop};
@@ -33,6 +33,9 @@ use std::time::Duration;
 /// A map file assigns the columns of the source to signals. --make-map writes one for a log, for you to review. Without
 /// a map file, columns are found by their names. A file is read faster than real time; a stream is read until it ends
 /// or until Ctrl-C.
+///
+/// With the model of a study of recordings (--model FOLDER/model.json), the windows of a log are answered for without a
+/// twin.
 #[derive(clap::Args)]
 pub struct Options {
     /// A log (.csv, .parquet, .mcap, .jsonl; .mf4 and .mat if the program has the features of these names), - for lines
@@ -98,6 +101,9 @@ impl Options {
 
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    if let Some(model) = options.input.model.as_deref().filter(|path| recordings::is_model(path)) {
+        return watch_recording(options, model, global);
+    }
     let study = match &options.study {
         Some(path) => Study::read(path)?,
         None => Study::default(),
@@ -137,6 +143,18 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let watched =
         setup.watch(&mut *source, &mut observer, &accepted_ranges, (scene, watchdog), resumed)?;
     setup.conclude(watched)
+}
+
+/// Answers for the windows of a log by the model of a study of recordings, which has no twin.
+fn watch_recording(options: &Options, model: &Path, global: Global) -> Result<String, Failure> {
+    let Options { study, make_map, html, mcap, events, checkpoint, .. } = options;
+    let others = [study, make_map, html, mcap, events, checkpoint, &options.input.map];
+    match log_of(&options.source).filter(|_| others.iter().all(|other| other.is_none())) {
+        Some(log) => recordings::watch(&log, model, global),
+        None => Err(Failure::Options(
+            "a model of recordings answers for a table, and takes no other option of watch",
+        )),
+    }
 }
 
 /// The time until a live source counts as silent, and the interval of heartbeats.

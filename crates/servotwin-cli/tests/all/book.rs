@@ -332,7 +332,7 @@ fn the_book_shows_the_shipped_files() {
 const SHIPPED: &str = "shipped-files.md";
 
 /// Its sections: what a file is called there, its folder and its name.
-const FILES: [(&str, &str, &str); 8] = [
+const FILES: [(&str, &str, &str); 10] = [
     ("System", "systems", "aileron_dual"),
     ("System", "systems", "spring_actuator"),
     ("System", "systems", "valve_and_cylinder"),
@@ -341,6 +341,8 @@ const FILES: [(&str, &str, &str); 8] = [
     ("Study", "studies", "spring_actuator"),
     ("Study", "studies", "press_axis"),
     ("Study", "studies", "liu_engine"),
+    ("Study", "studies", "zema_hydraulic"),
+    ("Study", "studies", "reprise"),
 ];
 
 /// So many entries of a part are listed.

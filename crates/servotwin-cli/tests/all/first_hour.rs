@@ -115,9 +115,9 @@ fn built_in_names_stand_wherever_a_file_is() {
     assert_eq!(kinds, ["system", "study"]);
     let traces = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/liu_engine.toml");
     let told = json(&["check", traces, "--json"]);
-    assert_eq!((&told["kind"], &told["sensors"]), (&"traces".into(), &42.into()));
-    let told = servotwin(&["study", traces]);
-    assert!(stderr(&told).contains("this is a study of traces, not a study"), "{told:?}");
+    assert_eq!((&told["kind"], &told["sensors"]), (&"recordings".into(), &42.into()));
+    let told = servotwin(&["campaign", traces]);
+    assert!(stderr(&told).contains("this is a study of recordings, not a study"), "{told:?}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The main job and its stages, run as users run them, on a study small enough for a test.
 
-use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
+use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout, succeeds};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -577,4 +577,51 @@ fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
     fails(&["campaign", &other, "--out", &parts, "--share", "1/2"], 3, "another study lies here");
     let wrong = servotwin(&["campaign", &study, "--out", &parts, "--share", "3/2"]);
     assert_eq!(wrong.status.code(), Some(2), "{}", stderr(&wrong));
+}
+
+#[test]
+fn recordings_are_studied_and_a_new_log_is_watched_with_what_they_taught() {
+    let folder = Folder::new("recordings");
+    let (study, out) = (folder.file("study.toml"), folder.file("out"));
+    let text = "format = 1\nrecords = \"log.csv\"\nwindow_rows = 4\ngroups = [\"run\"]\nresiduals = [\"y\"]\n\
+        [healthy]\nquality = \"good\"\n[novelty]\nhealthy_groups = 4\n\
+        [[targets]]\ncolumn = \"state\"\nhealthy = \"none\"\n";
+    std::fs::write(&study, text).unwrap();
+    let mut log = String::from("y,run,state,quality\n");
+    for row in 0..6 * 22 {
+        let (run, is_leak) = (row / 22, row % 22 >= 8);
+        let state = if is_leak { "leak" } else { "none" };
+        let y = (row * 5 % 7) as f64 / 100.0 - if is_leak { 1.0 } else { 0.0 };
+        log += &format!("{y},{run},{state},good\n");
+    }
+    std::fs::write(folder.file("log.csv"), log).unwrap();
+    let said = succeeds(&["study", &study, "--out", &out]);
+    let verdict = "state: random_forest answers 100.00 % (30 of 30) held-out windows right";
+    assert!(said.contains(verdict), "{said}");
+    assert!(said.contains("5 folds over 6 groups (run)"), "{said}");
+    assert!(said.contains("12 rows beyond whole windows: not used"), "{said}");
+    assert!(said.contains("0.00 % (0 of 10) of the windows of later healthy groups"), "{said}");
+    let new = folder.file("new.csv");
+    let healthy = "0.0\n0.05\n0.03\n0.01\n";
+    let leak = "-0.94\n-0.96\n-0.98\n-1.0\n-0.95\n";
+    std::fs::write(&new, format!("y\n{healthy}{healthy}{leak}")).unwrap();
+    let model = format!("{out}/model.json");
+    let said = succeeds(&["watch", &new, "--model", &model]);
+    let expected = "rows 1 to 8: state none, like the healthy records\n\
+        rows 9 to 12: state leak, like the healthy records\n\
+        1 row beyond whole windows: not used\n";
+    assert_eq!(said, expected);
+    let said = succeeds(&["watch", &new, "--model", &model, "--json"]);
+    let windows: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(windows[2]["answers"]["state"], "leak");
+    let c = folder.file("c");
+    succeeds(&["export", "c", "--model", &model, "--out", &c]);
+    let header = std::fs::read_to_string(format!("{c}/servotwin_recording.h")).unwrap();
+    assert!(header.contains("int servotwin_answer_0("), "{header}");
+    let own = folder.file("own.toml");
+    std::fs::write(&own, text.replace("log.csv", "out/windows.parquet")).unwrap();
+    fails(&["study", &own, "--out", &out], 2, "would overwrite");
+    let html = folder.file("w.html");
+    fails(&["watch", &new, "--model", &model, "--html", &html], 2, "takes no other option");
+    fails(&["study", &study, "--full", "--out", &out], 2, "has one size");
 }

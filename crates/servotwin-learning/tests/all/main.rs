@@ -3,7 +3,6 @@
 mod boosted_trees;
 mod calibration;
 mod classifiers_contract;
-mod measured;
 mod missing;
 mod samples;
 mod splits;

@@ -19,7 +19,6 @@ pub mod isolation;
 pub mod model_file;
 pub mod protocol;
 pub mod run;
-pub mod traces;
 
 pub use data_set::{DataSet, FeatureInfo, TrainingFilter};
 pub use error::EvaluationError;

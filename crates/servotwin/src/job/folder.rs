@@ -17,6 +17,7 @@
 //! | `band-<scenario>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
+//! | `windows.parquet`, `outcomes.parquet`, `model.json`, `recordings.json` | a study of recordings |
 //! | `manifest.json` | every stage |
 //! | `.servotwin.lock` | every stage; always empty, see [`super::hold`] |
 //!

@@ -14,8 +14,8 @@ mod flights;
 mod folder;
 #[path = "../../../servotwin-io/tests/all/places.rs"]
 mod places;
+mod recordings;
 mod records;
 mod reservoir;
 mod runtime;
 mod sealed;
-mod traces;

@@ -1,0 +1,158 @@
+//! The trees of a study of recordings as C99: each takes the features of a window and returns the number of a class.
+
+use crate::error::ExportError;
+use crate::notation::{quoted, write_array, write_list, write_numbers};
+use crate::source_file::SourceFile;
+use servotwin::recordings::model::RecordingModel;
+use servotwin_diagnosis::classifiers::Model;
+use servotwin_diagnosis::tree::Tree;
+use std::fmt::Write;
+
+const HEAD: &str = "/* Trained by servotwin; do not edit. */\n";
+
+/// Walks a tree. A child comes after its parent, so a node without a left child is a leaf. A missing value is NaN.
+const WALK: &str = "
+static int walk(const double *row, const int *feature, const double *threshold, const int *left, const int *right,
+                const int *missing_left) {
+    int node = 0;
+    while (left[node] > 0) {
+        const double value = row[feature[node]];
+        const int goes_left = missing_left[node] ? !(value > threshold[node]) : value <= threshold[node];
+        node = goes_left ? left[node] : right[node];
+    }
+    return node;
+}
+";
+
+/// The header and the source of the decision tree of every target. Forests are not exported.
+///
+/// # Errors
+/// [`ExportError::Unsupported`] if the model has no decision tree.
+pub fn files(model: &RecordingModel) -> Result<[SourceFile; 2], ExportError> {
+    let mut header = format!(
+        "{HEAD}#ifndef SERVOTWIN_RECORDING_H\n#define SERVOTWIN_RECORDING_H\n\n#define SERVOTWIN_FEATURES {}\n\n\
+         /* The names of the features of a row, in their order. */\n\
+         extern const char *const servotwin_feature_names[{0}];\n",
+        model.features.len()
+    );
+    let mut source = format!("{HEAD}#include \"servotwin_recording.h\"\n{WALK}");
+    let names = |names: &[String]| names.iter().map(|name| quoted(name)).collect::<Vec<_>>();
+    write_list(&mut source, "char *const", "feature_names", &names(&model.features), "0");
+    let mut count = 0;
+    for target in &model.targets {
+        let Model::Cart(tree) = &target.model else { continue };
+        let classes = target.classes.len();
+        let _ = write!(
+            header,
+            "\n/* The target {count}, {}: the number of the class of a row. */\n\
+             extern const char *const servotwin_classes_{count}[{classes}];\n\
+             int servotwin_answer_{count}(const double row[SERVOTWIN_FEATURES]);\n",
+            quoted(&target.column).replace("*/", "* /")
+        );
+        let list = format!("classes_{count}");
+        write_list(&mut source, "char *const", &list, &names(&target.classes), "0");
+        write_tree(&mut source, count, tree);
+        count += 1;
+    }
+    if count == 0 {
+        return Err(ExportError::Unsupported(
+            "the model of recordings has no decision tree (cart)",
+        ));
+    }
+    header += "\n#endif\n";
+    Ok([
+        SourceFile { name: "servotwin_recording.h", text: header },
+        SourceFile { name: "servotwin_recording.c", text: source },
+    ])
+}
+
+fn write_tree(text: &mut String, place: usize, tree: &Tree) {
+    let nodes = || 0..tree.nodes();
+    let split = |node: usize| tree.split(node).unwrap_or((0, 0.0));
+    let children = |node: usize| tree.children(node).unwrap_or((0, 0));
+    let array = |what: &str| format!("{what}_{place}");
+    text.push('\n');
+    write_array(text, "int", &array("feature"), nodes().map(|node| split(node).0));
+    // A question whether there is a value has a threshold above all numbers.
+    let limit = |node: usize| split(node).1.clamp(f64::MIN, f64::MAX);
+    write_numbers(text, &array("threshold"), nodes().map(limit));
+    write_array(text, "int", &array("left"), nodes().map(|node| children(node).0));
+    write_array(text, "int", &array("right"), nodes().map(|node| children(node).1));
+    let missing = |node: usize| u8::from(tree.branches().missing_left(node));
+    write_array(text, "int", &array("missing_left"), nodes().map(missing));
+    write_array(text, "int", &array("decision"), nodes().map(|node| tree.decision(node)));
+    let arrays = ["feature", "threshold", "left", "right", "missing_left"].map(array).join(", ");
+    let _ = write!(
+        text,
+        "\nint servotwin_answer_{place}(const double row[SERVOTWIN_FEATURES]) {{\n    \
+         return {}[walk(row, {arrays})];\n}}\n",
+        array("decision")
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::compile::{Workplace, compilers};
+    use servotwin::parallel::Workers;
+    use servotwin::recordings::RecordingStudy;
+    use servotwin::table::{Column, Table};
+    use servotwin_diagnosis::classifiers::Classifier;
+    use std::process::Command;
+
+    const STUDY: &str = "format = 1\nwindow_rows = 3\nresiduals = [\"y\", \"z\"]\nfamilies = [\"moments\", \"deviation\"]\n\
+        [[targets]]\ncolumn = \"state */\"\n";
+
+    /// Three states that overlap; z is silent in every fourth window.
+    fn records() -> Table {
+        let rows = 0..900_usize;
+        let y = |row: usize| (row * 37 % 101) as f64 / 50.0 + (row / 30 % 3) as f64;
+        let z =
+            |row: usize| if row / 3 % 4 == 1 { f64::NAN } else { (row * 13 % 29) as f64 * y(row) };
+        let state = |row: usize| format!("state {}", row / 30 % 3);
+        Table::from_columns(vec![
+            Column::new("y", "", rows.clone().map(y).collect::<Vec<_>>()),
+            Column::new("z", "", rows.clone().map(z).collect::<Vec<_>>()),
+            Column::new("state */", "", rows.map(state).collect::<Vec<_>>()),
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn c_answers_as_the_tree_also_without_a_sensor() {
+        let judged = RecordingStudy::parse(STUDY).unwrap();
+        let judged = judged.judge(STUDY, &records(), Workers::new(1)).unwrap();
+        let model = &judged.model;
+        let mut row = vec![0.0; model.features.len()];
+        let columns = &judged.windows.columns()[judged.windows.columns().len() - row.len()..];
+        let (mut rows, mut expected) = (String::new(), String::new());
+        for window in 0..judged.windows.row_count() {
+            for (slot, column) in row.iter_mut().zip(columns) {
+                *slot = column.numbers().unwrap()[window];
+                rows += &if slot.is_nan() { "NAN, ".into() } else { format!("{slot:e}, ") };
+            }
+            expected += &format!("{}\n", model.targets[0].model.predict_row(&row));
+        }
+        assert!(rows.contains("NAN") && ["0\n", "1\n", "2\n"].iter().all(|c| expected.contains(c)));
+        let count = judged.windows.row_count();
+        let main = format!(
+            "#include <math.h>\n#include <stdio.h>\n#include \"servotwin_recording.h\"\n\
+             static const double rows[] = {{ {rows} }};\n\
+             int main(void) {{ for (int k = 0; k < {count}; k++) \
+             printf(\"%d\\n\", servotwin_answer_0(rows + k * SERVOTWIN_FEATURES)); return 0; }}\n"
+        );
+        let workplace = Workplace::new(&files(model).unwrap(), None).unwrap();
+        workplace.write("main.c", &main).unwrap();
+        let compiler = compilers().next().expect("a C compiler is installed");
+        let sources = ["main.c", "servotwin_recording.c", "-o", "main"];
+        let strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
+        workplace.run(compiler, compiler, strict.into_iter().chain(sources)).unwrap();
+        let said = Command::new(workplace.path("main")).output().unwrap();
+        assert_eq!(String::from_utf8(said.stdout).unwrap(), expected);
+        let text =
+            STUDY.replacen("format = 1\n", "format = 1\nclassifiers = [\"random_forest\"]\n", 1);
+        let forest = RecordingStudy::parse(&text).unwrap();
+        let forest = forest.judge(&text, &records(), Workers::new(1)).unwrap().model;
+        assert!(matches!(files(&forest), Err(ExportError::Unsupported(_))));
+    }
+}

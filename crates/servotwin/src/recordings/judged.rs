@@ -1,0 +1,476 @@
+//! Learns the targets of a study from its windows, and judges every window by a classifier that has not seen its group.
+//!
+//! Windows of a group are on one side of every split. Without groups, every run of rows is cut into as many consecutive
+//! parts as there are folds. Nominal values are learned anew for every fold, from the healthy rows of its training
+//! windows.
+
+use super::model::{FORMAT, RecordingModel, TargetModel};
+use super::novelty::NoveltyResult;
+use super::twin::TWIN;
+use super::windows::{NominalFit, Windows, joined};
+use super::{RecordingError, RecordingStudy, Target};
+use crate::evaluation::metrics::{Prediction, Rate, Score};
+use crate::evaluation::{EvaluationError, model_file};
+use crate::files::write_atomically;
+use crate::job::{Among, Folder, JobError};
+use crate::parallel::{self, Workers};
+use crate::table::{Column, Table};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
+use servotwin_learning::Samples;
+use servotwin_learning::classifiers::{Fit, Settings};
+use servotwin_learning::hierarchy::HierarchySettings;
+use servotwin_learning::splits::{Split, grouped_k_fold};
+
+/// The seed of the folds.
+const SEED: u64 = 1;
+
+/// The files of results that a study of recordings writes.
+pub const FILES: [&str; 4] =
+    ["windows.parquet", "outcomes.parquet", "model.json", "recordings.json"];
+
+/// What a study of recordings returns.
+#[derive(Debug, Clone)]
+pub struct JudgedRecordings {
+    /// The results.
+    pub results: RecordingResults,
+    /// The data set: for each window its first row and fold, the kept columns and the features.
+    pub windows: Table,
+    /// One row for each judged window, target and classifier: record, group, fold, truth, answer.
+    pub outcomes: Table,
+    /// What was learned from all windows.
+    pub model: RecordingModel,
+}
+
+/// The results of a study of recordings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingResults {
+    /// Rows of the records.
+    pub rows: usize,
+    /// Rows that are in no whole window.
+    pub left_over_rows: usize,
+    /// Rows within windows that lack a number.
+    pub incomplete_rows: usize,
+    /// Number of windows.
+    pub windows: usize,
+    /// Number of features of a window.
+    pub features: usize,
+    /// How windows are held out.
+    pub split: String,
+    /// How well the learned nominal values fit their healthy rows.
+    pub nominals: Vec<NominalFit>,
+    /// Every target with every classifier.
+    pub targets: Vec<TargetResult>,
+    /// What is unlike the first healthy groups.
+    pub novelty: Option<NoveltyResult>,
+}
+
+/// How well a classifier tells the values of a target.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TargetResult {
+    /// The column.
+    pub column: String,
+    /// The classifier.
+    pub classifier: ClassifierKind,
+    /// Windows without a value of the target, which are not used.
+    pub unlabeled: usize,
+    /// Right answers, with an interval over groups.
+    pub score: Score,
+    /// Of the healthy windows: another answer than healthy.
+    pub false_alarms: Option<Rate>,
+    /// Of the other windows: the answer healthy.
+    pub missed: Option<Rate>,
+}
+
+/// The windows of records with what all targets have in common.
+struct Prepared {
+    windows: Windows,
+    groups: Vec<String>,
+    group: Vec<u32>,
+    splits: Vec<Split>,
+    /// The windows with the nominal values of each fold; one for all if no nominal value is learned.
+    of_folds: Vec<Windows>,
+}
+
+impl Prepared {
+    fn of_fold(&self, fold: usize) -> &Windows {
+        self.of_folds.get(fold).unwrap_or(&self.of_folds[0])
+    }
+
+    /// The fold in which each window is judged.
+    fn folds(&self) -> Vec<u32> {
+        let mut folds = vec![0; self.group.len()];
+        for (fold, split) in (0..).zip(&self.splits) {
+            split.test.iter().for_each(|&window| folds[window] = fold);
+        }
+        folds
+    }
+}
+
+/// The values of a target in all windows.
+struct Labels<'s> {
+    target: &'s Target,
+    classes: Vec<String>,
+    /// The class of each window; `None` without a value.
+    of_window: Vec<Option<u32>>,
+}
+
+impl<'s> Labels<'s> {
+    fn new(target: &'s Target, windows: &Table) -> Result<Self, RecordingError> {
+        let texts = windows.text(&target.column)?;
+        let mut classes: Vec<String> = texts.iter().filter(|t| !t.is_empty()).cloned().collect();
+        classes.sort();
+        classes.dedup();
+        let place = |text: &String| classes.binary_search(text).ok().map(|place| place as u32);
+        let of_window = texts.iter().map(place).collect();
+        Ok(Labels { target, classes, of_window })
+    }
+
+    /// The windows among these that have a value, as samples.
+    fn samples(&self, windows: &Windows, chosen: &[usize]) -> Result<Samples, RecordingError> {
+        let features = &windows.table.columns()[windows.kept..];
+        let mut values = Vec::with_capacity(features.len() * chosen.len());
+        for feature in features {
+            let column = feature.numbers()?;
+            values.extend(chosen.iter().map(|&window| column[window]));
+        }
+        let labels = chosen.iter().filter_map(|&window| self.of_window[window]).collect();
+        let names = features.iter().map(|feature| feature.name.clone()).collect();
+        Ok(Samples::with_missing(names, self.classes.clone(), values, labels)?)
+    }
+
+    fn known(&self, windows: &[usize]) -> Vec<usize> {
+        windows.iter().copied().filter(|&window| self.of_window[window].is_some()).collect()
+    }
+}
+
+impl RecordingStudy {
+    /// Learns and judges every target of the study, and the novelty of every group.
+    ///
+    /// # Errors
+    /// As [`RecordingStudy::windows`]; there are fewer than two groups; a classifier cannot learn from the windows.
+    pub fn judge(
+        &self,
+        text: &str,
+        records: &Table,
+        workers: Workers,
+    ) -> Result<JudgedRecordings, RecordingError> {
+        let healthy = self.healthy_rows(records)?;
+        let novelty = self.novelty.as_ref().map(|choice| self.judge_novelty(choice, records));
+        let (novelty, learned) = novelty.transpose()?.unzip();
+        let nominals = match &learned {
+            Some(known) if self.targets.is_empty() => known.nominals.clone(),
+            _ => self.learn(records, &healthy)?,
+        };
+        let windows = self.windows(records, &nominals)?;
+        let prepared = self.prepare(records, windows, &healthy, workers)?;
+        let (targets, outcomes, models) = self.judge_targets(&prepared, workers)?;
+        let Prepared { windows, groups, .. } = &prepared;
+        let results = RecordingResults {
+            rows: records.row_count(),
+            left_over_rows: windows.left_over,
+            incomplete_rows: windows.incomplete,
+            windows: windows.starts.len(),
+            features: windows.table.columns().len() - windows.kept,
+            split: self.split_in_words(prepared.splits.len(), groups.len()),
+            nominals: self.fits(records, &nominals, &healthy)?,
+            targets,
+            novelty,
+        };
+        let features = windows.table.names().skip(windows.kept).map(str::to_owned).collect();
+        let model = RecordingModel {
+            format: FORMAT.into(),
+            study: text.into(),
+            system: self.twin.is_some().then(|| records.metadata.get(TWIN).cloned()).flatten(),
+            features,
+            nominals,
+            targets: models,
+            novelty: learned,
+        };
+        Ok(JudgedRecordings { results, windows: data_set(&prepared)?, outcomes, model })
+    }
+
+    fn split_in_words(&self, folds: usize, groups: usize) -> String {
+        match (self.targets.is_empty(), self.groups.is_empty()) {
+            (true, _) => "nothing is held out".into(),
+            (_, true) => format!("{folds} folds of consecutive windows of every run of rows"),
+            (_, false) => format!(
+                "{folds} folds over {groups} groups ({}), each on one side of every split",
+                self.groups.join(", ")
+            ),
+        }
+    }
+
+    /// Groups, folds, and the windows of every fold.
+    fn prepare(
+        &self,
+        records: &Table,
+        windows: Windows,
+        healthy: &[usize],
+        workers: Workers,
+    ) -> Result<Prepared, RecordingError> {
+        let texts = joined(&windows.table, &self.groups)?;
+        let mut groups: Vec<String> = vec![];
+        let group = texts.iter().map(|text| match groups.iter().position(|known| known == text) {
+            Some(place) => place as u32,
+            None => {
+                groups.push(text.clone());
+                groups.len() as u32 - 1
+            }
+        });
+        let group: Vec<u32> = group.collect();
+        let splits = match (self.targets.is_empty(), self.groups.is_empty()) {
+            (true, _) => vec![],
+            (false, true) => consecutive(&windows, self.folds)?,
+            (false, false) => grouped_k_fold(&group, self.folds.min(groups.len()).max(2), SEED)?,
+        };
+        let mut is_healthy = vec![false; records.row_count()];
+        healthy.iter().for_each(|&row| is_healthy[row] = true);
+        let of_fold = |split: &Split| {
+            let rows = split.train.iter().flat_map(|&window| {
+                let start = windows.starts[window];
+                start..start + self.window_rows
+            });
+            let rows: Vec<usize> = rows.filter(|&row| is_healthy[row]).collect();
+            self.windows(records, &self.learn(records, &rows)?)
+        };
+        let of_folds = match self.learns_nominals() && !splits.is_empty() {
+            true => {
+                parallel::map(&splits, workers, of_fold)?.into_iter().collect::<Result<_, _>>()?
+            }
+            false => vec![windows.clone()],
+        };
+        Ok(Prepared { windows, groups, group, splits, of_folds })
+    }
+
+    /// Judges every target with every classifier, and learns from all windows.
+    fn judge_targets(
+        &self,
+        prepared: &Prepared,
+        workers: Workers,
+    ) -> Result<(Vec<TargetResult>, Table, Vec<TargetModel>), RecordingError> {
+        let windows = &prepared.windows.table;
+        let labels = self.targets.iter().map(|target| Labels::new(target, windows));
+        let labels = labels.collect::<Result<Vec<_>, _>>()?;
+        let folds: Vec<usize> = (0..prepared.splits.len()).collect();
+        let (mut results, mut models, mut all) = (vec![], vec![], vec![]);
+        for labels in &labels {
+            for classifier in self.classifiers()? {
+                let judge = |&fold: &usize| judge_fold(prepared, labels, &classifier, fold);
+                let judged = parallel::map(&folds, workers, judge)?;
+                let judged = judged.into_iter().collect::<Result<Vec<_>, RecordingError>>()?;
+                results.push(result(prepared, labels, classifier.kind(), &judged));
+                let every: Vec<usize> = (0..windows.row_count()).collect();
+                let samples = labels.samples(&prepared.windows, &labels.known(&every))?;
+                models.push(TargetModel {
+                    column: labels.target.column.clone(),
+                    classes: labels.classes.clone(),
+                    model: classifier.fit(&samples)?,
+                });
+                all.extend((0..).zip(&judged).flat_map(|(fold, judged)| {
+                    let classifier = classifier.kind();
+                    judged.iter().map(move |&judged| OutcomeRow {
+                        labels,
+                        classifier,
+                        fold,
+                        judged,
+                    })
+                }));
+            }
+        }
+        Ok((results, self.outcomes(prepared, &all)?, models))
+    }
+
+    /// The classifiers with their usual settings; a tree has those of the trees of a simulated study.
+    fn classifiers(&self) -> Result<Vec<Settings>, RecordingError> {
+        let one = |word: &String| {
+            let known = ALL.iter().find(|kind| kind.id() == *word);
+            let words = ALL.iter().map(|kind| kind.id());
+            match known.ok_or_else(|| super::unknown("classifier", word, words))? {
+                ClassifierKind::Cart => Ok(HierarchySettings::default().actuator),
+                kind => Ok(Settings::default_of(*kind)),
+            }
+        };
+        self.classifiers.iter().map(one).collect()
+    }
+
+    fn outcomes(&self, prepared: &Prepared, rows: &[OutcomeRow]) -> Result<Table, RecordingError> {
+        let records = match &self.record {
+            Some(record) => prepared.windows.table.text(record)?.to_vec(),
+            None => vec![String::new(); prepared.group.len()],
+        };
+        let text = |of: &dyn Fn(&OutcomeRow) -> String| rows.iter().map(of).collect::<Vec<_>>();
+        let number = |of: &dyn Fn(&OutcomeRow) -> u32| rows.iter().map(of).collect::<Vec<_>>();
+        let group = |window: usize| prepared.groups[prepared.group[window] as usize].clone();
+        let class = |row: &OutcomeRow, class: u32| row.labels.classes[class as usize].clone();
+        Ok(Table::from_columns(vec![
+            Column::new("window", "", number(&|row| row.judged.window as u32)),
+            Column::new("record", "", text(&|row| records[row.judged.window].clone())),
+            Column::new("group", "", text(&|row| group(row.judged.window))),
+            Column::new("fold", "", number(&|row| row.fold)),
+            Column::new("target", "", text(&|row| row.labels.target.column.clone())),
+            Column::new("classifier", "", text(&|row| row.classifier.id().into())),
+            Column::new("truth", "", text(&|row| class(row, row.judged.truth))),
+            Column::new("answer", "", text(&|row| class(row, row.judged.answer))),
+        ])?)
+    }
+}
+
+/// A row of the table of outcomes.
+struct OutcomeRow<'l> {
+    labels: &'l Labels<'l>,
+    classifier: ClassifierKind,
+    fold: u32,
+    judged: Judged,
+}
+
+/// The answer for a held-out window.
+#[derive(Debug, Clone, Copy)]
+struct Judged {
+    window: usize,
+    truth: u32,
+    answer: u32,
+}
+
+fn judge_fold(
+    prepared: &Prepared,
+    labels: &Labels,
+    classifier: &Settings,
+    fold: usize,
+) -> Result<Vec<Judged>, RecordingError> {
+    let (windows, split) = (prepared.of_fold(fold), &prepared.splits[fold]);
+    let test = labels.known(&split.test);
+    if test.is_empty() {
+        return Ok(vec![]);
+    }
+    let model = classifier.fit(&labels.samples(windows, &labels.known(&split.train))?)?;
+    let samples = labels.samples(windows, &test)?;
+    let mut row = vec![0.0; samples.features()];
+    let judged = test.iter().enumerate().map(|(place, &window)| {
+        samples.row_into(place, &mut row);
+        Judged { window, truth: samples.labels()[place], answer: model.predict_row(&row) }
+    });
+    Ok(judged.collect())
+}
+
+fn result(
+    prepared: &Prepared,
+    labels: &Labels,
+    classifier: ClassifierKind,
+    judged: &[Vec<Judged>],
+) -> TargetResult {
+    // Without groups, the windows of a fold depend on each other.
+    let cluster = |fold: usize, window: usize| match prepared.groups.len() {
+        1 => fold as u32,
+        _ => prepared.group[window],
+    };
+    let splits: Vec<Vec<Prediction>> = (0..)
+        .zip(judged)
+        .map(|(fold, judged)| {
+            let one = |judged: &Judged| {
+                let cluster = cluster(fold, judged.window);
+                let (truth, said) = (judged.truth, Some(judged.answer));
+                Prediction { cluster, kind: cluster, truth, said }
+            };
+            judged.iter().map(one).collect()
+        })
+        .collect();
+    let healthy = labels.target.healthy.as_ref();
+    let healthy = healthy.and_then(|value| labels.classes.binary_search(value).ok());
+    let rate = |is_among: &dyn Fn(u32) -> bool, holds: &dyn Fn(u32) -> bool| {
+        let all = judged.iter().flatten().filter(|judged| is_among(judged.truth));
+        Rate::of(&all.collect::<Vec<_>>(), |judged| holds(judged.answer))
+    };
+    TargetResult {
+        column: labels.target.column.clone(),
+        classifier,
+        unlabeled: labels.of_window.iter().filter(|class| class.is_none()).count(),
+        score: Score::of(labels.classes.clone(), &splits),
+        false_alarms: healthy
+            .map(|own| rate(&|truth| truth as usize == own, &|said| said as usize != own)),
+        missed: healthy
+            .map(|own| rate(&|truth| truth as usize != own, &|said| said as usize == own)),
+    }
+}
+
+/// Cuts every run of windows with the same kept columns into consecutive parts, one for each fold.
+fn consecutive(windows: &Windows, folds: usize) -> Result<Vec<Split>, RecordingError> {
+    let names: Vec<String> = windows.table.names().take(windows.kept).map(str::to_owned).collect();
+    let texts = joined(&windows.table, &names)?;
+    let mut fold_of = vec![];
+    for run in texts.chunk_by(|a, b| a == b) {
+        fold_of.extend((0..run.len()).map(|place| place * folds / run.len()));
+    }
+    let split = |fold: usize| {
+        let (test, train) = (0..fold_of.len()).partition(|&window| fold_of[window] == fold);
+        Split { train, test }
+    };
+    Ok((0..folds).map(split).collect())
+}
+
+/// The windows with their first rows and folds.
+fn data_set(prepared: &Prepared) -> Result<Table, RecordingError> {
+    let first = prepared.windows.starts.iter().map(|&start| start as u32).collect::<Vec<_>>();
+    let mut table = Table::new();
+    table.push(Column::new("first_row", "", first).described("row of the records, from 0"))?;
+    if !prepared.splits.is_empty() {
+        let folds = Column::new("fold", "", prepared.folds());
+        table.push(folds.described("the fold in which the window is judged"))?;
+    }
+    for column in prepared.windows.table.columns() {
+        table.push(column.clone())?;
+    }
+    Ok(table)
+}
+
+impl JudgedRecordings {
+    /// Writes [`FILES`] and the text of the study, `study.toml`, into a folder.
+    ///
+    /// # Errors
+    /// The folder holds results of a simulated study; [`JobError::Busy`]; a file cannot be written.
+    pub fn write(&self, folder: &Folder) -> Result<(), JobError> {
+        let _hold = folder.hold(Among::Nobody)?;
+        let there = folder.results_there()?;
+        if !there.is_empty() {
+            let (there, count) = ("a simulated study".into(), there.len());
+            return Err(JobError::OtherResults { folder: folder.path().into(), there, count });
+        }
+        let text = &self.model.study;
+        write_atomically(folder.study(), |out| out.write_all(text.as_bytes()))?;
+        let [windows, outcomes, model, results] = FILES.map(|name| folder.path().join(name));
+        for (path, table) in [(windows, &self.windows), (outcomes, &self.outcomes)] {
+            table.write(path).map_err(EvaluationError::from)?;
+        }
+        model_file::write_model(model, &self.model)?;
+        Ok(model_file::write(results, &self.results)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_held_out_group_does_not_teach_its_own_nominal_value() {
+        let text = "format = 1\nwindow_rows = 2\ngroups = [\"tank\"]\nfamilies = [\"moments\"]\n\
+            [[targets]]\ncolumn = \"state\"\nhealthy = \"none\"\n\
+            [[sensors]]\nname = \"y\"\nmeasured = \"y\"\nnominal_from = []\nscale = 1.0\n";
+        let study = RecordingStudy::parse(text).unwrap();
+        let texts = |a: &str, b: &str| [a, a, b, b].map(str::to_owned).to_vec();
+        let records = Table::from_columns(vec![
+            Column::new("y", "", vec![0.0, 0.0, 10.0, 10.0]),
+            Column::new("tank", "", texts("a", "b")),
+            Column::new("state", "", texts("none", "none")),
+        ]);
+        let records = records.unwrap();
+        let healthy = study.healthy_rows(&records).unwrap();
+        let windows = study.windows(&records, &study.learn(&records, &healthy).unwrap()).unwrap();
+        assert_eq!(windows.table.f64("mean_y").unwrap().as_ref(), [-5.0, 5.0]);
+        let prepared = study.prepare(&records, windows, &healthy, Workers::new(1)).unwrap();
+        let own = |window: usize| {
+            let fold = prepared.folds()[window] as usize;
+            prepared.of_fold(fold).table.f64("mean_y").unwrap()[window]
+        };
+        assert_eq!([own(0), own(1)], [-10.0, 10.0]);
+    }
+}

@@ -1,0 +1,181 @@
+//! Novelty: what is unlike the first healthy groups, where only health is known.
+//!
+//! Nominal values and the known ranges of all features are learned from the first healthy groups. Each of these is
+//! judged by what the others of them teach.
+
+use super::windows::{Nominals, Windows, joined};
+use super::{NoveltyChoice, RecordingError, RecordingStudy};
+use crate::evaluation::metrics::Rate;
+use crate::table::{Column, Table};
+use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::novelty::Novelty;
+use servotwin_diagnosis::diagnoser::tuning::Tuning;
+use servotwin_diagnosis::hierarchy::Names;
+use servotwin_learning::hierarchy::{Examples, Label};
+use servotwin_learning::novelty;
+
+/// What the first healthy groups look like.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LearnedNovelty {
+    /// The nominal values of their healthy rows.
+    pub nominals: Nominals,
+    /// The known ranges of the features.
+    pub known: Novelty,
+}
+
+impl LearnedNovelty {
+    /// The distance of every window from what is known; above 1 a window is unknown.
+    pub(super) fn known_distances(&self, windows: &Windows) -> Result<Vec<f64>, RecordingError> {
+        let features = &windows.table.columns()[windows.kept..];
+        let columns = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
+        let mut row = vec![0.0; columns.len()];
+        let distance = |window: usize| {
+            row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
+            self.known.score(None, &row)
+        };
+        Ok((0..windows.starts.len()).map(distance).collect())
+    }
+}
+
+/// The novelty of all groups.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NoveltyResult {
+    /// The share of healthy windows that should be known.
+    pub quantile: f64,
+    /// Every group, in the order of the records.
+    pub groups: Vec<GroupNovelty>,
+    /// Of the windows of later healthy groups, those that are unlike the first ones.
+    pub false_alarms: Rate,
+    /// The same of the other groups.
+    pub alarms: Rate,
+}
+
+/// The novelty of a group.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GroupNovelty {
+    /// The values of the group's columns.
+    pub group: String,
+    /// Whether all its windows are healthy.
+    pub is_healthy: bool,
+    /// Whether it is one of those that were learned from. Its figures come from what the others teach.
+    pub is_learned: bool,
+    /// Of its windows, those that are unlike what was learned.
+    pub unknown: Rate,
+    /// Mean distance of its windows from what was learned; above 1 a window is unknown.
+    pub mean_distance: f64,
+}
+
+/// The groups of records in their order.
+struct Groups {
+    names: Vec<String>,
+    /// The group of each row.
+    of_row: Vec<u32>,
+    is_healthy: Vec<bool>,
+}
+
+impl RecordingStudy {
+    /// Learns from the first healthy groups and judges all of them.
+    ///
+    /// # Errors
+    /// As [`RecordingStudy::windows`]; there are too few healthy groups.
+    pub(super) fn judge_novelty(
+        &self,
+        choice: &NoveltyChoice,
+        records: &Table,
+    ) -> Result<(NoveltyResult, LearnedNovelty), RecordingError> {
+        let groups = self.in_order(records)?;
+        let healthy = (0..groups.names.len()).filter(|&group| groups.is_healthy[group]);
+        let first: Vec<usize> = healthy.take(choice.healthy_groups).collect();
+        if first.len() < choice.healthy_groups || first.len() < 2 {
+            let what = format!("healthy_groups ({} are healthy)", first.len());
+            let allowed = "at least 2, and as many as there are";
+            return Err(RecordingError::OutOfRange { what, allowed });
+        }
+        let (learned, windows) = self.learn_novelty(records, &groups, &first)?;
+        let mut scores = learned.known_distances(&windows)?;
+        let of_window: Vec<u32> = windows.starts.iter().map(|&row| groups.of_row[row]).collect();
+        for &own in &first {
+            let others: Vec<usize> = first.iter().copied().filter(|group| *group != own).collect();
+            let (of_others, windows) = self.learn_novelty(records, &groups, &others)?;
+            let instead = of_others.known_distances(&windows)?;
+            let of_own = (0..scores.len()).filter(|&window| of_window[window] as usize == own);
+            of_own.for_each(|window| scores[window] = instead[window]);
+        }
+        let of_group = |group: usize| -> Vec<f64> {
+            let own = of_window.iter().zip(&scores).filter(|(own, _)| **own as usize == group);
+            own.map(|(_, score)| *score).collect()
+        };
+        let one = |group: usize| {
+            let own = of_group(group);
+            GroupNovelty {
+                group: groups.names[group].clone(),
+                is_healthy: groups.is_healthy[group],
+                is_learned: first.contains(&group),
+                unknown: Rate::of(&own, |score| *score > 1.0),
+                mean_distance: own.iter().sum::<f64>() / own.len().max(1) as f64,
+            }
+        };
+        let list: Vec<GroupNovelty> = (0..groups.names.len()).map(one).collect();
+        let sum = |is_healthy: bool| {
+            let among = list.iter().filter(|g| g.is_healthy == is_healthy && !g.is_learned);
+            let counts = among.map(|group| (group.unknown.count, group.unknown.of));
+            let (count, of) = counts.fold((0, 0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
+            Rate::new(count, of)
+        };
+        let result = NoveltyResult {
+            quantile: learned.known.quantile,
+            false_alarms: sum(true),
+            alarms: sum(false),
+            groups: list,
+        };
+        Ok((result, learned))
+    }
+
+    fn in_order(&self, records: &Table) -> Result<Groups, RecordingError> {
+        let mut names: Vec<String> = vec![];
+        let texts = joined(records, &self.groups)?;
+        let of_row = texts.into_iter().map(|text| {
+            // Rows of a group mostly follow one another.
+            let known = names.iter().rposition(|known| *known == text);
+            known.unwrap_or_else(|| {
+                names.push(text);
+                names.len() - 1
+            }) as u32
+        });
+        let of_row: Vec<u32> = of_row.collect();
+        let mut healthy = vec![0; names.len()];
+        let mut rows = healthy.clone();
+        of_row.iter().for_each(|&group| rows[group as usize] += 1);
+        self.healthy_rows(records)?.iter().for_each(|&row| healthy[of_row[row] as usize] += 1);
+        let is_healthy = healthy.iter().zip(&rows).map(|(healthy, rows)| healthy == rows).collect();
+        Ok(Groups { names, of_row, is_healthy })
+    }
+
+    /// Learns from some groups, and returns all windows with their nominal values.
+    fn learn_novelty(
+        &self,
+        records: &Table,
+        groups: &Groups,
+        learned: &[usize],
+    ) -> Result<(LearnedNovelty, Windows), RecordingError> {
+        let is_learned = |row: &usize| learned.contains(&(groups.of_row[*row] as usize));
+        let rows: Vec<usize> = (0..records.row_count()).filter(is_learned).collect();
+        let nominals = self.learn(records, &rows)?;
+        let windows = self.windows(records, &nominals)?;
+        let features = &windows.table.columns()[windows.kept..];
+        let names = Names {
+            features: features.iter().map(|feature| feature.name.clone()).collect(),
+            ..Names::default()
+        };
+        let values = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?.concat();
+        let label = Label { actuator: names.healthy(), action: 0, detail: 0 };
+        let count = windows.starts.len();
+        let examples = Examples::new(names, vec![], vec![values], vec![label; count])?;
+        let of_window: Vec<u32> = windows.starts.iter().map(|&row| groups.of_row[row]).collect();
+        let taught: Vec<usize> =
+            (0..count).filter(|&window| is_learned(&windows.starts[window])).collect();
+        let quantile = Tuning::default().known_share;
+        let known = novelty::learn(&examples, &taught, &of_window, quantile)?;
+        Ok((LearnedNovelty { nominals, known }, windows))
+    }
+}
