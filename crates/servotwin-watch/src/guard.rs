@@ -300,6 +300,15 @@ pub fn nothing(map: &Map, counts: &WatchCounts) -> String {
     }
 }
 
+/// A warning of a diagnoser of records.
+pub fn of_records(diagnoser: &Diagnoser) -> Option<String> {
+    let record_s = diagnoser.record_s()?;
+    Some(format!(
+        "the diagnoser is one of records: it judges every {record_s} s alone and gathers no evidence, so it is none for \
+         operation"
+    ))
+}
+
 /// Why nothing was judged in a log: the doubts, missing sensors, or else gaps.
 pub fn unjudged(
     mut doubts: Vec<String>,

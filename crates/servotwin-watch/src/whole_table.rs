@@ -99,7 +99,12 @@ pub fn watch_table(
             let lacking = Some(lacking).filter(|_| !without.is_empty());
             let met = counts.met_in_words();
             let lost = guard::lost_in_words(&map, &counts);
-            let warnings = warnings.into_iter().chain(lacking).chain(met).chain(lost);
+            let warnings = warnings
+                .into_iter()
+                .chain(guard::of_records(diagnoser))
+                .chain(lacking)
+                .chain(met)
+                .chain(lost);
             let warnings = warnings.chain(doubts).collect();
             return Ok(TableFindings { changes: changes.0, warnings });
         }

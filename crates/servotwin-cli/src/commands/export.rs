@@ -1,7 +1,7 @@
 //! `servotwin export`: a trained diagnosis and its twin for other programs.
 
 use super::watch::input::usual_diagnoser;
-use super::{find_study, recordings};
+use super::{find_study, note, recordings};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -15,6 +15,7 @@ use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::{ExportError, ExportedReaction, ExportedTwin};
 use servotwin_model::solver::SolverSettings;
+use servotwin_watch::guard;
 use std::path::{Path, PathBuf};
 
 /// Write a trained diagnosis and its virtual twin for a flight control computer.
@@ -143,6 +144,7 @@ fn write_c(options: &COptions, global: Global) -> Result<String, Failure> {
         return recordings::export(&file, &options.out, global);
     }
     let diagnoser = model_file::read_diagnoser(&file)?;
+    guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
     let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;
     let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;

@@ -120,6 +120,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let period_s = diagnoser.period_s;
     let path = input.model.clone().unwrap_or_else(usual_diagnoser);
     warn_of_lacking(&map, &needed(&diagnoser, system), global);
+    guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
     if !address.is_live() && !options.resume {
         input.try_log(&address, &map, &study, (&path, &diagnoser), global)?;
     }

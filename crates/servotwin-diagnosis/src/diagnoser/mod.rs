@@ -152,6 +152,12 @@ impl Diagnoser {
         self.lengths.first().map_or(0, |length| length.panel.bands.len())
     }
 
+    /// The length of a record, s, of a diagnoser of records: it judges each one alone and gathers no evidence.
+    pub fn record_s(&self) -> Option<f64> {
+        let [only] = &self.lengths[..] else { return None };
+        (only.span.panes == 1).then(|| only.span.samples() as f64 * self.period_s)
+    }
+
     /// The number of samples in a time, rounded up.
     pub fn samples(&self, time_s: f64) -> u64 {
         libm::ceil(time_s / self.period_s) as u64

@@ -62,6 +62,7 @@ fn a_session_that_watches_a_record_answers_as_the_data_set() {
     let results = Results::new(&folder.0);
     job::train_all(&results, &study, Workers::new(2)).unwrap();
     let diagnoser = Arc::new(read_diagnoser(results.records(Subject::Noise)).unwrap());
+    assert!(diagnoser.record_s().is_some() && crate::flights::diagnoser().record_s().is_none());
     let table = table::read(results.data_set(Scenario::Noise, Role::Judged)).unwrap();
     let session = Session::new(diagnoser.clone()).unwrap().at_rest();
 
