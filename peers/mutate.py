@@ -214,7 +214,7 @@ class Bench:
             "checkpoint": ("checkpoint.json", [watch("log.csv", "--checkpoint", "@", "--resume")]),
             "data set": ("out/dataset-ideal.parquet", stages("train", "evaluate")),
             "part": (str(part), stages("merge", "features")),
-            "hierarchy": ("out/panel-ideal.json", [["explain", "0", "--out", "out", "--subject", "ideal"]]),
+            "diagnoser of records": ("out/records-ideal.json", [["explain", "0", "--out", "out", "--subject", "ideal"]]),
             "results": ("out/evaluation.json", stages("report")),
             "flights": ("out/flights.json", stages("report")),
             "manifest": ("manifest.json", stages("report")),

@@ -145,8 +145,8 @@ def compare(scenario):
         subjects = json.load(file)["subjects"]
     subject = next(s for s in subjects if s["subject"] == scenario)
     evaluation, trees = subject["evaluation"], trees_of(subject)
-    with open(folder / f"panel-{scenario}.json") as file:
-        panel = json.load(file)
+    with open(folder / f"records-{scenario}.json") as file:
+        panel = json.load(file)["lengths"][0]["panel"]
     bands = {b["sensor"]: b["half_width"] for b in panel["bands"]}
     names = panel["trees"]["names"]["features"]
     of_committee = [names[column] for column in panel["committee"]["stages"][0]["columns"]]
@@ -167,6 +167,6 @@ def compare(scenario):
         show(scenario, name, np.mean(theirs), ours(evaluation, field, "new_command"))
 
 
-there = [s for s in ("ideal", "noise", "realistic") if (folder / f"panel-{s}.json").exists()]
+there = [s for s in ("ideal", "noise", "realistic") if (folder / f"records-{s}.json").exists()]
 for scenario in sys.argv[2:] or there:
     compare(scenario)

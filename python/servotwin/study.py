@@ -289,12 +289,12 @@ def feature_columns(table: Any) -> list[str]:
 
 
 def trees(path: Path) -> dict[str, _native.Tree]:
-    """Read the trees of a hierarchy.
+    """Read the trees of a diagnoser; of several windows, those of the first.
 
     Parameters
     ----------
     path : path
-        A `hierarchy-SCENARIO.json`.
+        A `records-SCENARIO.json` or `diagnoser-SCENARIO.json`.
 
     Returns
     -------

@@ -150,11 +150,11 @@ pub struct Tree {
     classes: Vec<String>,
 }
 
-/// The trees of a hierarchy or panel file, by the names of their stages.
+/// The trees of a diagnoser's first window, by the names of their stages.
 #[pyfunction]
 pub fn read_trees(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Tree)>> {
-    let hierarchy = py.detach(|| model_file::read_hierarchy(path)).map_err(Failure::from)?;
-    Ok(stage_trees(&hierarchy))
+    let diagnoser = py.detach(|| model_file::read_diagnoser(path)).map_err(Failure::from)?;
+    Ok(stage_trees(&diagnoser.lengths[0].panel.trees))
 }
 
 /// The trees of a hierarchy, by the names of their stages.

@@ -251,8 +251,7 @@ fn planned<'s>(
 ) -> Campaign<'s> {
     Campaign {
         scenarios: scenarios.clone(),
-        threads: watch.workers(threads).threads(),
-        cancel: Some(&watch.cancel),
+        workers: watch.workers(threads),
         ..Campaign::stored(folder.path(), study, scenarios[0], role)
     }
 }
@@ -478,8 +477,9 @@ pub fn train_folder(
         let trained = job::train_all(&folder, &study, workers)?;
         watch.tell("training", 1, 1);
         manifest::write(&folder, &study)?;
-        let file =
-            |(subject, _): &(job::Subject, _)| (subject.name().to_owned(), folder.panel(*subject));
+        let file = |(subject, _): &(job::Subject, _)| {
+            (subject.name().to_owned(), folder.records(*subject))
+        };
         Ok(trained.iter().map(file).collect())
     })?;
     Ok(result?)

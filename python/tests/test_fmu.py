@@ -48,7 +48,7 @@ class Fmu:
             modelIdentifier=identifier,
         )
 
-    def slave(self, noise=0.0, seed=0.0):
+    def slave(self, noise=0.0, seed=0.0, initialized=True):
         """An instance for co-simulation before its first step; that of a system has `noise` or not."""
         identifier = self.description.coSimulation.modelIdentifier
         slave = self._instance(FMU2Slave if self.version == 2 else FMU3Slave, identifier)
@@ -57,8 +57,9 @@ class Fmu:
             slave.setupExperiment(startTime=0.0)
         if "sensors.noise" in self.references:
             self.set_all(slave, ["sensors.noise", "sensors.noise_seed"], [noise, seed])
-        slave.enterInitializationMode()
-        slave.exitInitializationMode()
+        if initialized:
+            slave.enterInitializationMode()
+            slave.exitInitializationMode()
         return slave
 
     def model(self):
@@ -210,6 +211,14 @@ def assert_refuses_impossible_steps(slave, time):
         with pytest.raises(FMICallException):
             slave.doStep(currentCommunicationPoint=at, communicationStepSize=length)
     slave.doStep(currentCommunicationPoint=time, communicationStepSize=0.01)
+
+
+def test_a_step_before_the_initialization_is_refused_for_that_reason(fmu, hybrid, capfd):
+    for exported in (fmu, hybrid):
+        slave = exported.slave(initialized=False)
+        with pytest.raises(FMICallException):
+            slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=STEP_S)
+        assert "the simulation has not begun" in capfd.readouterr().out
 
 
 def test_a_step_from_another_time_or_without_an_end_is_refused(fmu):

@@ -67,7 +67,7 @@ def test_the_results_of_a_whole_run_are_in_its_folder(study, results):
     assert field.metadata[b"unit"] == b"s" and field.metadata[b"description"]
     assert found.table("noise").to_arrow() == servotwin.data_set(results, "noise").to_arrow()
     assert list(found.trees) == ["ideal", "noise", "realistic"]
-    written = servotwin.trees(results / "hierarchy-noise.json")
+    written = servotwin.trees(results / "records-noise.json")
     assert str(found.trees["noise"]["A"]) == str(written["A"])
     diagnoser = found.diagnoser("noise")
     assert diagnoser.to_json() == servotwin.Diagnoser(results / "diagnoser-noise.json").to_json()
@@ -100,7 +100,7 @@ def test_the_stages_give_the_bytes_of_a_whole_run(study, results, tmp_path):
     servotwin.evaluate(tmp_path, progress=False)
     servotwin.report(tmp_path)
     staged, whole = contents(tmp_path), contents(results)
-    same = [name for name in staged if name.startswith(("dataset", "panel", "hierarchy"))]
+    same = [name for name in staged if name.startswith(("dataset", "records"))]
     assert same and all(staged[name] == whole[name] for name in same)
 
 
@@ -184,7 +184,7 @@ def test_an_empty_folder_says_which_stage_is_missing(tmp_path):
 
 
 def test_trees_are_data_and_drawn(results):
-    trees = servotwin.trees(results / "hierarchy-noise.json")
+    trees = servotwin.trees(results / "records-noise.json")
     top = trees["A"]
     nodes = top.nodes
     leaves = nodes["left"] < 0

@@ -77,6 +77,7 @@ impl FileError {
             Kind::ReadOnlyFilesystem => FileError::ReadOnly { path },
             Kind::StorageFull | Kind::QuotaExceeded => FileError::DiskFull { path },
             Kind::FileTooLarge => FileError::SizeLimit { path },
+            Kind::WouldBlock => FileError::NotRegular { path, what: "file without an end" },
             _ => FileError::System { path, source },
         }
     }
@@ -270,7 +271,8 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<(), FileError> {
     }
 }
 
-/// Opens a regular file for reading. A device may have no end, and a pipe may have no beginning.
+/// Opens a regular file for reading. A device may have no end, and a pipe may have no beginning. A read never waits:
+/// some files of the kernel (`/proc/kmsg`) pass for regular ones and wait for new messages.
 pub fn open(path: impl AsRef<Path>) -> Result<File, FileError> {
     let path = path.as_ref();
     // The opening of a pipe waits for its writer, so its kind is asked first.
@@ -279,7 +281,12 @@ pub fn open(path: impl AsRef<Path>) -> Result<File, FileError> {
             let what = kind_in_words(data.file_type());
             Err(FileError::NotRegular { path: path.to_path_buf(), what })
         }
-        _ => File::open(path).map_err(|cause| FileError::from_io(path, cause)),
+        _ => {
+            let mut options = File::options();
+            #[cfg(unix)]
+            std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, libc::O_NONBLOCK);
+            options.read(true).open(path).map_err(|cause| FileError::from_io(path, cause))
+        }
     }
 }
 

@@ -136,14 +136,13 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
-const WRITERS: [(&str, &str); 14] = [
+const WRITERS: [(&str, &str); 13] = [
     ("study.toml", "campaign STUDY --out FOLDER"),
     ("system.toml", "campaign STUDY --out FOLDER"),
     ("dataset-", "features FOLDER"),
     ("data-card.md", "features FOLDER"),
     ("calibration-", "campaign STUDY --scenario fitted --out FOLDER"),
-    ("hierarchy-", "train FOLDER"),
-    ("panel-", "train FOLDER"),
+    ("records-", "train FOLDER"),
     ("diagnoser-", "flights STUDY --out FOLDER"),
     ("band-", "band STUDY --out FOLDER"),
     ("flights.json", "flights STUDY --out FOLDER"),

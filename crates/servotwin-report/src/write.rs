@@ -5,7 +5,7 @@ use serde::Deserialize;
 use servotwin::campaign;
 use servotwin::evaluation::model_file;
 use servotwin::flight::band::BandMerit;
-use servotwin::job::{Folder, JobError, Results, Subject, flights, hierarchy, manifest, outcomes};
+use servotwin::job::{Folder, JobError, Results, Subject, flights, manifest, outcomes, panel};
 use servotwin::study::{Role, Scenario, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
@@ -21,7 +21,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let results = Results::read(folder)?;
     let subjects = results.subjects.iter().map(|result| result.subject);
     let hierarchies: Vec<(Subject, Hierarchy)> = subjects
-        .map(|subject| Ok((subject, hierarchy(folder, subject)?)))
+        .map(|subject| Ok((subject, panel(folder, subject)?.trees)))
         .collect::<Result<_, JobError>>()?;
     // Remove the older report first. The manifest written at the end keeps the entries of the one in the folder,
     // and would otherwise keep the older report's hashes.

@@ -8,6 +8,7 @@
 //! | `source` | where the rate comes from |
 
 use crate::error::{SafetyError, unknown};
+use servotwin::moment::rounded;
 use servotwin::table::csv::texts::{self, TextRow, Texts};
 use servotwin::table::{self, Column, Table};
 use std::path::{Path, PathBuf};
@@ -96,8 +97,8 @@ impl FailureRates {
             wrong(2, format!("'{unit}' is no unit of a failure rate; allowed are {units}"))
         })?;
         let range = || format!("allowed is 0 … {} {unit}", MAX_PER_H * hours);
-        let value: f64 =
-            rate.parse().map_err(|_| wrong(1, format!("'{rate}' is no number; {}", range())))?;
+        let no_number = |_| wrong(1, format!("'{rate}' is no number; {}{}", remedy(rate), range()));
+        let value: f64 = rate.parse().map_err(no_number)?;
         let value = value / hours;
         if !(0.0..=MAX_PER_H).contains(&value) {
             return Err(wrong(1, format!("{rate} is out of range: {}", range())));
@@ -115,6 +116,19 @@ impl FailureRates {
     pub fn of(&self, fault: &RatedFault) -> Option<&FailureRate> {
         let find = |name: &str| self.list.iter().find(|rate| rate.fault == name);
         find(&fault.id).or_else(|| find(&fault.kind))
+    }
+}
+
+/// How to write a number with a decimal comma or in per cent, followed by "; "; empty for other texts.
+fn remedy(text: &str) -> String {
+    let with_point = text.replacen(',', ".", 1);
+    let number = with_point.trim_end_matches('%').trim();
+    match number.parse::<f64>() {
+        Ok(value) if with_point.ends_with('%') => {
+            format!("a rate is no share: write {:?} for {number} %; ", rounded(0.01 * value))
+        }
+        Ok(_) => format!("write {number}, with a decimal point; "),
+        Err(_) => String::new(),
     }
 }
 
@@ -196,7 +210,15 @@ mod tests {
             ),
             ("cylinder.internal_leakage,2,1/h,x\n", "2 is out of range: allowed is 0 … 1 1/h"),
             ("cylinder.internal_leakage,NaN,1/h,x\n", "out of range"),
-            ("cylinder.internal_leakage,often,1/h,x\n", "'often' is no number"),
+            ("cylinder.internal_leakage,often,1/h,x\n", "'often' is no number; allowed"),
+            (
+                "cylinder.internal_leakage,\"1,5e-7\",1/h,x\n",
+                "'1,5e-7' is no number; write 1.5e-7, with a decimal point; allowed is 0 … 1 1/h",
+            ),
+            (
+                "cylinder.internal_leakage,0.1 %,1/h,x\n",
+                "'0.1 %' is no number; a rate is no share: write 0.001 for 0.1 %; allowed",
+            ),
             (
                 "cylinder.internal_leakage,1,1/a,x\n",
                 "column 'unit': '1/a' is no unit of a failure rate; allowed are 1/h, 1/(1e6 h), FIT",

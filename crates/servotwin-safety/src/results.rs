@@ -184,8 +184,7 @@ fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyEr
     };
     let mut models = String::new();
     for known in &manifest.outputs {
-        let is_model = ["hierarchy-", "panel-"].iter().any(|start| known.file.starts_with(start));
-        if is_model {
+        if known.file.starts_with("records-") {
             models += &known.sha256;
         }
     }

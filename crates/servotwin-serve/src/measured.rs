@@ -97,7 +97,7 @@ impl Measured<'_> {
         };
         let mut notices = Notices { feed, period_s };
         let mut watch = Watch::new(rows, &self.map, &mut screen, period_s);
-        watch.expect(system, &self.accepted_ranges);
+        watch.expect(self.study, &self.accepted_ranges);
         if let Some(rules) = silence {
             watch.watchdog(rules);
         }

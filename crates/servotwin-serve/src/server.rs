@@ -124,9 +124,13 @@ impl Access {
         if self.token.is_some() {
             return true;
         }
-        let name = host.rsplit_once(':').map_or(host, |(name, _)| name);
+        let (name, port) = match host.rsplit_once(':') {
+            Some((name, port)) if !port.ends_with(']') => (name, port),
+            _ => (host, "80"),
+        };
         let bare = name.trim_start_matches('[').trim_end_matches(']');
-        name == "localhost" || bare.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback())
+        port.parse::<u16>().is_ok()
+            && (name == "localhost" || bare.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback()))
     }
 
     /// Why a request may not come in; `None` if it may. A link on another page may lead to a page, and to nothing else.

@@ -3,7 +3,9 @@
 //! System files, signals, column names, maps of logs and the advice about values in another unit read it.
 
 use servotwin_model::spec::{Parameter, Unit};
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 /// A unit as it is written behind a number.
 #[derive(Debug, PartialEq)]
@@ -225,17 +227,33 @@ impl NamedUnit {
         }
     }
 
-    /// Whether `text` is one of its spellings, case-sensitively; `m2` equals `m²`.
-    fn is_spelled(&self, text: &str) -> bool {
-        [self.symbol, self.spoken].into_iter().any(|own| own == text || plain(own) == text)
-            || self.also.contains(&text)
+    /// Its spellings, case-sensitively; `m2` equals `m²`.
+    fn spelled(&self) -> Vec<String> {
+        let own = [self.symbol, self.spoken].into_iter().flat_map(|own| [own.into(), plain(own)]);
+        own.chain(self.also.iter().map(|also| String::from(*also))).collect()
     }
 
-    /// Whether a name with this suffix is in this unit.
-    fn has_suffix(&self, suffix: &str) -> bool {
-        !suffix.is_empty()
-            && (self.suffix() == suffix || self.also.iter().any(|also| suffix_of(also) == suffix))
+    /// The suffixes of names in this unit.
+    fn suffixes(&self) -> Vec<String> {
+        let also = self.also.iter().map(|also| suffix_of(also));
+        std::iter::once(self.suffix()).chain(also).filter(|suffix| !suffix.is_empty()).collect()
     }
+}
+
+/// Rows by their words. A log has up to 100,000 columns, each with many parts that may be a unit.
+type Index = LazyLock<BTreeMap<String, &'static NamedUnit>>;
+
+static SPELLED: Index = LazyLock::new(|| index(NamedUnit::spelled));
+static SUFFIXES: Index = LazyLock::new(|| index(NamedUnit::suffixes));
+
+/// The first row of each word.
+fn index(words: fn(&NamedUnit) -> Vec<String>) -> BTreeMap<String, &'static NamedUnit> {
+    let all = TABLE.iter().flat_map(|row| words(row).into_iter().map(move |word| (word, row)));
+    let mut index = BTreeMap::new();
+    all.for_each(|(word, row)| {
+        index.entry(word).or_insert(row);
+    });
+    index
 }
 
 /// The word for a unit in a system file: its symbol, `1` for a pure number.
@@ -248,7 +266,7 @@ pub const fn word(unit: Unit) -> &'static str {
 
 /// The unit with this spelling, case-sensitively: `mA` is not `MA`.
 pub fn exactly(text: &str) -> Option<&'static NamedUnit> {
-    TABLE.iter().find(|row| row.is_spelled(text))
+    SPELLED.get(text).copied()
 }
 
 /// The unit with this spelling, or with this suffix of a name in any case.
@@ -275,7 +293,7 @@ fn by_reference(text: &str) -> Option<&'static NamedUnit> {
 }
 
 fn by_suffix(suffix: &str) -> Option<&'static NamedUnit> {
-    TABLE.iter().find(|row| row.has_suffix(suffix))
+    SUFFIXES.get(suffix).copied()
 }
 
 /// The SI unit of a word in a system file.
@@ -477,10 +495,11 @@ mod tests {
             for text in typed.iter().chain([&row.suffix()]).filter(|text| !text.is_empty()) {
                 assert_eq!(find(text), Some(row), "{text}");
                 let others = TABLE.iter().filter(|other| *other != row);
-                let twins: Vec<_> = others.filter(|other| other.is_spelled(text)).collect();
+                let twins: Vec<_> = others.filter(|other| other.spelled().contains(text)).collect();
                 assert_eq!(twins, [] as [&NamedUnit; 0], "{text}");
             }
-            let twins = TABLE.iter().filter(|other| other.has_suffix(&row.suffix())).count();
+            let twins =
+                TABLE.iter().filter(|other| other.suffixes().contains(&row.suffix())).count();
             assert_eq!(twins, usize::from(!row.suffix().is_empty()), "suffix of {}", row.symbol);
         }
     }

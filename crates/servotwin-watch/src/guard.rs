@@ -204,6 +204,9 @@ pub fn trial<E: From<WatchError>>(
     let (mut source, mut observer) = open(map)?;
     let (evidence, counts) = first_motion(&mut *source, map, &mut *observer, study, period_s)?;
     let zone_s = source.zone_s();
+    if let Some(pace) = evidence.other_time_unit(period_s) {
+        return Ok(Trial { contradictions: vec![pace], zone_s });
+    }
     let mut rerun = |mistake: &InputMistake| {
         let Some(map) = map.without_mistake(study.command_input, mistake) else { return Ok(None) };
         let (mut source, mut observer) = open(&map)?;
@@ -234,7 +237,11 @@ fn first_motion(
             calls += 1000.0;
             stop.store(calls * period_s > TRIAL_S, Ordering::Relaxed);
         })?;
-        if end == End::Complete || watch.plausibility().moves(&study.system, map) {
+        let evidence = watch.plausibility();
+        if end == End::Complete
+            || evidence.moves(&study.system, map)
+            || evidence.other_time_unit(period_s).is_some()
+        {
             break;
         }
     }
@@ -307,9 +314,17 @@ pub fn unjudged(
         doubts.push(format!("the log has no {}", without.join(", ")));
     }
     if doubts.is_empty() {
-        let shortest = diagnoser.lengths.iter().filter_map(|length| length.span.samples()).min();
+        let shortest = diagnoser.lengths.iter().map(|length| length.span.samples()).min();
         let shortest_s = shortest.map_or(0.0, |samples| samples as f64 * diagnoser.period_s);
         doubts.push(gaps(map, &needed, counts, shortest_s));
+        let most = counts.met().max_by_key(|(_, tally)| tally.count);
+        doubts.extend(most.map(|(kind, tally)| {
+            let (what, place) = (kind.words().1, counts.place(tally));
+            format!(
+                "{what} in {} of {} {}s, first {place}",
+                tally.count, counts.frames, counts.counted
+            )
+        }));
     }
     doubts.join("; ")
 }

@@ -35,7 +35,7 @@ use map::Map;
 use plausibility::{Lookout, Plausibility};
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
-use servotwin::system::System;
+use servotwin::study::Study;
 use servotwin_io::document::NumberWithUnit;
 use sink::{Sample, Sink, SinkError};
 use source::{LogRow, Read, Source, SourceError};
@@ -113,7 +113,7 @@ pub struct Watch<'w> {
     /// Looks for mistakes of columns that begin later.
     lookout: Option<Lookout<'w>>,
     /// What it found and no sink knows.
-    implausible: Vec<String>,
+    implausible: Vec<WatchEvent>,
 }
 
 /// How a watch ended.
@@ -171,11 +171,11 @@ impl<'w> Watch<'w> {
         self.sinks.push(sink);
     }
 
-    /// Looks all the time whether the sensors can be those of a system, and reports it when they cannot; such a log ends
-    /// there. `ranges` are those in which the observer accepts the inputs.
-    pub fn expect(&mut self, system: &'w System, ranges: &[(f64, f64)]) {
+    /// Looks all the time whether the columns can be those of a study's system, and reports it when they cannot; such a
+    /// log ends there. `ranges` are those in which the observer accepts the inputs.
+    pub fn expect(&mut self, study: &'w Study, ranges: &[(f64, f64)]) {
         self.plausibility.narrow(ranges);
-        self.lookout = Some(Lookout::new(system, self.map, self.period_s, self.source.counted()));
+        self.lookout = Some(Lookout::new(study, self.map, self.period_s, self.source.counted()));
     }
 
     /// Enables checkpoints. For a live source, a separate thread writes them, and a failed write does not end the
@@ -286,8 +286,21 @@ impl<'w> Watch<'w> {
             self.progress.sequencer.end(&mut self.progress.counts);
             self.drain()?;
         }
+        self.conclude();
         self.check_clock_and_sinks()?;
         Ok(end)
+    }
+
+    /// Reports a contradiction that no pane has shown.
+    fn conclude(&mut self) {
+        let Some(lookout) = self.lookout.as_ref() else { return };
+        if self.plausibility.is_contradicted() {
+            return;
+        }
+        let (system, counts) = (lookout.system(), &self.progress.counts);
+        let found = self.plausibility.contradictions(system, self.map, counts);
+        let event = WatchEvent::Contradicted { reason: found.join("; "), from_s: None };
+        self.implausible.extend((!found.is_empty()).then_some(event));
     }
 
     /// The counts so far.
@@ -390,10 +403,11 @@ impl<'w> Watch<'w> {
                 self.plausibility.twin(as_logged, observation.twin);
                 let (twin, whole) = (observation.twin, self.plausibility.beside());
                 let lookout = self.lookout.as_mut();
-                let late = lookout.and_then(|l| l.take((place, now_s), as_logged, twin, whole));
+                let late =
+                    lookout.and_then(|l| l.take((place, now_s), [inputs, as_logged], twin, whole));
                 if let Some(late) = late {
-                    let words = late.words.clone();
-                    self.implausible.extend(self.plausibility.find(late).then_some(words));
+                    let event = late.clone().event();
+                    self.implausible.extend(self.plausibility.find(late).then_some(event));
                 }
             }
             counts.judged += u64::from(observation.finding.state.is_judgement());
@@ -419,8 +433,8 @@ impl<'w> Watch<'w> {
             let (event, lasts) = self.event(alert);
             self.report(event, lasts)?;
         }
-        for reason in std::mem::take(&mut self.implausible) {
-            self.report(WatchEvent::Implausible { reason }, None)?;
+        for event in std::mem::take(&mut self.implausible) {
+            self.report(event, None)?;
         }
         let of_sinks = self.sinks.iter_mut().flat_map(|sink| sink.failures());
         let failed: Vec<(String, String)> = of_sinks
@@ -457,13 +471,14 @@ impl<'w> Watch<'w> {
         let Progress { finding, time_s, .. } = &self.progress;
         let silent = lasts.or(watchdog.map(Watchdog::silent)).unwrap_or_default();
         let is_silent = watchdog.is_some_and(Watchdog::is_silent);
+        let is_contradicted = matches!(event, WatchEvent::Contradicted { .. });
         let notice = Notice {
             event,
             wall_time: wall_time(),
             time_s: time_s.is_finite().then_some(*time_s),
             silent_s: silent.as_secs_f64(),
             state: if is_silent { DiagnosisState::NoData } else { finding.state },
-            phase: finding.phase,
+            phase: if is_contradicted { Phase::None } else { finding.phase },
         };
         for sink in &mut self.sinks {
             sink.notice(&notice)?;

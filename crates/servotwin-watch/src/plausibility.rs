@@ -8,7 +8,10 @@
 use super::counts::{Irregularity, WatchCounts};
 use super::map::{LARGEST_RATE_HZ, Map};
 use super::sequencer::Stamped;
-use servotwin::beside::{self, Comparisons, InputMistake, SensorColumn, Spread};
+use super::watchdog::WatchEvent;
+use servotwin::beside::{self, Comparisons, InputMistake, PANES, Panes, SensorColumn, Spread};
+use servotwin::fit;
+use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::units::{self, NamedUnit};
 use servotwin_io::document::{NumberWithUnit, Quantities};
@@ -50,96 +53,164 @@ pub struct LateMistake {
     pub words: String,
     /// Whether it contradicts the map beyond doubt. A fault may explain the others.
     pub is_certain: bool,
+    /// Since when, s; `None` for the beginning.
+    pub from_s: Option<f64>,
+}
+
+impl LateMistake {
+    /// The event that reports it.
+    pub(super) fn event(self) -> WatchEvent {
+        let LateMistake { words: reason, is_certain, from_s } = self;
+        match is_certain {
+            true => WatchEvent::Contradicted { reason, from_s },
+            false => WatchEvent::Implausible { reason },
+        }
+    }
 }
 
 /// Compares the sensors with their twins in one pane after the other, because columns may change within a log.
 pub(super) struct Lookout<'s> {
     columns: Vec<SensorColumn<'s>>,
     names: Vec<&'s str>,
-    /// The samples of a pane, and of the current one.
-    samples: (u64, u64),
-    pane: Comparisons,
-    /// All panes since the first of those that contradict the map, its first place and time, s, and their number.
-    since: Comparisons,
-    begin: (u64, f64),
-    wrong: u32,
+    panes: Panes<(u64, f64)>,
     /// How many panes had motion.
     moving: u32,
     /// What places count.
     counted: &'static str,
+    /// The name of the command, and its unit in the log.
+    command: (&'s str, &'static NamedUnit),
+    still: StillSamples<'s>,
 }
 
-/// The length of a pane, s, and how many in succession contradict the map. Panes without motion do not count.
-const PANE_S: f64 = 2.0;
-const PANES: u32 = 4;
+/// The samples since the twin stands still, for a comparison with the command undone.
+struct StillSamples<'s> {
+    study: &'s Study,
+    /// Whether the command has a column.
+    has_column: bool,
+    period_s: f64,
+    /// Place and time of the first pane with motion, s, and the number of such panes.
+    begin: (u64, f64),
+    moving: u32,
+    /// The inputs and the sensor values of the last panes, one sample after the other.
+    inputs: Vec<f64>,
+    measured: Vec<f64>,
+}
+
+/// How many panes are kept while the twin stands still.
+const STILL_PANES: usize = 10;
+
+impl StillSamples<'_> {
+    /// Ends a pane beside a resting twin, and reports whether the column of the command is a mistake.
+    fn end_pane(
+        &mut self,
+        is_moving: bool,
+        begin: (u64, f64),
+        samples: usize,
+    ) -> Option<InputMistake> {
+        for (all, width) in self.widths() {
+            all.drain(..all.len().saturating_sub(STILL_PANES * samples * width));
+        }
+        if !is_moving {
+            return None;
+        }
+        if self.moving == 0 {
+            self.begin = begin;
+        }
+        self.moving += 1;
+        let is_due = self.has_column && self.moving.is_multiple_of(PANES);
+        let found = || fit::still_command(self.study, self.period_s, &self.inputs, &self.measured);
+        is_due.then(found)?.ok()?
+    }
+
+    fn widths(&mut self) -> [(&mut Vec<f64>, usize); 2] {
+        let system = &self.study.system;
+        let (inputs, sensors) = (system.network().inputs.len(), system.sensors.len());
+        [(&mut self.inputs, inputs), (&mut self.measured, sensors)]
+    }
+
+    fn clear(&mut self) {
+        self.moving = 0;
+        self.inputs.clear();
+        self.measured.clear();
+    }
+}
 
 impl<'s> Lookout<'s> {
-    pub(super) fn new(system: &'s System, map: &Map, period_s: f64, counted: &'static str) -> Self {
-        let width = system.sensors.len();
+    pub(super) fn new(study: &'s Study, map: &Map, period_s: f64, counted: &'static str) -> Self {
+        let (system, command) = (&study.system, study.command_input);
         Lookout {
             columns: columns(system, map),
             names: system.sensors.iter().map(|sensor| &*sensor.id).collect(),
-            samples: ((PANE_S / period_s).ceil() as u64, 0),
-            pane: Comparisons::new(width),
-            since: Comparisons::new(width),
-            begin: (0, f64::NAN),
-            counted,
-            wrong: 0,
+            panes: Panes::new(system.sensors.len(), period_s),
             moving: 0,
+            counted,
+            command: (&system.network().inputs[command].id, map.unit(command)),
+            still: StillSamples {
+                study,
+                has_column: map.constant(command).is_none(),
+                period_s,
+                begin: (0, f64::NAN),
+                moving: 0,
+                inputs: vec![],
+                measured: vec![],
+            },
         }
+    }
+
+    pub(super) fn system(&self) -> &'s System {
+        &self.still.study.system
     }
 
     /// Begins a pane anew.
     pub(super) fn restart(&mut self) {
-        (self.samples.1, self.wrong) = (0, 0);
-        self.pane = Comparisons::new(self.names.len());
+        self.panes.restart();
+        self.still.clear();
     }
 
-    /// Takes the place and the time of a period, s, its sensor values, as the log has them, and those of the twin.
-    /// `whole` has taken all periods.
+    /// Takes the place and the time of a period, s, its inputs and sensor values, as the log has them, and those of the
+    /// twin. `whole` has taken all periods.
     pub(super) fn take(
         &mut self,
         begin: (u64, f64),
-        measured: &[f64],
+        [inputs, measured]: [&[f64]; 2],
         twin: &[f64],
         whole: &Comparisons,
     ) -> Option<LateMistake> {
-        if self.samples.1 == 0 && self.wrong == 0 {
-            (self.begin, self.since) = (begin, Comparisons::new(self.names.len()));
+        self.still.inputs.extend_from_slice(inputs);
+        self.still.measured.extend_from_slice(measured);
+        let (begin, pane) = self.panes.take(begin, measured, twin)?;
+        if pane.twin_moves(&self.columns) {
+            self.still.clear();
         }
-        self.pane.take(measured, twin);
-        self.samples.1 += 1;
-        if self.samples.1 < self.samples.0 {
-            return None;
-        }
-        self.samples.1 = 0;
-        let pane = std::mem::replace(&mut self.pane, Comparisons::new(self.names.len()));
-        self.since.add(&pane);
-        if !pane.has_motion(&self.columns) {
-            return None;
-        }
-        let mistakes = |beside: &Comparisons| beside.mistakes_in_motion(&self.columns, &self.names);
-        self.wrong = if mistakes(&pane).is_empty() { 0 } else { self.wrong + 1 };
-        self.moving += 1;
+        let is_still = pane.is_still(&self.columns);
+        let unrelated = self.still.end_pane(is_still, begin, self.panes.samples());
+        self.moving += u32::from(pane.has_motion(&self.columns));
         if self.moving == PANES {
             // A stream has no other trial.
             let found = whole.mistakes(&self.columns, &self.names);
             if !found.is_empty() {
-                return Some(LateMistake { words: found.join("; "), is_certain: true });
+                return Some(LateMistake {
+                    words: found.join("; "),
+                    is_certain: true,
+                    from_s: None,
+                });
             }
         }
-        let found = if self.wrong < PANES { vec![] } else { mistakes(&self.since) };
-        let ((place, time_s), counted) = (self.begin, self.counted);
-        let since = format!("from {} ({counted} {place}) on", moment::shown(time_s));
-        if !found.is_empty() {
-            let words = format!("{since}, {}", found.join("; "));
-            return Some(LateMistake { words, is_certain: true });
+        let counted = self.counted;
+        let since = |(place, time_s): (u64, f64), what: &str, is_certain: bool| {
+            let words = format!("from {} ({counted} {place}) on, {what}", moment::shown(time_s));
+            Some(LateMistake { words, is_certain, from_s: Some(time_s) })
+        };
+        if let Some((begin, found)) = self.panes.mistakes(&pane, &self.columns, &self.names) {
+            return since(begin, &found, true);
         }
-        let words = format!(
-            "{since}, the actuator moves while the twin stands still: unless a fault moves it, its command is in another \
-             column"
-        );
-        pane.is_still(&self.columns).then_some(LateMistake { words, is_certain: false })
+        if let Some(mistake) = unrelated {
+            let (name, unit) = self.command;
+            return since(self.still.begin, &mistake.in_words(name, unit, &self.names), true);
+        }
+        let what = "the actuator moves while the twin stands still: unless a fault moves it, its command is in another \
+                    column";
+        if is_still { since(self.still.begin, what, false) } else { None }
     }
 }
 
@@ -249,6 +320,8 @@ impl Plausibility {
                 .or_else(|| beside::other_units_in_words(&sensors, &names, beside.as_slice()))
         });
         let mut all = self.contradictions(system, map, counts);
+        let at_rest = self.beside.atmosphere_at_rest(&sensors, &names);
+        all.extend(at_rest.filter(|_| all.is_empty()));
         all.extend(self.late(false));
         all.extend(self.pace(period_s).into_iter().chain(columns));
         if all.is_empty() {
@@ -294,6 +367,17 @@ impl Plausibility {
         let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
         let input = (map.id(input), map.unit(input));
         self.beside.input_mistake(input, &columns(system, map), &names, rerun)
+    }
+
+    /// Says that the times are in another unit, as soon as enough steps show it.
+    pub(super) fn other_time_unit(&self, period_s: f64) -> Option<String> {
+        let has_evidence = self.steps_s.len() as u64 >= LEAST_VALUES;
+        let is_other = |step_s: f64| has_evidence && !moment::is_period(step_s);
+        let likely = |step_s: f64| {
+            moment::likely_unit(step_s / self.unit_s, period_s, units::of_times()).is_some()
+        };
+        self.step_s().filter(|&step_s| is_other(step_s) && likely(step_s))?;
+        self.pace(period_s)
     }
 
     fn pace(&self, period_s: f64) -> Option<String> {

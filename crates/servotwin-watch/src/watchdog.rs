@@ -105,10 +105,17 @@ pub enum WatchEvent {
         /// The reason.
         reason: String,
     },
-    /// The values of the source cannot be those of its map, or hardly.
+    /// The values of the source are hardly those of its map.
     Implausible {
         /// Since when, and why.
         reason: String,
+    },
+    /// The values of the source contradict its map. No finding and no action since `from_s` counts, also if it stands.
+    Contradicted {
+        /// Since when, and why.
+        reason: String,
+        /// Since when, s; `None` for the beginning.
+        from_s: Option<f64>,
     },
     /// The watch is alive.
     Heartbeat {
@@ -146,6 +153,9 @@ impl Notice {
                 format!("{sink} failed and gets nothing more ({reason}); the watch goes on")
             }
             WatchEvent::Implausible { reason } => reason.clone(),
+            WatchEvent::Contradicted { reason, .. } => {
+                format!("{reason}; no finding and no action since then counts")
+            }
             WatchEvent::Heartbeat { .. } => return None,
         })
     }

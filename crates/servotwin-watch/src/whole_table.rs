@@ -73,7 +73,7 @@ pub fn watch_table(
     let (mut rows, mut observer) = (rows()?, observer()?);
     let mut changes = Changes(vec![]);
     let mut watch = Watch::new(&mut rows, &map, &mut observer, period_s);
-    watch.expect(system, &guard::accepted_ranges(diagnoser, system));
+    watch.expect(study, &guard::accepted_ranges(diagnoser, system));
     watch.sink(&mut changes);
     if watch.run(stop, &mut |_, _| ())? == End::Stopped {
         return Err(TableWatchError::Stopped);

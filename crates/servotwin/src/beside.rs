@@ -17,6 +17,8 @@ const LEAST_SAMPLES: u64 = 20;
 /// bias of a sensor, a valve or a controller moves it, however slowly it drifts.
 const FAR: f64 = 0.05;
 const BEYOND_BIAS: f64 = 0.1;
+/// How far ahead of a position its command may be, s. A slow motion needs no lead, and one in steps needs some.
+const LEADS_S: [f64; 3] = [0.0, 0.05, 0.2];
 /// A difference or a motion below this share of a sensor's scale is no evidence.
 const LEAST_SHARE: f64 = 0.01;
 /// A difference below this many deviations of a sensor is noise.
@@ -183,13 +185,21 @@ pub enum InputMistake {
     Unit(Misread),
     /// It is exchanged with the column of this sensor.
     Exchanged(usize),
-    /// It stands still while the actuator flies this sensor's values, times a factor.
-    Still(usize, f64),
+    /// It stands still while the actuator flies `factor · (x + lead_s · dx/dt)`, where x are this sensor's values, SI: the
+    /// lead is what an actuator is behind its command.
+    Still {
+        /// The index of the sensor.
+        sensor: usize,
+        /// See above.
+        factor: f64,
+        /// See above, s.
+        lead_s: f64,
+    },
 }
 
 impl InputMistake {
     /// Says which mistake it is, given the names of the input and of the sensors.
-    fn in_words(&self, input: &str, declared: &NamedUnit, names: &[&str]) -> String {
+    pub fn in_words(&self, input: &str, declared: &NamedUnit, names: &[&str]) -> String {
         match self {
             Self::Unit(misread) => {
                 let (seems, remedy) = misread.in_words(declared);
@@ -199,7 +209,7 @@ impl InputMistake {
                 "{input} and {} look exchanged: the twin follows the sensors the other way round",
                 names[*sensor]
             ),
-            Self::Still(sensor, _) => format!(
+            Self::Still { sensor, .. } => format!(
                 "{input} stands still while the sensors move as those of a healthy actuator that is commanded to the \
                  values of {}: it is no column of the command; if the actuator moves without a command, \
                  {input} = {{ value = … }} in a map file says that it stands still",
@@ -409,6 +419,22 @@ impl Comparisons {
     /// The pressures that are one atmosphere below (`-1.0`) or, if they are read as gauge pressures, above (`1.0`) their
     /// twins: all, or some beside others that agree with theirs. A unit that states *absolute* is believed.
     pub fn without_atmosphere(&self, columns: &[SensorColumn]) -> Option<(f64, Vec<usize>)> {
+        self.off_by_atmosphere(columns, false)
+    }
+
+    /// The same in words, with `names` of the sensors, for pressures that stand still: a faulty sensor explains them, too.
+    pub fn atmosphere_at_rest(&self, columns: &[SensorColumn], names: &[&str]) -> Option<String> {
+        let (sign, low) = self.off_by_atmosphere(columns, true)?;
+        let low: Vec<&str> = low.iter().map(|&sensor| names[sensor]).collect();
+        let words = atmosphere_in_words(sign, &low);
+        Some(format!("{words}; while nothing moves, an offset of a faulty sensor looks the same"))
+    }
+
+    fn off_by_atmosphere(
+        &self,
+        columns: &[SensorColumn],
+        at_rest: bool,
+    ) -> Option<(f64, Vec<usize>)> {
         let is_pressure = |sensor: &usize| {
             columns[*sensor].sensor.unit == Unit::Pascal
                 && !columns[*sensor].unit.is_absolute
@@ -428,18 +454,22 @@ impl Comparisons {
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
         let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
         // A gain that is too low by a few per cent shifts the level, too. Only motion, which it shrinks, tells the two apart.
-        let is_shifted = |own: &TwinComparison, deviation: f64| {
-            let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
-            let too_high = own.gain() - 1.0;
-            let of_level = own.offset() / own.twin.mean();
-            too_high.abs() < SURE * error && (too_high - of_level).abs() > SURE * error
-        };
+        let is_shifted =
+            |own: &TwinComparison, SensorColumn { deviation, sensor, .. }: &SensorColumn| {
+                if at_rest && !own.moves(sensor.scale) {
+                    return true;
+                }
+                let error = deviation / (own.twin.variance() * own.own.count as f64).sqrt();
+                let too_high = own.gain() - 1.0;
+                let of_level = own.offset() / own.twin.mean();
+                too_high.abs() < SURE * error && (too_high - of_level).abs() > SURE * error
+            };
         let is_low = |&sensor: &usize| {
             let (own, column) = (self.of(sensor), &columns[sensor]);
             column.unit.is_proportional() == (sign < 0.0)
                 && error(sensor) < most(column.deviation / (own.own.count as f64).sqrt())
                 && own.variance(1.0) < (CLEAR_NOISE * column.deviation).powi(2)
-                && is_shifted(own, column.deviation)
+                && is_shifted(own, column)
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;
@@ -491,20 +521,29 @@ impl Comparisons {
         units.map(InputMistake::Unit).chain(sensors.map(InputMistake::Exchanged)).collect()
     }
 
+    /// Whether the twin of a position moves.
+    pub fn twin_moves(&self, columns: &[SensorColumn]) -> bool {
+        let mut positions =
+            columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
+        positions.any(|(sensor, column)| self.of(sensor).moves(column.sensor.scale))
+    }
+
     /// Whether positions move far while the twins of all stand still.
     pub fn is_still(&self, columns: &[SensorColumn]) -> bool {
         let mut positions =
-            columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal).peekable();
+            columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
         let moves_far = |(sensor, column): (usize, &SensorColumn)| {
             self.of(sensor).own.variance().sqrt() > FAR * column.sensor.scale
         };
-        !positions.clone().any(|(sensor, c)| self.of(sensor).moves(c.sensor.scale))
-            && positions.any(moves_far)
+        !self.twin_moves(columns) && positions.any(moves_far)
     }
 
     /// A column of the command that stands still while all sensors move as those of a healthy actuator that flies one of
-    /// them.
-    fn still_input<E>(
+    /// them; `rerun` as in [`Comparisons::input_mistake`].
+    ///
+    /// # Errors
+    /// What `rerun` reports.
+    pub fn still_input<E>(
         &self,
         columns: &[SensorColumn],
         rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
@@ -513,12 +552,15 @@ impl Comparisons {
         let is_commanded = |(sensor, column): &(usize, &SensorColumn)| {
             self.of(*sensor).own.variance().sqrt() > BEYOND_BIAS * column.sensor.scale
         };
-        for (sensor, _) in positions.filter(|p| is_commanded(p) && self.is_still(columns)) {
-            let mut mistake = InputMistake::Still(sensor, 1.0);
+        let flown = positions.filter(|p| is_commanded(p) && self.is_still(columns));
+        for (sensor, lead_s) in flown.flat_map(|(sensor, _)| LEADS_S.map(|lead_s| (sensor, lead_s)))
+        {
+            let mut mistake = InputMistake::Still { sensor, factor: 1.0, lead_s };
             // The twin of the first run says how far the position goes for a command.
             let Some(first) = rerun(&mistake)? else { continue };
             let TwinComparison { own, twin, .. } = first.of(sensor);
-            mistake = InputMistake::Still(sensor, (own.variance() / twin.variance()).sqrt());
+            let factor = (own.variance() / twin.variance()).sqrt();
+            mistake = InputMistake::Still { sensor, factor, lead_s };
             let Some(undone) = rerun(&mistake)? else { continue };
             let moving = (0..self.width).filter(|&s| undone.of(s).moves(columns[s].sensor.scale));
             if moving.clone().count() > 1
@@ -623,6 +665,83 @@ impl Comparisons {
         let moving: Vec<usize> = (0..self.width).filter(is_moving).collect();
         let turned = moving.iter().filter(|&&sensor| self.of(sensor).is_turned());
         (turned.map(|&sensor| names[sensor]).collect(), moving.len())
+    }
+}
+
+/// Sensors beside their twins in one pane of 2 s after the other, because columns may change within a record. `T` is a
+/// place in it.
+pub struct Panes<T> {
+    /// The samples of a pane, and of the current one.
+    samples: (u64, u64),
+    pane: Comparisons,
+    /// All panes since the first of those that contradict the columns, and their number.
+    since: Comparisons,
+    wrong: u32,
+    /// The first places of both.
+    begins: [T; 2],
+}
+
+/// The length of a pane, s, and how many in succession contradict the columns. Panes without motion do not count.
+const PANE_S: f64 = 2.0;
+/// See [`PANE_S`].
+pub const PANES: u32 = 4;
+
+impl<T: Copy + Default> Panes<T> {
+    /// Before the first sample of a number of sensors.
+    pub fn new(width: usize, period_s: f64) -> Self {
+        let samples = ((PANE_S / period_s).ceil() as u64, 0);
+        let [pane, since] = [Comparisons::new(width), Comparisons::new(width)];
+        Panes { samples, pane, since, wrong: 0, begins: Default::default() }
+    }
+
+    /// The number of samples in a pane.
+    pub fn samples(&self) -> usize {
+        self.samples.0 as usize
+    }
+
+    /// Begins a pane anew.
+    pub fn restart(&mut self) {
+        (self.samples.1, self.wrong) = (0, 0);
+        self.pane = Comparisons::new(self.pane.width);
+    }
+
+    /// Takes the place of a sample, the values of all sensors and of their twins, SI. Returns the pane that it ends, with
+    /// its first place.
+    pub fn take(&mut self, place: T, measured: &[f64], twin: &[f64]) -> Option<(T, Comparisons)> {
+        if self.samples.1 == 0 {
+            self.begins[0] = place;
+            if self.wrong == 0 {
+                (self.begins[1], self.since) = (place, Comparisons::new(self.pane.width));
+            }
+        }
+        self.pane.take(measured, twin);
+        self.samples.1 += 1;
+        if self.samples.1 < self.samples.0 {
+            return None;
+        }
+        self.samples.1 = 0;
+        let pane = std::mem::replace(&mut self.pane, Comparisons::new(self.since.width));
+        self.since.add(&pane);
+        Some((self.begins[0], pane))
+    }
+
+    /// The mistakes of the last panes, given the last one, and the place where they begin.
+    pub fn mistakes(
+        &mut self,
+        last: &Comparisons,
+        columns: &[SensorColumn],
+        names: &[&str],
+    ) -> Option<(T, String)> {
+        if !last.has_motion(columns) {
+            return None;
+        }
+        let is_wrong = !last.mistakes_in_motion(columns, names).is_empty();
+        self.wrong = if is_wrong { self.wrong + 1 } else { 0 };
+        if self.wrong < PANES {
+            return None;
+        }
+        let found = self.since.mistakes_in_motion(columns, names);
+        (!found.is_empty()).then(|| (self.begins[1], found.join("; ")))
     }
 }
 

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, OnTheMove, Share, runs};
+use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, Share, runs};
 use servotwin::job::{Folder, data_card, manifest};
 use servotwin::parallel::Workers;
 use servotwin::study::{Role, Scenario, Study};
@@ -98,8 +98,7 @@ pub fn campaign<'s>(
 ) -> Campaign<'s> {
     Campaign {
         scenarios: scenarios.clone(),
-        threads: threads.unwrap_or_else(|| Workers::all().threads()).max(1),
-        cancel: Some(stop::flag()),
+        workers: threads.map_or_else(Workers::all, Workers::new).stopped_by(stop::flag()),
         ..Campaign::stored(folder.path(), study, scenarios[0], role)
     }
 }
@@ -159,43 +158,21 @@ pub fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) ->
         campaign.study.name,
         named(&campaign.scenarios, campaign.role),
         outcome.variants,
-        campaign.duration_s(),
+        campaign.suite().duration_s,
         outcome.failed.len()
     );
-    if outcome.alike > 0 {
-        text.push_str(&format!(
-            "  {} healthy specimens differ by the noise of their sensors alone from one that is \
-             simulated\n",
-            outcome.alike
-        ));
-    }
     if let Some(origin) = campaign.study.system.compiled.origin().filter(|_| ran > 0) {
         text.push_str(&format!("  with {origin}\n"));
     }
-    text.push_str(&on_the_move(&outcome.on_the_move));
+    if outcome.on_the_move > 0 {
+        text.push_str(&format!(
+            "  {} variants began on the move, because no steady state was found; they teach no band, and manifest.json \
+             lists them\n",
+            outcome.on_the_move
+        ));
+    }
     for (scenario, variant, reason) in &outcome.failed {
         text.push_str(&format!("  {} variant {variant}: {reason}\n", scenario.name()));
-    }
-    text
-}
-
-/// The maximum number of runs without a steady state listed here; `manifest.json` lists all of them.
-const MAX_NAMED: usize = 10;
-
-/// Lists runs that began without a steady state. The transient at their start is no fault.
-fn on_the_move(runs: &[OnTheMove]) -> String {
-    if runs.is_empty() {
-        return String::new();
-    }
-    let count = runs.len();
-    let mut text = format!(
-        "  {count} variants began on the move, because no steady state was found; they teach no band\n"
-    );
-    for run in runs.iter().take(MAX_NAMED) {
-        text.push_str(&format!("    {run}\n"));
-    }
-    if count > MAX_NAMED {
-        text.push_str(&format!("    and {} more, in manifest.json\n", count - MAX_NAMED));
     }
     text
 }
@@ -205,22 +182,16 @@ fn to_json(campaign: &Campaign, outcome: &CampaignOutcome) -> serde_json::Value 
     let failed = failed
         .map(|(s, v, r)| json!({"scenario": s.name(), "variant": v, "reason": r}))
         .collect::<Vec<_>>();
-    let moving = outcome.on_the_move.iter().map(|run| {
-        json!({"scenario": run.scenario.name(), "variant": run.variant, "fault": run.fault,
-               "case": run.case, "limit_cycle": run.limit_cycle})
-    });
-    let moving = moving.collect::<Vec<_>>();
     json!({
         "scenarios": campaign.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),
         "training": campaign.role == Role::Training,
         "variants": outcome.variants,
         "resumed": outcome.resumed,
-        "alike": outcome.alike,
         "steps": outcome.statistics.steps,
         "rejected": outcome.statistics.rejected,
         "jacobians": outcome.statistics.jacobians,
         "unsettled": outcome.statistics.unsettled,
-        "on_the_move": moving,
+        "on_the_move": outcome.on_the_move,
         "failed": failed,
     })
 }

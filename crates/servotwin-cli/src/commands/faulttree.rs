@@ -1,6 +1,6 @@
 //! `servotwin faulttree`: fault trees with counted probabilities.
 
-use super::{note, setting_of};
+use super::{note, scenario_of};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -63,7 +63,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         rates::write_template(path, &rated_faults(&study))?;
         return Ok(format!("{}\n", path.display()));
     }
-    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let (Some(rates), Some(flight_h), Some(repair_h), Some(check_h)) =
         (&options.rates, options.flight_hours, options.repair_hours, options.check_hours)

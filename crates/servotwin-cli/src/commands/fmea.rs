@@ -1,7 +1,7 @@
 //! `servotwin fmea`: fills an FMEA from the results of a study.
 
 use super::evaluate::workers;
-use super::{note, setting_of};
+use super::{note, scenario_of};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::json;
@@ -76,7 +76,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 
 fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.input);
-    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let _hold = folder.hold(Among::Nobody)?;
     let fly = match (options.no_flights, options.all_faults) {

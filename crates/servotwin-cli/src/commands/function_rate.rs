@@ -1,7 +1,7 @@
 //! `servotwin function-rate`: how often the function fails, with the hybrid twin and without.
 
 use super::faulttree::band;
-use super::{note, setting_of};
+use super::{note, scenario_of};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::Paths;
@@ -53,7 +53,7 @@ impl Options {
 /// Returns the text for standard output.
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
-    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let Options { flight_hours, repair_hours, check_hours, .. } = *options;
     let hours =

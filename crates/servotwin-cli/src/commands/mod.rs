@@ -163,7 +163,7 @@ fn removed(global: Global, folder: &str, files: usize) {
 }
 
 /// The scenario of an option `--scenario`.
-fn setting_of(name: &str) -> Result<Scenario, Failure> {
+fn scenario_of(name: &str) -> Result<Scenario, Failure> {
     let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
     found.ok_or_else(|| Failure::OutOfRange {
         option: "--scenario",

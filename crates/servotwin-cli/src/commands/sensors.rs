@@ -2,7 +2,7 @@
 
 use super::evaluate::workers;
 use super::progress::Stages;
-use super::{note, setting_of};
+use super::{note, scenario_of};
 use crate::failure::Failure;
 use crate::paths::Paths;
 use crate::render::json;
@@ -60,7 +60,7 @@ impl Options {
 pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.folder);
-    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let asked = TradeOptions {
         keep: &options.keep,

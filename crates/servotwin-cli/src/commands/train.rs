@@ -24,7 +24,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let (study, _hold) = folder.open()?;
     let (mut text, mut results) = (String::new(), vec![]);
     for (subject, trained) in job::train_all(&folder, &study, workers(None))? {
-        let path = folder.panel(subject);
+        let path = folder.records(subject);
         let stages: Vec<&str> =
             trained.trees.stages.iter().map(|stage| stage.id.as_str()).collect();
         text += &format!(

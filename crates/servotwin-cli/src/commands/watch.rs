@@ -218,7 +218,7 @@ impl Setup<'_> {
         let system = &study.system;
         let mut outputs = Outputs::new(options, address, scene, resumed.as_ref(), global)?;
         let mut watch = Watch::new(source, map, observer, period_s);
-        watch.expect(system, accepted_ranges);
+        watch.expect(study, accepted_ranges);
         if let Some(checkpoint) = resumed {
             watch.resume(checkpoint)?;
         }

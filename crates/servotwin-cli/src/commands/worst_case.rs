@@ -1,7 +1,7 @@
 //! `servotwin worst-case`: searches the flights in which the diagnosis is closest to an error.
 
 use super::flights::with_crew;
-use super::setting_of;
+use super::scenario_of;
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
@@ -63,7 +63,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
         };
         return again(options, &line, global);
     }
-    let wanted = options.scenario.as_deref().map(setting_of).transpose()?;
+    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let objectives: Vec<SearchObjective> = SearchObjective::ALL
         .into_iter()

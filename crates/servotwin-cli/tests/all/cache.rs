@@ -67,6 +67,7 @@ fn a_run_that_may_only_be_compiled_ends_where_that_fails() {
 
 #[cfg(unix)]
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_folder_that_others_can_change_is_no_cache() {
     use std::os::unix::fs::{PermissionsExt, chown};
     let folder = Folder::new("open-cache");

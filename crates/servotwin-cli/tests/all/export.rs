@@ -126,6 +126,7 @@ fn run_main(program: &Path, samples: String) -> std::process::Output {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn the_small_main_names_a_broken_line() {
     let (_folder, _, out) = exported("export-main");
     let output = run_main(&compiled_main(&out), "nan 1 2\n".into());

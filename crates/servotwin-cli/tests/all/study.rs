@@ -286,7 +286,7 @@ fn a_study_that_is_killed_behind_each_kind_of_file_ends_with_the_same_bytes() {
     let folder = Folder::new("killed");
     let (study, killed) = (write_study(&folder, CLASSES), folder.file("killed"));
     std::fs::create_dir(&killed).unwrap();
-    // `panel` of `panel-noise.json`, `figures` of `figures/bands.svg`.
+    // `records` of `records-noise.json`, `figures` of `figures/bands.svg`.
     let kind = |file: PathBuf| {
         let name = file.to_str().unwrap();
         name.split(['-', '.', '/']).find(|part| !part.is_empty()).unwrap().to_owned()
@@ -367,7 +367,7 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
 fn broken_data_sets_are_named() {
     let folder = Folder::new("broken");
     let out = copy_of(ideal(), &folder);
-    fails(&["evaluate", &out], 3, "panel-ideal.json: no such file; 'servotwin train' writes it");
+    fails(&["evaluate", &out], 3, "records-ideal.json: no such file; 'servotwin train' writes it");
     fails(&["report", &out], 3, "evaluation.json: no such file; 'servotwin evaluate' writes it");
     let data_set = Path::new(&out).join("dataset-ideal.parquet");
     let good = std::fs::read(&data_set).unwrap();
@@ -411,8 +411,8 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
             &["explain", "0", "--out", &out, "--subject", "ideal"],
             "features",
         ),
-        ("panel-ideal.json", &["evaluate", &out], "train"),
-        ("hierarchy-noise.json", &["report", &out], "train"),
+        ("records-ideal.json", &["evaluate", &out], "train"),
+        ("records-noise.json", &["report", &out], "train"),
         ("evaluation.json", &["report", &out], "evaluate"),
         ("flights.json", &["report", &out], "flights"),
         ("diagnoser-realistic.json", &watch, "flights"),
@@ -485,7 +485,7 @@ fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
     fails(&part, 1, busy);
     assert_same(&before, &contents(Path::new(&out)));
     // Who only reads need not wait.
-    fails(&["explain", "0", "--out", &out], 3, "panel-ideal.json: no such file");
+    fails(&["explain", "0", "--out", &out], 3, "records-ideal.json: no such file");
     held.unlock().unwrap();
     held.lock_shared().unwrap();
     run(&part);
@@ -527,6 +527,7 @@ fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
     let folder = Folder::new("missing parts");
     let study = write_study(&folder, CLASSES);

@@ -228,6 +228,9 @@ fn mistakes_in_watching_are_said_with_their_place() {
         line.split(',').zip(&head).map(cell).collect::<Vec<_>>().join(",") + "\n"
     });
     std::fs::write(&emptied, emptied_rows.collect::<String>()).unwrap();
+    let reversed = folder.file("reversed.csv");
+    let backwards: Vec<&str> = rows.lines().take(1).chain(rows.lines().rev()).collect();
+    std::fs::write(&reversed, backwards.join("\n") + "\n").unwrap();
     let few: Vec<&str> = rows.lines().take(4).collect();
     std::fs::write(&short, few.join("\n") + "\n").unwrap();
     let cases: &[(&[&str], i32, &str)] = &[
@@ -249,6 +252,7 @@ fn mistakes_in_watching_are_said_with_their_place() {
             "without a value: p_a_1 in 401, p_b_1 in 401, x_v_1 in 401",
         ),
         (&[&["watch", &short], &with[..]].concat(), 3, "without a gap, the shortest window"),
+        (&[&["watch", &reversed], &with[..]].concat(), 3, "too late: dropped in 400 of 401 lines"),
         (&["watch", "/nowhere/a.csv"], 3, "no such file"),
         // Outputs are looked at before a stream begins, and a checkpoint to continue from is an input.
         (&["watch", "-", "--map", &map, "--html", "/nowhere/a.html"], 1, "/nowhere does not exist"),

@@ -177,9 +177,9 @@ impl Diagnoser {
 
     /// The limits of the evidence for a length.
     pub fn limits_of(&self, length: &Length) -> decision::DecisionLimits {
-        let samples = length.span.samples().unwrap_or(u64::from(length.span.pane_samples));
         let is_off = self.tuning.switches_off(self.names());
-        let (tuning, window_s) = (self.tuning_of(length), samples as f64 * self.period_s);
+        let (tuning, window_s) =
+            (self.tuning_of(length), length.span.samples() as f64 * self.period_s);
         decision::DecisionLimits::new(
             &tuning,
             decision::Hypotheses::of(self.names()),

@@ -701,12 +701,12 @@ impl Session {
     fn update_doubts(&mut self, diagnoser: &Diagnoser) {
         let boundaries = &diagnoser.boundaries;
         for (place, length) in diagnoser.lengths.iter().enumerate() {
-            let Some(panes) = length.span.panes else { continue };
             if !self.windows.has_ended(place) || !self.windows.is_full(place) {
                 continue;
             }
             let window = self.windows.window(place);
-            let of_window = (panes, self.windows.share_of_newest(place), diagnoser.period_s);
+            let of_window =
+                (length.span.panes, self.windows.share_of_newest(place), diagnoser.period_s);
             let doubts = self.memory.doubts.iter_mut().skip(place * boundaries.len());
             for (doubt, boundary) in doubts.zip(boundaries) {
                 doubt.take(boundary, window, &length.panel.bands, &diagnoser.tuning, of_window);
@@ -743,8 +743,7 @@ impl Session {
         if !is_raised {
             let share = diagnoser.tuning.pending_share;
             let has_evidence = self.memory.alarm.hypothesis(&self.rules).is_some_and(|claim| {
-                let forgets = |length: &usize| diagnoser.lengths[*length].span.panes.is_some();
-                self.lengths().filter(forgets).any(|length| self.margin(length, claim) >= share)
+                self.lengths().any(|length| self.margin(length, claim) >= share)
             });
             self.memory.alarm.hold(&self.rules, has_evidence, sample);
         }

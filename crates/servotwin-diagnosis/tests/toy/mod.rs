@@ -25,10 +25,8 @@ pub const SENSORS: usize = sensors_of(2);
 pub const COMMANDS: [&str; 3] = ["shut_down", "change_mode", "warning"];
 const NOISE: f64 = 0.002;
 const BAND: f64 = 0.02;
-const SPANS: [WindowSpan; 2] = [
-    WindowSpan { pane_samples: 10, panes: Some(5) },
-    WindowSpan { pane_samples: 50, panes: Some(4) },
-];
+const SPANS: [WindowSpan; 2] =
+    [WindowSpan { pane_samples: 10, panes: 5 }, WindowSpan { pane_samples: 50, panes: 4 }];
 
 pub const fn sensors_of(actuators: usize) -> usize {
     4 * actuators + 1

@@ -37,7 +37,9 @@ const char *servotwin_fmu_step(servotwin_fmu *fmu, double time_s, double step_s)
     const double differs_s = fabs(time_s - reached_s);
     const double rounding_s = 1e-8 + (1e-9 * fabs(reached_s));
     const bool is_next = differs_s <= rounding_s;
-    if (!is_next || !(step_s >= 0.0) || (step_s > SERVOTWIN_FMU_LONGEST_STEP_S)) {
+    if (!fmu->is_started) {
+        refusal = SERVOTWIN_FMU_NOT_STARTED;
+    } else if (!is_next || !(step_s >= 0.0) || (step_s > SERVOTWIN_FMU_LONGEST_STEP_S)) {
         refusal = SERVOTWIN_FMU_OTHER_TIME;
     } else if (!servotwin_fmu_advance(fmu, time_s, step_s)) {
         refusal = SERVOTWIN_FMU_NO_STEP;

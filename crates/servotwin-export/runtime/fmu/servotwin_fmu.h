@@ -55,6 +55,8 @@ typedef struct {
 #define SERVOTWIN_FMU_TOO_SHORT "the list of bytes is too short for a state"
 #define SERVOTWIN_FMU_NO_STATE "this is no state of this FMU, or it was damaged"
 #define SERVOTWIN_FMU_NO_TIME "a time is a finite number"
+#define SERVOTWIN_FMU_NOT_STARTED "the simulation has not begun: the first step comes after the initialization mode"
+#define SERVOTWIN_FMU_NO_STEP "the step cannot be simulated: a value became infinite, or the error stayed too large"
 #define SERVOTWIN_FMU_OTHER_TIME \
     "a step begins at the time that the FMU has reached, and lasts from 0 to 10,000 s"
 #define SERVOTWIN_FMU_NO_DERIVATIVE \

@@ -52,7 +52,7 @@ fn literal(answer: u64) -> String {
 fn of_diagnosis(diagnoser: &Diagnoser, inputs: &[f64]) -> Result<u64, ExportError> {
     let mut session = Session::new(Arc::new(diagnoser.clone()))?.at_rest();
     let WindowSpan { pane_samples, panes } = diagnoser.lengths[0].span;
-    let samples = (pane_samples * (panes.unwrap_or(0) + PANES)) as usize;
+    let samples = (pane_samples * (panes + PANES)) as usize;
     let ranges = &diagnoser.environment.inputs;
     let mut mixture = Mixture::new();
     for k in 0..samples {

@@ -14,10 +14,7 @@ pub(super) fn write(
     diagnoser: &Diagnoser,
 ) -> Result<String, ExportError> {
     let length = &diagnoser.lengths[place];
-    let Some(panes) = length.span.panes else {
-        let why = "a window over the whole record has no fixed size, so it cannot be exported";
-        return Err(ExportError::Unsupported(why));
-    };
+    let panes = length.span.panes;
     let [trees, committee] = ["trees", "committee"].map(|kind| format!("{kind}_{place}"));
     hierarchy::write(text, &trees, &length.panel.trees)?;
     hierarchy::write(text, &committee, &length.panel.committee)?;

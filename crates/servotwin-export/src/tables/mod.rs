@@ -83,7 +83,7 @@ fn views(diagnoser: &Diagnoser) -> usize {
 fn sizes(diagnoser: &Diagnoser) -> [(&'static str, usize); 14] {
     let names = diagnoser.names();
     let pairs = common_mode::corresponding(&diagnoser.sensors_seen(), diagnoser.watched());
-    let panes = diagnoser.lengths.iter().filter_map(|length| length.span.panes).max();
+    let panes = diagnoser.lengths.iter().map(|length| length.span.panes).max();
     let boundaries = diagnoser.boundaries.len();
     [
         ("SENSORS", diagnoser.sensors.len()),

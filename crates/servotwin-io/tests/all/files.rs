@@ -5,7 +5,8 @@ use std::io::{self, Write};
 
 use crate::folder::Folder;
 use servotwin_io::files::{
-    AtomicFile, FileError, create_folder, read_bytes, read_document, read_text, write_atomically,
+    AtomicFile, FileError, create_folder, open, read_bytes, read_document, read_text,
+    write_atomically,
 };
 
 #[test]
@@ -179,4 +180,18 @@ fn the_nearest_name_is_suggested_only_when_near() {
     let parameters = ["controller.mode", "controller.gain_per_m", "valve.gain_limit"];
     assert_eq!(nearest("controller.gain", parameters), Some("controller.gain_per_m"));
     assert_eq!(nearest("gain_per_m", parameters), Some("controller.gain_per_m"));
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_read_never_waits_for_a_file_of_the_kernel() {
+    use std::os::fd::AsRawFd;
+    let folder = Folder::new("files-waiting");
+    let file = open(folder.write("a.toml", "")).unwrap();
+    let about = read_text(format!("/proc/self/fdinfo/{}", file.as_raw_fd())).unwrap();
+    let flags = about.lines().find_map(|line| line.strip_prefix("flags:")).unwrap();
+    let flags = i32::from_str_radix(flags.trim(), 8).unwrap();
+    assert_ne!(flags & 0o4000, 0, "O_NONBLOCK: {about}");
+    let waits = FileError::from_io("kmsg".as_ref(), std::io::ErrorKind::WouldBlock.into());
+    assert_eq!(waits.to_string(), "kmsg: this is a file without an end, a regular file is needed");
 }

@@ -5,7 +5,7 @@ use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{chosen, number};
 use servotwin::shown::Shown;
 use servotwin::signal::Signal;
-use servotwin::study::{OperatingCase, Study, Training};
+use servotwin::study::{Environment, Study, Training};
 use servotwin_plot::SemanticColor;
 use servotwin_plot::time_series::{Panel, Series, TimeSeries};
 
@@ -101,10 +101,10 @@ fn list(study: &Study, training: &Training) -> HtmlTable {
     let signal = |name: &str| named.and_then(|signals| signals.get(name)).map(in_words);
     let drawn = section.and_then(|section| section.get("draws")).and_then(toml::Value::as_array);
     // The draws of all patterns come first, in their order.
-    let mut cases: Vec<&OperatingCase> = training.cases.iter().collect();
+    let mut cases: Vec<&Environment> = training.cases.iter().collect();
     for draws in drawn.into_iter().flatten() {
         let count = draws.get("count").and_then(toml::Value::as_integer).unwrap_or(0);
-        let own: Vec<&OperatingCase> = cases.drain(..(count as usize).min(cases.len())).collect();
+        let own: Vec<&Environment> = cases.drain(..(count as usize).min(cases.len())).collect();
         let Some((first, last)) = own.first().zip(own.last()) else { continue };
         let names = match own.len() {
             1 => first.command.clone(),
@@ -124,10 +124,10 @@ fn list(study: &Study, training: &Training) -> HtmlTable {
 }
 
 /// The loads of cases, in the unit of the load input; empty if the study has no load.
-fn loads(study: &Study, load: Option<usize>, cases: &[&OperatingCase]) -> String {
+fn loads(study: &Study, load: Option<usize>, cases: &[&Environment]) -> String {
     let Some(input) = load else { return String::new() };
     let read = Shown::of_input(study.system.network(), input);
-    let value = |case: &&OperatingCase| read.value(case.inputs[input].value(0.0));
+    let value = |case: &&Environment| read.value(case.inputs[input].value(0.0));
     let least = cases.iter().map(value).fold(f64::INFINITY, f64::min);
     let most = cases.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
     let size = match number(least) == number(most) {

@@ -40,11 +40,13 @@ fn other_pages_and_other_names_are_refused() {
     served(|address| {
         let own_host = address.to_string();
         let evil = "Origin: http://evil.example\r\n";
+        let longer = format!("{own_host}.evil.example");
         for (path, host, more) in [
             ("/about", own_host.as_str(), evil),
             ("/about", "evil.example", ""),
             ("/", "evil.example", ""),
             ("/events", "127.0.0.1.evil.example", ""),
+            ("/", &longer, ""),
         ] {
             assert_eq!(get(address, path, host, more).0, 403, "{path} {host} {more}");
         }
@@ -52,7 +54,7 @@ fn other_pages_and_other_names_are_refused() {
                        Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
         let with_upgrade = format!("{evil}{upgrade}").replace("Connection: close\r\n", "");
         assert_ne!(get(address, "/live", &own_host, &with_upgrade).0, 101);
-        assert_eq!(own(address, "/counts")["refused_visits"], 4);
+        assert_eq!(own(address, "/counts")["refused_visits"], 5);
         let port = address.port();
         assert_eq!(get(address, "/about", &format!("localhost:{port}"), "").0, 200);
     });

@@ -89,7 +89,7 @@ impl Default for Limits {
 /// A command, with values for everything else that varies.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    /// The name: its suite and its number, such as `judge/007`.
+    /// The name: its suite and its number, such as `judge/007`; of an operating case its command and load, as `S2/100`.
     pub name: String,
     /// The command as text.
     pub command: String,
@@ -207,7 +207,7 @@ fn at(section: &Section) -> KeyPath<'_> {
 type Declared = BTreeMap<String, (Section, [f64; 2])>;
 
 /// What varies between the environments of a suite.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Varied {
     commands: (Section, Vec<String>),
     inputs: Declared,

@@ -26,7 +26,7 @@ mod warning;
 pub use calibration::Calibration;
 pub use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
-pub use flights::{ChosenEnvironment, EnvironmentRanges, Flights};
+pub use flights::{ChosenEnvironment, Environment, EnvironmentRanges, Flights};
 pub use other_plant::{OtherPlant, PlantDraw};
 pub use reactions::{Reaction, Reactions};
 pub use realism::{MAX_DEVIATION, Plants, Realism, Role, Scenario, Section, Tolerance};
@@ -46,7 +46,6 @@ use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
-use flights::Environment;
 use keys::{QUANTITY, RUN_S, some};
 use mistake::StudyMistake;
 use reader::{Noted, OTHER_SENSOR, Reader};
@@ -152,17 +151,6 @@ section! {
     }
 }
 
-/// One operating case: a command at a load.
-#[derive(Clone, Debug)]
-pub struct OperatingCase {
-    /// `command/load`, e.g. `S2/100`.
-    pub name: String,
-    /// The command alone, e.g. `S2`.
-    pub command: String,
-    /// One signal for each input of the system.
-    pub inputs: Vec<Piecewise>,
-}
-
 /// A study that is ready to run. The trait `servotwin::job::RunStudy` runs it.
 pub struct Study {
     /// The name of the study in files.
@@ -188,7 +176,7 @@ pub struct Study {
     /// The classes in the order of the file.
     pub classes: Vec<Class>,
     /// Operating cases: each command at each load.
-    pub cases: Vec<OperatingCase>,
+    pub cases: Vec<Environment>,
     /// The index of the input that the commands drive.
     pub command_input: usize,
     /// The sensors with residuals, as indices into the system's list. An extra sensor
@@ -391,7 +379,7 @@ impl Study {
     }
 
     /// The operating cases of a role. Empty for training if the study has no training commands.
-    pub fn cases_of(&self, role: Role) -> &[OperatingCase] {
+    pub fn cases_of(&self, role: Role) -> &[Environment] {
         match role {
             Role::Judged => &self.cases,
             Role::Training => self.training.as_ref().map_or(&[], |training| &training.cases),
@@ -612,7 +600,7 @@ struct Parts {
     sensors: Sensors,
     classes: Vec<Class>,
     faults: Vec<FaultCase>,
-    cases: Vec<OperatingCase>,
+    cases: Vec<Environment>,
     command_input: usize,
     flights: Option<Flights>,
     realism: Option<Realism>,
@@ -799,7 +787,7 @@ impl Reader<'_> {
         Imperfection::of(self.system, position).deviation() / scale
     }
 
-    fn cases(&self) -> Result<Vec<OperatingCase>, Noted> {
+    fn cases(&self) -> Result<Vec<Environment>, Noted> {
         let loads = self.loads();
         let command = self.command_input()?;
         let mut commands = vec![];
@@ -823,12 +811,17 @@ impl Reader<'_> {
                     inputs[*input] = value.clone();
                 }
                 let case = format!("{name}{load_name}");
-                if cases.iter().any(|other: &OperatingCase| other.name == case) {
+                if cases.iter().any(|other: &Environment| other.name == case) {
                     let at = KeyPath::of(&["command", "signals", name]).name();
                     let mistake = StudyMistake::Repeated { what: "case", name: case.clone() };
                     self.note(&self.span(&at), mistake);
                 }
-                cases.push(OperatingCase { name: case, command: name.clone(), inputs });
+                cases.push(Environment {
+                    name: case,
+                    command: name.clone(),
+                    inputs,
+                    parameters: vec![],
+                });
             }
         }
         Ok(cases)

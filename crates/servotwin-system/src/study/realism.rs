@@ -196,14 +196,6 @@ impl Role {
             Role::Training => "training",
         }
     }
-
-    /// The same for the pool of specimens with fitted twins.
-    pub fn pool(self) -> &'static str {
-        match self {
-            Role::Judged => "cases/pool",
-            Role::Training => "training/pool",
-        }
-    }
 }
 
 impl Realism {

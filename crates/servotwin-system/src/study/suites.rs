@@ -30,7 +30,7 @@ use super::keys::{FLIGHT_S, FLIGHTS, SCENARIOS};
 use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
 use super::seed::Seed;
-use super::{Scenario, Study, StudyError};
+use super::{Role, Scenario, Study, StudyError};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use serde::{Deserialize, Serialize};
@@ -187,6 +187,9 @@ pub struct Suite {
     pub misses_sensors: bool,
     /// Whether it is flown only when it is named.
     pub is_on_request: bool,
+    /// The role of the data set that its runs make; `None` for flights. The environments of records are operating cases,
+    /// and every fault is simulated in each of them.
+    pub records: Option<Role>,
     varied: Varied,
 }
 
@@ -206,9 +209,17 @@ impl Suite {
         Seed::of(self.seed, &format!("{}/environment", self.draws), number as u64)
     }
 
-    /// The length of the longest flight in an environment, s.
+    /// The root of the random numbers of a specimen whose twin is fitted: of the pool of records, or of an environment.
+    pub fn seed_of_fitted(&self, number: usize) -> Seed {
+        match self.records {
+            Some(_) => Seed::of(self.seed, &format!("{}/pool", self.draws), number as u64),
+            None => self.seed_of_environment(number),
+        }
+    }
+
+    /// The length of the longest run in an environment, s.
     pub fn longest_s(&self) -> f64 {
-        if self.healthy > 0 {
+        if self.healthy > 0 || self.records.is_some() {
             self.duration_s.max(self.healthy_duration_s)
         } else {
             self.duration_s
@@ -281,6 +292,7 @@ impl Suite {
             scatter: text.scatter.unwrap_or(1.0),
             misses_sensors: text.missing.unwrap_or(false),
             is_on_request: text.on_request.unwrap_or(false),
+            records: None,
             varied: {
                 let ranges = [&text.inputs, &text.unit_inputs, &text.unit_parameters];
                 let base = like.map_or(&flights.varied, |suite| &suite.varied);
@@ -393,6 +405,34 @@ impl Study {
         self.suites.get(name).map(|both| &both[usize::from(is_full)])
     }
 
+    /// The suite of the records of a role: every fault in every operating case, then healthy specimens of each case.
+    pub fn records(&self, role: Role) -> Suite {
+        let training = self.training.as_ref().filter(|_| role == Role::Training);
+        let cases = self.cases_of(role).len();
+        let healthy = self.realism.as_ref().map_or(0, |realism| realism.healthy);
+        Suite {
+            name: role.draws().into(),
+            purpose: if role == Role::Training { Purpose::Train } else { Purpose::Test },
+            seed: self.seed,
+            draws: role.draws().into(),
+            scenarios: vec![],
+            environments: cases,
+            repeats: cases,
+            is_unseen: false,
+            healthy: training.map_or(healthy, |training| training.healthy),
+            duration_s: training.map_or(self.duration_s, |training| training.duration_s),
+            healthy_duration_s: self.duration_s,
+            onset_s: None,
+            has_other_plants: false,
+            is_fitted: false,
+            scatter: 1.0,
+            misses_sensors: false,
+            is_on_request: false,
+            records: Some(role),
+            varied: Varied::default(),
+        }
+    }
+
     /// Whether any suite has other numbers in its full size.
     pub fn has_full_suites(&self) -> bool {
         let numbers = |suite: &Suite| {
@@ -412,8 +452,8 @@ impl Study {
         suite.varied.ranges(&self.units, onset_s, suite.duration_s)
     }
 
-    /// Environments of a suite by their numbers. Each depends on nothing but the suite's seed, what varies in it, and its
-    /// number.
+    /// Environments of a suite by their numbers: operating cases for records. Each depends on nothing but the suite's seed,
+    /// what varies in it, and its number.
     ///
     /// # Errors
     /// A command cannot be flown.
@@ -422,6 +462,9 @@ impl Study {
         suite: &Suite,
         numbers: Range<usize>,
     ) -> Result<Vec<Environment>, StudyError> {
+        if let Some(role) = suite.records {
+            return Ok(self.cases_of(role)[numbers].to_vec());
+        }
         let reader = self.reader();
         let all = suite.seed_of_environment(usize::MAX);
         let drawn = |number: usize| {

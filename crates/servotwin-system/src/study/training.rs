@@ -19,7 +19,7 @@
 //! the intensity of every fault around each of the study's intensities. The spread reveals abrupt changes
 //! between two of these intensities.
 
-use super::OperatingCase;
+use super::Environment;
 use super::keys::{RUN_S, SPECIMENS};
 use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
@@ -71,7 +71,7 @@ impl Text {
 #[derive(Clone, Debug)]
 pub struct Training {
     /// Operating cases, each one command at one load.
-    pub cases: Vec<OperatingCase>,
+    pub cases: Vec<Environment>,
     /// Length of the records with faults, s. Records of healthy specimens are as long as those of the evaluation.
     pub duration_s: f64,
     /// The number of fault-free specimens in each case.
@@ -117,12 +117,17 @@ impl Training {
                     reader.constant(&KeyPath::of(&["training", "load"]), input, value)?;
             }
             let percent = load.map_or(String::new(), |(_, l)| format!("/{:.0}", 100.0 * l));
-            if cases.iter().any(|other: &OperatingCase| other.command == name) {
+            if cases.iter().any(|other: &Environment| other.command == name) {
                 let mistake =
                     StudyMistake::Repeated { what: "training command", name: name.clone() };
                 reader.note(&reader.span(&at), mistake);
             }
-            cases.push(OperatingCase { name: format!("{name}{percent}"), command: name, inputs });
+            cases.push(Environment {
+                name: format!("{name}{percent}"),
+                command: name,
+                inputs,
+                parameters: vec![],
+            });
         }
         let intensity_spread = spread;
         Ok(Training { cases, duration_s: d, healthy: text.healthy, intensity_spread })

@@ -235,7 +235,9 @@ impl Map {
                     *place = own;
                 }
             }
-            &InputMistake::Still(sensor, share) => {
+            // A map has no rates.
+            InputMistake::Still { lead_s, .. } if *lead_s > 0.0 => return None,
+            &InputMistake::Still { sensor, factor: share, .. } => {
                 let flown = self.channels[self.inputs + sensor].from;
                 let Origin::Column { place: own, factor: si, offset: zero } = flown else {
                     return None;

@@ -116,14 +116,17 @@ impl LogColumn {
 /// The columns of cells below a header.
 pub(super) struct Sheet {
     columns: Vec<LogColumn>,
+    /// The number of columns without those at the end that have no name.
+    named: usize,
     numbers: Numbers,
     rows: usize,
 }
 
 impl Sheet {
     pub(super) fn new(names: Vec<String>, separator: u8) -> Self {
+        let named = named(&names);
         let columns = names.into_iter().map(LogColumn::named).collect();
-        Sheet { columns, numbers: Numbers::new(separator == b','), rows: 0 }
+        Sheet { columns, named, numbers: Numbers::new(separator == b','), rows: 0 }
     }
 
     /// Adds a line below the header: units, values, or neither.
@@ -146,9 +149,8 @@ impl Sheet {
 
     /// Whether a line has as many cells as the header, apart from empty ones at the end of either.
     fn fits(&self, cells: &[String]) -> bool {
-        let names: Vec<String> = self.columns.iter().map(|column| column.name.clone()).collect();
-        (named(&names)..=names.len().max(named(cells))).contains(&cells.len())
-            && named(cells) <= names.len()
+        let all = self.columns.len();
+        (self.named..=all.max(named(cells))).contains(&cells.len()) && named(cells) <= all
     }
 
     /// Whether a line is a row of numbers below this header.

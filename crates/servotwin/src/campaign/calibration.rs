@@ -87,7 +87,7 @@ impl Campaign<'_> {
 
     /// A specimen of the pool.
     pub(super) fn pooled(&self, number: usize) -> SpecimenDraw<'_> {
-        let seed = self.study.seed_of(self.role.pool(), number);
+        let seed = self.study.records(self.role).seed_of_fitted(number);
         SpecimenDraw { study: self.study, scenario: Scenario::Fitted, seed }
     }
 

@@ -6,8 +6,9 @@
 
 use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
-use super::{Campaign, PartRow, Planned, Scenario, Study};
-use crate::study::{Plants, Role};
+use super::{Campaign, PartRow, Scenario, SpecimenDraw, Study};
+use crate::run::{Run, fitted_specimen, plan};
+use crate::study::{Plants, Role, Suite};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
@@ -49,15 +50,17 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
 pub(super) struct Maker<'m> {
     pub campaign: &'m Campaign<'m>,
     pub scenario: Scenario,
-    pub plan: &'m [Planned],
+    pub suite: &'m Suite,
 }
 
 impl Maker<'_> {
     /// The data set of a range of variants with the given rows.
     pub fn table(&self, variants: Range<usize>, rows: &[PartRow]) -> Table {
-        let mut columns = self.label_columns(variants.clone());
-        columns.extend(self.plant_columns(variants.clone()));
-        columns.extend(self.split_columns(variants));
+        let run = |number| plan::run(self.campaign.study, self.suite, number);
+        let runs: Vec<Run> = variants.map(run).collect();
+        let mut columns = self.label_columns(&runs);
+        columns.extend(self.plant_columns(&runs));
+        columns.extend(self.split_columns(&runs));
         columns.extend(self.detection_columns(rows));
         columns.extend(effort_columns(&rows.iter().map(|row| row.effort).collect::<Vec<_>>()));
         let failures = rows.iter().map(|row| row.failure.clone()).collect();
@@ -96,13 +99,13 @@ impl Maker<'_> {
         feature_columns(features.iter().map(|known| &known.feature), &rows)
     }
 
-    fn label_columns(&self, variants: Range<usize>) -> Vec<Column> {
-        let Campaign { study, .. } = *self.campaign;
-        let (cases, plan) = (self.campaign.cases(), &self.plan[variants.clone()]);
+    fn label_columns(&self, runs: &[Run]) -> Vec<Column> {
+        let Campaign { study, role, .. } = *self.campaign;
+        let cases = study.cases_of(role);
         let seed = study.seed as u32;
-        let variants = variants.map(|variant| variant as u32).collect();
+        let variants = runs.iter().map(|run| run.number as u32).collect();
         let of_case = |name: &str, of: &dyn Fn(usize) -> String, what: &str| {
-            text(name, plan.iter().map(|planned| of(planned.case)).collect(), what)
+            text(name, runs.iter().map(|run| of(run.environment)).collect(), what)
         };
         let mut columns = vec![
             whole("variant", variants, "Number of the variant, in the order of the plan."),
@@ -110,18 +113,18 @@ impl Maker<'_> {
             of_case("flown", &|case| cases[case].command.clone(), "Command of the case."),
         ];
         if let Some((input, column)) = load_column(study) {
-            let load = |planned: &Planned| cases[planned.case].inputs[input].value(0.0);
-            columns.push(column.with_values(plan.iter().map(load).collect::<Vec<f64>>()));
+            let load = |run: &Run| cases[run.environment].inputs[input].value(0.0);
+            columns.push(column.with_values(runs.iter().map(load).collect::<Vec<f64>>()));
         }
-        columns.push(whole("seed", vec![seed; plan.len()], "Seed of noise and specimens."));
-        let shown = |p: &Planned| Shown { fault: p.fault, intensity: p.intensity };
-        columns.extend(fault_columns(study, &plan.iter().map(shown).collect::<Vec<_>>()));
+        columns.push(whole("seed", vec![seed; runs.len()], "Seed of noise and specimens."));
+        let shown = |run: &Run| Shown { fault: run.fault, intensity: run.intensity };
+        columns.extend(fault_columns(study, &runs.iter().map(shown).collect::<Vec<_>>()));
         // The form of the paper's figure 8: one column per fault with its intensity.
         let ids: BTreeSet<&String> = study.faults.iter().map(|fault| &fault.id).collect();
         for id in ids {
-            let is_it = |p: &Planned| p.fault.is_some_and(|fault| &study.faults[fault].id == id);
-            let of = |p: &Planned| if is_it(p) { p.intensity } else { 0.0 };
-            let values = plan.iter().map(of).collect();
+            let is_it = |run: &Run| run.fault.is_some_and(|fault| &study.faults[fault].id == id);
+            let of = |run: &Run| if is_it(run) { run.intensity } else { 0.0 };
+            let values = runs.iter().map(of).collect();
             let what = format!("Label: intensity of the fault {id}, 0 in all other rows.");
             columns.push(number(&format!("i:{id}"), DIMENSIONLESS, values, &what));
         }
@@ -129,13 +132,17 @@ impl Maker<'_> {
     }
 
     /// The specimens of the plants, and their own parameters: every parameter with a tolerance.
-    fn plant_columns(&self, variants: Range<usize>) -> Vec<Column> {
+    fn plant_columns(&self, runs: &[Run]) -> Vec<Column> {
         let Campaign { study, .. } = *self.campaign;
-        let planned: Vec<_> = variants.map(|variant| (variant, self.plan[variant])).collect();
-        let which = |&(variant, planned)| self.campaign.specimen_number(variant, planned) as u32;
-        let own = |&(variant, planned)| self.campaign.specimen(variant, planned).parameters(1.0);
-        let numbers: Vec<u32> = planned.iter().map(which).collect();
-        let parameters: Vec<_> = planned.iter().map(own).collect();
+        let specimen = |run: &Run| match self.scenario.plants() {
+            Plants::Twin => 0,
+            Plants::Specimens => run.number as u32,
+            Plants::Pool => self.in_pool(run) as u32,
+        };
+        let own =
+            |run: &Run| SpecimenDraw::of(study, self.suite, self.scenario, run).parameters(1.0);
+        let numbers: Vec<u32> = runs.iter().map(specimen).collect();
+        let parameters: Vec<_> = runs.iter().map(own).collect();
         let mut columns = vec![whole("specimen", numbers, SPECIMEN)];
         for (component, parameter) in toleranced(study) {
             let instance = &study.system.network().components[component];
@@ -154,11 +161,16 @@ impl Maker<'_> {
         columns
     }
 
-    fn split_columns(&self, variants: Range<usize>) -> Vec<Column> {
+    /// The number of a run's specimen in the pool; 0 without one.
+    fn in_pool(&self, run: &Run) -> usize {
+        fitted_specimen(self.campaign.study, self.suite, self.scenario, run).unwrap_or(0)
+    }
+
+    fn split_columns(&self, runs: &[Run]) -> Vec<Column> {
         let campaign = self.campaign;
         let faults = campaign.study.faults.iter();
         let kinds: BTreeSet<&str> = faults.map(|fault| fault.kind.as_str()).collect();
-        let folds: Vec<u32> = variants.map(|variant| self.fold(variant, &kinds) as u32).collect();
+        let folds: Vec<u32> = runs.iter().map(|run| self.fold(run, &kinds) as u32).collect();
         let has_training = !campaign.study.cases_of(Role::Training).is_empty();
         let teaches = |fold: u32| match has_training {
             true => campaign.role == Role::Training,
@@ -169,13 +181,13 @@ impl Maker<'_> {
         vec![text("split", split, SPLIT), whole("fold", folds, FOLD)]
     }
 
-    /// The fold of a variant. Rows of one kind and intensity share it; healthy rows of one specimen do.
-    fn fold(&self, variant: usize, kinds: &BTreeSet<&str>) -> usize {
-        let (study, planned) = (self.campaign.study, self.plan[variant]);
-        let Some(fault) = planned.fault.map(|fault| &study.faults[fault]) else {
-            return match self.campaign.plants() {
-                Plants::Pool => self.campaign.beside(variant, planned).1 % FOLDS,
-                Plants::Twin | Plants::Specimens => variant % FOLDS,
+    /// The fold of a run. Rows of one kind and intensity share it; healthy rows of one specimen do.
+    fn fold(&self, run: &Run, kinds: &BTreeSet<&str>) -> usize {
+        let study = self.campaign.study;
+        let Some(fault) = run.fault.map(|fault| &study.faults[fault]) else {
+            return match self.scenario.plants() {
+                Plants::Pool => self.in_pool(run) % FOLDS,
+                Plants::Twin | Plants::Specimens => run.number % FOLDS,
             };
         };
         let kind = kinds.iter().position(|kind| *kind == fault.kind).unwrap_or(0);

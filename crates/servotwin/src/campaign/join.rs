@@ -1,11 +1,8 @@
 //! Joins parts to data sets, one after the other: memory holds the rows of one group of the file.
 
-use super::columns::HEALTHY;
 use super::data_set::Maker;
 use super::part::{PartFiles, PartRow};
-use super::{
-    Campaign, CampaignError, CampaignOutcome, OnTheMove, Plants, PreparedCampaign, calibration_file,
-};
+use super::{Campaign, CampaignError, CampaignOutcome, Plants, PreparedCampaign, calibration_file};
 use crate::table::parquet::ParquetWriter;
 
 /// Least number of rows in one group of a data set; a group is held in memory until it is written.
@@ -76,19 +73,12 @@ impl Campaign<'_> {
         prepared: &PreparedCampaign,
         outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
-        outcome.alike = self.alike(prepared);
         outcome.failed.clear();
-        outcome.on_the_move.clear();
+        outcome.on_the_move = 0;
         for (place, files) in self.files(prepared).iter().enumerate() {
             self.write_data_set(prepared, place, files, outcome)?;
         }
         Ok(())
-    }
-
-    /// Number of healthy specimens that share the simulation of another.
-    fn alike(&self, PreparedCampaign { plan, parts, .. }: &PreparedCampaign) -> usize {
-        let shared = parts.iter().filter(|part| self.is_shared(plan[part.start]));
-        shared.map(|part| part.len() - 1).sum()
     }
 
     fn write_data_set(
@@ -99,7 +89,7 @@ impl Campaign<'_> {
         outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
         let (study, scenario) = (self.study, self.scenarios[place]);
-        let maker = Maker { campaign: self, scenario, plan: &prepared.plan };
+        let maker = Maker { campaign: self, scenario, suite: &prepared.suite };
         let name = format!("dataset-{}{}.parquet", scenario.name(), self.role.suffix());
         let mut writer: Option<ParquetWriter> = None;
         let mut in_group = 0;
@@ -112,11 +102,7 @@ impl Campaign<'_> {
             let numbered = variants.clone().zip(&rows).filter(|(_, row)| !row.failure.is_empty());
             let failed = numbered.map(|(index, row)| (scenario, index, row.failure.clone()));
             outcome.failed.extend(failed);
-            let numbered = variants.clone().zip(&rows);
-            let moving = numbered.filter(|(_, row)| row.effort.began_on_the_move);
-            let moving =
-                moving.map(|(variant, row)| self.on_the_move(prepared, place, variant, row));
-            outcome.on_the_move.extend(moving);
+            outcome.on_the_move += rows.iter().filter(|row| row.effort.began_on_the_move).count();
             let table = maker.table(variants, &rows);
             let writer = match &mut writer {
                 Some(writer) => writer,
@@ -140,23 +126,5 @@ impl Campaign<'_> {
             writer.finish()?;
         }
         Ok(())
-    }
-
-    fn on_the_move(
-        &self,
-        prepared: &PreparedCampaign,
-        place: usize,
-        variant: usize,
-        row: &PartRow,
-    ) -> OnTheMove {
-        let planned = prepared.plan[variant];
-        let fault = planned.fault.map(|fault| self.study.faults[fault].id.clone());
-        OnTheMove {
-            scenario: self.scenarios[place],
-            variant,
-            fault: fault.unwrap_or_else(|| HEALTHY.into()),
-            case: self.cases()[planned.case].name.clone(),
-            limit_cycle: row.effort.limit_cycle,
-        }
     }
 }

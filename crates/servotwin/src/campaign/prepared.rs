@@ -1,11 +1,10 @@
-//! The common inputs of all parts of a campaign: the plan, its division, and the fingerprints of parts.
-//!
-//! A process prepares it once for all its parts. It takes about 40 bytes and some time for every variant of the whole
-//! campaign.
+//! The common inputs of all parts of a campaign: its suite, the division into parts, and their fingerprints. A process
+//! prepares it once for all its parts.
 
 use super::part::PART_FORMAT;
-use super::{Campaign, CampaignError, Planned};
-use crate::study::Scenario;
+use super::{Campaign, CampaignError};
+use crate::run::plan;
+use crate::study::{Scenario, Suite};
 use servotwin_diagnosis::features::Sensor;
 use servotwin_model::c_source;
 use servotwin_model::hash::Fingerprint;
@@ -16,8 +15,8 @@ const PART_SAMPLES: f64 = 1e6;
 
 /// The plan of a campaign.
 pub struct PreparedCampaign {
-    pub(super) plan: Vec<Planned>,
-    /// The variants of each part, which have one operating case.
+    pub(super) suite: Suite,
+    /// The numbers of the runs of each part, which have one operating case.
     pub(super) parts: Vec<Range<usize>>,
     /// The fingerprint of the parts of each scenario.
     pub(super) fingerprints: Vec<String>,
@@ -38,8 +37,9 @@ impl Campaign<'_> {
     /// # Errors
     /// The study is empty, or lacks a section that a scenario needs.
     pub fn prepared(&self) -> Result<PreparedCampaign, CampaignError> {
-        let plan = self.plan();
-        if plan.is_empty() {
+        let suite = self.suite();
+        let runs = plan::count(self.study, &suite);
+        if runs == 0 {
             return Err(CampaignError::NoVariants);
         }
         if let Some(&scenario) = self.scenarios.iter().find(|s| !s.is_possible(self.study)) {
@@ -47,26 +47,26 @@ impl Campaign<'_> {
         }
         let mut model = Fingerprint::default();
         self.add_model(&mut model);
-        let of = |&scenario: &Scenario| self.fingerprint(scenario, &plan, model);
-        let fingerprints = self.scenarios.iter().map(of).collect();
-        let counts =
-            self.scenarios.iter().map(|&scenario| variant_count(scenario, &plan)).collect();
-        let parts = self.parts(&plan);
-        Ok(PreparedCampaign { plan, parts, fingerprints, counts })
+        let faulty = plan::faulty(self.study, &suite);
+        let count = |scenario: Scenario| if scenario.has_noise() { runs } else { faulty };
+        let counts: Vec<usize> = self.scenarios.iter().map(|&scenario| count(scenario)).collect();
+        let of = |(&scenario, &count): (&Scenario, &usize)| {
+            self.fingerprint(scenario, (&suite, count), model)
+        };
+        let fingerprints = self.scenarios.iter().zip(&counts).map(of).collect();
+        let parts = self.parts(&suite);
+        Ok(PreparedCampaign { suite, parts, fingerprints, counts })
     }
 
-    /// Divides a plan into equal parts of each case. Healthy specimens have parts of their own.
-    fn parts(&self, plan: &[Planned]) -> Vec<Range<usize>> {
+    /// Divides a suite into equal parts of each case. Healthy specimens have parts of their own.
+    fn parts(&self, suite: &Suite) -> Vec<Range<usize>> {
         let mut parts = vec![];
-        let mut first = 0;
-        let is_one =
-            |a: &Planned, b: &Planned| (a.case, a.fault.is_some()) == (b.case, b.fault.is_some());
-        for own in plan.chunk_by(is_one) {
-            let samples = self.lasting_s(own[0]) / self.study.sample_period_s;
-            let count = (own.len() as f64 * samples / PART_SAMPLES).ceil().max(1.0) as usize;
-            let end = |part: usize| first + part * own.len() / count;
+        for own in plan::of_environments(self.study, suite) {
+            let duration_s = plan::run(self.study, suite, own.start).duration_s;
+            let samples = own.len() as f64 * duration_s / self.study.sample_period_s;
+            let count = (samples / PART_SAMPLES).ceil().max(1.0) as usize;
+            let end = |part: usize| own.start + part * own.len() / count;
             parts.extend((0..count).map(|part| end(part)..end(part + 1)));
-            first += own.len();
         }
         parts.retain(|part| !part.is_empty());
         parts
@@ -85,31 +85,29 @@ impl Campaign<'_> {
 
     /// The fingerprint of everything that determines a part: equations with parameters, inputs, variants, sensors and
     /// simulation settings.
-    fn fingerprint(&self, scenario: Scenario, plan: &[Planned], model: Fingerprint) -> String {
+    fn fingerprint(
+        &self,
+        scenario: Scenario,
+        (suite, runs): (&Suite, usize),
+        model: Fingerprint,
+    ) -> String {
         let study = self.study;
         let mut mark = model;
         mark.add(PART_FORMAT);
         mark.add(scenario.name()).add(self.role.suffix()).add(&self.solver);
-        mark.add(&[study.duration_s, self.duration_s(), study.sample_period_s]);
+        mark.add(&[study.duration_s, suite.duration_s, study.sample_period_s]);
         mark.add(&study.seed);
         mark.add(&study.realism.as_ref().filter(|_| scenario.has_noise()));
         mark.add(&study.calibration.as_ref().filter(|_| scenario == Scenario::Fitted));
-        for planned in &plan[..variant_count(scenario, plan)] {
-            let fault = planned.fault.map_or("healthy", |f| study.faults[f].id.as_str());
-            mark.add(&planned.case).add(fault).add(&planned.intensity);
+        for run in (0..runs).map(|number| plan::run(study, suite, number)) {
+            let fault = run.fault.map_or("healthy", |f| study.faults[f].id.as_str());
+            mark.add(&run.environment).add(fault).add(&run.intensity);
         }
-        for case in self.cases() {
+        for case in study.cases_of(self.role) {
             mark.add(&case.inputs);
         }
         mark.to_string()
     }
-}
-
-/// Number of variants of a plan in the data set of a scenario. Without noise, healthy specimens equal the twin and are
-/// left out.
-fn variant_count(scenario: Scenario, plan: &[Planned]) -> usize {
-    let faults = plan.iter().filter(|planned| planned.fault.is_some()).count();
-    if scenario.has_noise() { plan.len() } else { faults }
 }
 
 #[cfg(test)]
@@ -125,13 +123,13 @@ mod tests {
         for (role, scenarios) in runs(&study, Scenario::is_usual) {
             let stored = Campaign::stored(Path::new("none"), &study, scenarios[0], role);
             let campaign = Campaign { scenarios, ..stored };
-            let PreparedCampaign { plan, parts, .. } = campaign.prepared().unwrap();
-            assert!(parts.iter().cloned().flatten().eq(0..plan.len()));
+            let PreparedCampaign { suite, parts, .. } = campaign.prepared().unwrap();
+            assert!(parts.iter().cloned().flatten().eq(0..plan::count(&study, &suite)));
             for part in parts {
-                let own = &plan[part];
-                let seconds: f64 = own.iter().map(|planned| campaign.lasting_s(*planned)).sum();
+                let own: Vec<_> = part.map(|number| plan::run(&study, &suite, number)).collect();
+                let seconds: f64 = own.iter().map(|run| run.duration_s).sum();
                 assert!(seconds / study.sample_period_s < 1.01 * PART_SAMPLES, "{seconds}");
-                assert!(own.iter().all(|planned| planned.case == own[0].case));
+                assert!(own.iter().all(|run| run.environment == own[0].environment));
             }
         }
     }

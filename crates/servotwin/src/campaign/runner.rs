@@ -2,14 +2,16 @@
 
 use super::part::{PartFiles, PartRow};
 use super::{
-    Campaign, CampaignError, CampaignOutcome, PreparedCampaign, TwinKey, calibration_file,
+    Campaign, CampaignError, CampaignOutcome, Plants, PreparedCampaign, VariantEffort,
+    calibration_file,
 };
-use super::{Planned, Plants, VariantEffort};
-use crate::ensemble::{Ensemble, Sink};
+use crate::ensemble::Sink;
 use crate::files::create_folder;
-use crate::run::{Observer, RecordedRun, SensorChain, Twins, Watch, describe};
-use crate::study::Stream;
+use crate::run::runner::{Runner, View};
+use crate::run::{Observer, Run, describe, fitted_specimen, plan};
+use crate::study::Scenario;
 use servotwin_diagnosis::residual::Window;
+use servotwin_model::solver::{SolverFailure, Statistics};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -73,11 +75,12 @@ impl Campaign<'_> {
                 round.iter().copied().filter(|p| open.contains(p)).collect()
             };
             let pending = missing.iter().map(own).collect::<Vec<BTreeSet<usize>>>();
-            let jobs = self.jobs(prepared, &round);
-            let wanted =
-                jobs.iter().map(|job| self.beside(job[0], prepared.plan[job[0]])).collect();
-            let twins = self.twins(wanted, &fitted)?;
-            let run = Round { prepared, files: &files, pending, jobs, twins: &twins };
+            let numbers = round.iter().flat_map(|&part| prepared.parts[part].clone());
+            let runs = numbers.map(|number| plan::run(self.study, &prepared.suite, number));
+            let (runs, with) = ((runs.collect(), &fitted[..]), (self.solver, self.workers));
+            let runner =
+                Runner::of_records(self.study, &prepared.suite, &self.scenarios, runs, with)?;
+            let run = Round { campaign: self, prepared, files: &files, pending, runner: &runner };
             self.run_round(run, outcome, &mut done, progress)?;
         }
         Ok(())
@@ -90,7 +93,12 @@ impl Campaign<'_> {
         for &part in parts {
             let range = prepared.parts[part].clone();
             variants += range.len();
-            let beside = |variant: usize| self.beside(variant, prepared.plan[variant]);
+            let beside = |number: usize| {
+                let run = plan::run(self.study, &prepared.suite, number);
+                let scenario = self.scenarios[0];
+                let specimen = fitted_specimen(self.study, &prepared.suite, scenario, &run);
+                (run.environment, specimen)
+            };
             twins.extend(range.clone().map(beside));
             let is_full = variants > ROUND_VARIANTS || twins.len() > ROUND_TWINS;
             match rounds.last_mut().filter(|_| !is_full) {
@@ -103,31 +111,6 @@ impl Campaign<'_> {
             }
         }
         rounds
-    }
-
-    /// The variants of each simulation: one, or healthy specimens of a case that differ by the noise of their sensors
-    /// alone. Those with full intensity come first: a few of them take a hundred times as long as the others, and would
-    /// occupy a single lane at the end.
-    fn jobs(
-        &self,
-        PreparedCampaign { plan, parts, .. }: &PreparedCampaign,
-        round: &[usize],
-    ) -> Vec<Vec<usize>> {
-        let mut jobs: Vec<Vec<usize>> = vec![];
-        for part in round {
-            match self.is_shared(plan[parts[*part].start]) {
-                true => jobs.push(parts[*part].clone().collect()),
-                false => jobs.extend(parts[*part].clone().map(|variant| vec![variant])),
-            }
-        }
-        let is_full = |fault: usize| self.study.faults[fault].at.intensity >= 1.0;
-        jobs.sort_by_key(|job| !plan[job[0]].fault.is_some_and(is_full));
-        jobs
-    }
-
-    /// Whether all healthy specimens of a case equal their twin.
-    pub(super) fn is_shared(&self, planned: Planned) -> bool {
-        planned.fault.is_none() && self.plants() == Plants::Twin
     }
 
     fn run_round(
@@ -148,7 +131,7 @@ impl Campaign<'_> {
                 stop.store(written.is_err(), Ordering::Relaxed);
                 written
             });
-            let simulated = self.simulate(&round, (sender, &stop), outcome, done, progress);
+            let simulated = round.simulate((sender, &stop), outcome, done, progress);
             let written = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             simulated.and(written)
         });
@@ -156,53 +139,58 @@ impl Campaign<'_> {
         if self.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(()) }
     }
 
+    pub(super) fn is_cancelled(&self) -> bool {
+        self.workers.is_cancelled()
+    }
+}
+
+/// Parts that are simulated together.
+struct Round<'r> {
+    campaign: &'r Campaign<'r>,
+    prepared: &'r PreparedCampaign,
+    files: &'r [PartFiles],
+    /// The parts that each scenario lacks.
+    pending: Vec<BTreeSet<usize>>,
+    runner: &'r Runner<'r>,
+}
+
+impl Round<'_> {
     fn simulate(
         &self,
-        Round { prepared, files, pending, jobs, twins }: &Round,
         (sender, stop): (SyncSender<Complete>, &AtomicBool),
         outcome: &mut CampaignOutcome,
         done: &mut usize,
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
-        let ensemble = self.ensemble();
-        ensemble.prepare(jobs.len());
-        let ensemble = Ensemble { cancel: Some(stop), ..ensemble };
-        let (plan, scales) = (&prepared.plan, self.study.scales());
-        let twin = |job: usize| &twins[&self.beside(jobs[job][0], plan[jobs[job][0]])];
-        let all = outcome.variants;
+        let (campaign, all) = (self.campaign, outcome.variants);
+        let scales = campaign.study.scales();
         let mut open: BTreeMap<(usize, usize), BTreeMap<usize, PartRow>> = BTreeMap::new();
         let mut traced = Ok(());
         progress(*done, all);
-        ensemble.run(
-            jobs.len(),
-            |job| self.variant(jobs[job][0], plan[jobs[job][0]]),
-            |job| self.watch(prepared, pending, &jobs[job], twin(job), &scales),
-            |job, Views(views), result| {
-                if let Ok(work) = &result {
+        self.runner.fly_views(
+            (&self.runner.simulations(), Some(stop)),
+            |_, _| (),
+            |run, scenario| self.observer(run, scenario, &scales),
+            |views, ended| {
+                if let Ok(work) = &ended {
                     outcome.statistics += *work;
                 }
-                let plant = (result.as_ref().ok(), self.lasting_s(plan[jobs[job][0]]));
-                let effort = VariantEffort::of(plant, (twin(job), ensemble.duration_s));
-                let failure =
-                    result.err().map(|f| describe(ensemble.program, &f)).unwrap_or_default();
-                for View { place, variant, part, window, trace, .. } in
-                    views.into_iter().map(|watch| watch.observer)
-                {
-                    if let Some(trace) = trace {
-                        let scenario = self.scenarios[place];
-                        traced = std::mem::replace(&mut traced, Ok(()))
-                            .and_then(|()| self.write_trace(scenario, variant, trace));
+                for View { run, scenario, observer } in views {
+                    let Seen { window, trace, .. } = observer;
+                    if let (Some(trace), Ok(())) = (trace, &traced) {
+                        traced = campaign.write_trace(scenario, run.number, trace);
                     }
+                    let (place, part) = self.place(run, scenario);
                     let rows = open.entry((place, part)).or_default();
-                    rows.insert(variant, PartRow { failure: failure.clone(), effort, window });
+                    rows.insert(run.number, self.row(run, window, &ended));
                     *done += 1;
-                    if rows.len() == files[place].variants_of(part).len() {
+                    if rows.len() == self.files[place].variants_of(part).len() {
                         let rows = open.remove(&(place, part)).expect("just filled");
                         // A writer that has stopped has the reason.
                         drop(sender.send((place, part, rows)));
                     }
                 }
-                if traced.is_err() || self.is_cancelled() {
+                if traced.is_err() || campaign.is_cancelled() {
                     stop.store(true, Ordering::Relaxed);
                 }
                 progress(*done, all);
@@ -211,80 +199,52 @@ impl Campaign<'_> {
         traced
     }
 
-    /// The sink of a simulation, which serves some variants in every scenario that lacks them.
-    fn watch<'w>(
-        &self,
-        PreparedCampaign { parts, counts, .. }: &PreparedCampaign,
-        pending: &[BTreeSet<usize>],
-        job: &[usize],
-        twin: &'w RecordedRun,
-        scales: &'w [f64],
-    ) -> Views<'w> {
-        let study = self.study;
+    /// The indices of a scenario in the campaign, and of the part of a run.
+    fn place(&self, run: &Run, scenario: Scenario) -> (usize, usize) {
+        let is_it = |known: &Scenario| *known == scenario;
+        let place = self.campaign.scenarios.iter().position(is_it).expect("a scenario of these");
+        (place, self.prepared.parts.partition_point(|part| part.end <= run.number))
+    }
+
+    /// The observer of a run in a scenario that lacks it.
+    fn observer<'w>(&self, run: &Run, scenario: Scenario, scales: &'w [f64]) -> Option<Seen<'w>> {
+        let (place, part) = self.place(run, scenario);
+        let study = self.campaign.study;
         let sensors = study.measured.len();
-        let part = parts.partition_point(|part| part.end <= job[0]);
-        let mut views = Vec::new();
-        for (place, &scenario) in self.scenarios.iter().enumerate() {
-            let is_wanted =
-                |&&variant: &&usize| variant < counts[place] && pending[place].contains(&part);
-            views.extend(job.iter().filter(is_wanted).map(|&number| {
-                let noise = self.draw(scenario, number).noise(Stream::Sensors);
-                let view = View {
-                    place,
-                    variant: number,
-                    part,
-                    scales,
-                    window: Window::watching(sensors, study.base_sensors()),
-                    trace: self.keep_traces.then(|| vec![Vec::new(); sensors]),
-                };
-                Watch::new(twin, sensors, SensorChain::new(study, sensors, noise), view)
-            }));
+        let is_wanted = run.number < self.prepared.counts[place];
+        (is_wanted && self.pending[place].contains(&part)).then(|| Seen {
+            scales,
+            window: Window::watching(sensors, study.base_sensors()),
+            trace: self.campaign.keep_traces.then(|| vec![Vec::new(); sensors]),
+        })
+    }
+
+    fn row(&self, run: &Run, window: Window, ended: &Result<Statistics, SolverFailure>) -> PartRow {
+        let plant = (ended.as_ref().ok(), run.duration_s);
+        let twin = (self.runner.twin(run), self.prepared.suite.longest_s());
+        let program = &self.campaign.study.system.program;
+        let failure = ended.as_ref().err().map(|failure| describe(program, failure));
+        PartRow {
+            failure: failure.unwrap_or_default(),
+            effort: VariantEffort::of(plant, twin),
+            window,
         }
-        Views(views)
-    }
-
-    pub(super) fn is_cancelled(&self) -> bool {
-        self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed))
     }
 }
 
-/// Parts that are simulated together.
-struct Round<'r> {
-    prepared: &'r PreparedCampaign,
-    files: &'r [PartFiles],
-    /// The parts that each scenario lacks.
-    pending: Vec<BTreeSet<usize>>,
-    /// The variants of each simulation.
-    jobs: Vec<Vec<usize>>,
-    twins: &'r Twins<TwinKey>,
-}
-
-/// The window of one variant in one scenario.
-struct View<'w> {
-    /// The index of the scenario in the campaign's list.
-    place: usize,
-    variant: usize,
-    part: usize,
+/// What is kept of a run in a scenario.
+struct Seen<'w> {
     scales: &'w [f64],
     window: Window,
     /// The measured values, if they are stored.
     trace: Option<Vec<Vec<f64>>>,
 }
 
-impl Observer for View<'_> {
+impl Observer for Seen<'_> {
     fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
         if let Some(trace) = &mut self.trace {
             trace.sample(index, measured);
         }
         self.window.add(measured, twin, self.scales);
-    }
-}
-
-/// All variants that one simulation serves.
-struct Views<'w>(Vec<Watch<'w, View<'w>>>);
-
-impl Sink for Views<'_> {
-    fn sample(&mut self, index: usize, values: &[f64]) {
-        self.0.iter_mut().for_each(|view| view.sample(index, values));
     }
 }

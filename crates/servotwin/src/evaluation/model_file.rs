@@ -1,6 +1,6 @@
 //! Model files: JSON with a format entry.
 //!
-//! A hierarchy's file has `format`, `names` (features, actuators, commands, details) and `stages`, in this order. Every
+//! A hierarchy has `format`, `names` (features, actuators, commands, details) and `stages`, in this order. Every
 //! number in a stage is an index into one of these lists. A CART model has one entry per node in each of its arrays. A
 //! node with `feature` 4294967295 is a leaf. A row goes `left` if its value is not above the `threshold`. Numbers are
 //! written so that reading restores the same bits.
@@ -14,8 +14,6 @@ use crate::manifest;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_diagnosis::hierarchy::Hierarchy;
-use servotwin_diagnosis::panel::Panel;
 use std::borrow::Cow;
 use std::path::Path;
 
@@ -91,28 +89,12 @@ fn altered(path: &Path, how: &str) -> FileError {
     FileError::Altered { path: path.into(), remedy }
 }
 
-/// Reads a panel and checks it.
-///
-/// # Errors
-/// As [`read`]; [`EvaluationError::CorruptModel`].
-pub fn read_panel(path: impl AsRef<Path>) -> Result<Panel, EvaluationError> {
-    read_checked(path.as_ref(), Panel::check)
-}
-
 /// Reads a diagnoser and checks it.
 ///
 /// # Errors
 /// As [`read`]; [`EvaluationError::CorruptModel`].
 pub fn read_diagnoser(path: impl AsRef<Path>) -> Result<Diagnoser, EvaluationError> {
     read_checked(path.as_ref(), Diagnoser::check)
-}
-
-/// Reads a hierarchy and checks it.
-///
-/// # Errors
-/// As [`read`]; [`EvaluationError::CorruptModel`].
-pub fn read_hierarchy(path: impl AsRef<Path>) -> Result<Hierarchy, EvaluationError> {
-    read_checked(path.as_ref(), Hierarchy::check)
 }
 
 /// Reads a model and checks it.

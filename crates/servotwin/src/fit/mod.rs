@@ -298,3 +298,31 @@ impl<'s> Fit<'s> {
         (WARM_UP_S / record.period_s).round() as usize
     }
 }
+
+/// The sensor that an actuator follows while its command stands still: the nominal twin stands still, too, but follows
+/// all sensors if this one is its command. `inputs` and `measured` have all inputs and sensors of the system in SI, one
+/// sample after the other; NaN is a missing sensor value.
+///
+/// # Errors
+/// The twin of these inputs cannot be simulated.
+pub fn still_command(
+    study: &Study,
+    period_s: f64,
+    inputs: &[f64],
+    measured: &[f64],
+) -> Result<Option<InputMistake>, FitError> {
+    let (system, command) = (&study.system, study.command_input);
+    let width = system.network().inputs.len();
+    let signal = |input: usize| {
+        let values: Vec<f64> = inputs.iter().skip(input).step_by(width).copied().collect();
+        record::smooth(period_s, &values)
+    };
+    let signals: Vec<_> = (0..width).map(signal).collect();
+    let sensors = (0..system.sensors.len()).collect();
+    let record = FitRecord::logged("", &signals, sensors, period_s, measured.to_vec());
+    let fit = Fit::new(system, vec![]);
+    fit.beside_nominal(&record)?.still_input(&mut |mistake| {
+        let undone = record.without_mistake(system, command, mistake);
+        Ok(fit.beside_nominal(&undone).ok().map(ComparedRecord::into_comparisons))
+    })
+}

@@ -1,8 +1,9 @@
 //! Checks whether a record can belong to the system: wrong signs and units, exchanged columns, stuck sensors, clocks
 //! that disagree. The nominal twin is the reference; differences of a few percent are left to the fit.
 
+use super::FitError;
 use super::record::{FitRecord, LeftOut, RecordError};
-use crate::beside::{Comparisons, InputMistake, SensorColumn};
+use crate::beside::{Comparisons, InputMistake, Panes, SensorColumn};
 use crate::recording::with_suffix;
 use crate::system::System;
 
@@ -36,6 +37,8 @@ pub(super) struct ComparedRecord<'r> {
     pairs: Vec<Pair<'r>>,
     /// Every sensor beside the twin of every sensor.
     beside: Comparisons,
+    /// A mistake that begins within the record, and its first sample.
+    late: Option<(usize, String)>,
     columns: Vec<SensorColumn<'r>>,
     first: usize,
 }
@@ -75,19 +78,24 @@ impl<'r> ComparedRecord<'r> {
             }
         };
         let pairs: Vec<Pair> = (0..width).map(pair).collect();
-        let mut beside = Comparisons::new(width);
-        for sample in 0..pairs.first().map_or(0, |pair| pair.measured.len()) {
-            let measured: Vec<f64> = pairs.iter().map(|pair| pair.measured[sample]).collect();
-            let twin: Vec<f64> = pairs.iter().map(|pair| pair.twin[sample]).collect();
-            beside.take(&measured, &twin);
-        }
         let inputs = system.network().inputs.len();
         let column = |(place, pair): (usize, &Pair)| {
             let si = system.sensors[pair.sensor].unit;
             SensorColumn::new(system, pair.sensor, record.unit(inputs + place, si))
         };
-        let columns = pairs.iter().enumerate().map(column).collect();
-        ComparedRecord { pairs, beside, columns, first }
+        let columns: Vec<SensorColumn> = pairs.iter().enumerate().map(column).collect();
+        let names: Vec<&str> = pairs.iter().map(|pair| &*pair.column).collect();
+        let (mut beside, mut panes) = (Comparisons::new(width), Panes::new(width, record.period_s));
+        let mut late = None;
+        for sample in 0..pairs.first().map_or(0, |pair| pair.measured.len()) {
+            let measured: Vec<f64> = pairs.iter().map(|pair| pair.measured[sample]).collect();
+            let twin: Vec<f64> = pairs.iter().map(|pair| pair.twin[sample]).collect();
+            beside.take(&measured, &twin);
+            let pane = panes.take(sample, &measured, &twin);
+            let mistake = pane.and_then(|(_, pane)| panes.mistakes(&pane, &columns, &names));
+            late = late.or(mistake);
+        }
+        ComparedRecord { pairs, beside, late, columns, first }
     }
 
     /// Checks whether the record can belong to the system.
@@ -96,6 +104,10 @@ impl<'r> ComparedRecord<'r> {
     /// The first mistake that the record shows.
     pub fn check(&self, system: &System) -> Result<(), RecordError> {
         let Self { pairs, first, .. } = self;
+        if let Some((sample, found)) = self.late.as_ref().filter(|(sample, _)| *sample > 0) {
+            let from_s = (first + sample) as f64 * self.pairs[0].record.period_s;
+            return Err(RecordError::Mistaken(format!("from {from_s:.2} s on, {found}")));
+        }
         let found = self.beside.mistakes(&self.columns, &self.names());
         if !found.is_empty() {
             return Err(RecordError::Mistaken(found.join("; ")));
@@ -133,6 +145,14 @@ impl<'r> ComparedRecord<'r> {
         let found =
             self.beside.input_mistake((&name, unit), &self.columns, &self.names(), rerun)?;
         Ok(found.map(RecordError::Mistaken))
+    }
+
+    /// An input that stands still although the actuator does not; see [`Comparisons::still_input`].
+    pub fn still_input(
+        &self,
+        rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, FitError>,
+    ) -> Result<Option<InputMistake>, FitError> {
+        self.beside.still_input(&self.columns, rerun)
     }
 
     /// The comparisons of all sensors.

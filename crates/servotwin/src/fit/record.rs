@@ -324,13 +324,16 @@ impl FitRecord {
             InputMistake::Unit(misread) => {
                 (0..self.samples()).map(|k| sampled(k) * misread.factor()).collect()
             }
-            &InputMistake::Still(place, factor) => {
-                let flown = self.measured.iter().skip(place).step_by(self.sensors.len());
+            &InputMistake::Still { sensor, factor, lead_s } => {
+                let flown = self.measured.iter().skip(sensor).step_by(self.sensors.len());
                 let held = |last: &mut f64, value: &f64| {
                     *last = if value.is_nan() { *last } else { factor * value };
                     Some(*last)
                 };
-                flown.scan(0.0, held).collect()
+                let values: Vec<f64> = flown.scan(0.0, held).collect();
+                let at = |k: usize| values[k.min(values.len() - 1)];
+                let rate = |k: usize| (at(k + 2) - at(k.saturating_sub(2))) / (4.0 * self.period_s);
+                (0..values.len()).map(|k| at(k) + lead_s * rate(k)).collect()
             }
             &InputMistake::Exchanged(place) => {
                 let si = system.sensors[self.sensors[place]].unit;

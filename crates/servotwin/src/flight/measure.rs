@@ -177,7 +177,7 @@ pub const SILENT: Measure = Measure {
 };
 
 /// All measures, in the order of pages; those of the same faults stand together.
-pub const ALL: [&Measure; 14] = [
+pub const ALL: &[&Measure] = &[
     &RIGHT_ACTION_OF_ALL,
     &WRONG_SHUTDOWN,
     &VISIBLE,
@@ -195,7 +195,7 @@ pub const ALL: [&Measure; 14] = [
 ];
 
 /// The measures that head every summary.
-pub const FIRST: [&Measure; 3] = [&RIGHT_ACTION_OF_ALL, &SHUTDOWN_MISSED_OF_ALL, &WRONG_SHUTDOWN];
+pub const FIRST: &[&Measure] = &[&RIGHT_ACTION_OF_ALL, &SHUTDOWN_MISSED_OF_ALL, &WRONG_SHUTDOWN];
 
 /// The measures of some flights, by name. Those that count no flight are left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]

@@ -6,19 +6,21 @@ use crate::evaluation::{
     self, DataSet, EvaluationError, EvaluationSettings, FeatureInfo, bands, committee, run,
 };
 use crate::parallel::{self, Workers};
-use crate::run::CampaignError;
 use crate::run::runner::batches;
+use crate::run::{CampaignError, ensemble};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
 use crate::study::{Flights, Role, Scenario, Study};
 use crate::table::Table;
-use servotwin_diagnosis::diagnoser::decision::Allowances;
+use servotwin_diagnosis::diagnoser::decision::{Allowances, Costs};
 use servotwin_diagnosis::diagnoser::environment::{InputChecks, InputRange};
 use servotwin_diagnosis::diagnoser::tuning::{
     BASELINE_CORRECTED, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
 };
-use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Scatter, Tuning};
+use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Novelty, Scatter, Tuning};
+use servotwin_diagnosis::features::Sensor;
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
+use servotwin_diagnosis::sliding::WindowSpan;
 use servotwin_diagnosis::windows::WindowKind;
 use servotwin_learning::classifiers::{self, boosted_trees};
 use servotwin_learning::hierarchy::HierarchySettings as Training;
@@ -100,13 +102,59 @@ pub fn diagnoser(
         ..length
     };
     let lengths: Vec<Length> = kinds.iter().zip(lengths).map(of).collect();
+    let baseline = windows::baseline(flights, scenario, study.sample_period_s);
+    let sensors = study.base_sensors();
+    let diagnoser = assembled((study, scenario, sensors), lengths, evidence_quantile);
+    let diagnoser = Diagnoser { baseline, scatter, ..diagnoser };
+    diagnoser.check()?;
+    Ok(diagnoser)
+}
+
+/// A diagnoser of records, as the seed paper has it: its only window is as long as a record. What bands, trees and
+/// committee agree on at the end of a record is raised, without gathered evidence. It reads the first `sensors` measured
+/// sensors.
+///
+/// # Errors
+/// The models do not fit the sensors.
+pub fn of_records(
+    (study, scenario, sensors): (&Study, Scenario, usize),
+    panel: Panel,
+    novelty: Novelty,
+) -> Result<Diagnoser, EvaluationError> {
+    let span = WindowSpan { pane_samples: ensemble(study).samples() as u32, panes: 1 };
+    let is_off = vec![false; panel.trees.names.actions.len()];
+    let length = Length { span, panel, novelty, baseline_corrected: None };
+    let diagnoser = assembled((study, scenario, sensors), vec![length], f64::INFINITY);
+    let tuning = Tuning {
+        false_alarms_per_h: 3600.0,
+        wrong_isolation: 1.0,
+        allowance_nats: 0.0,
+        health_allowance_nats: 0.0,
+        off_allowance_nats: 0.0,
+        other_allowance_nats: 0.0,
+        least_limit_nats: f64::MIN_POSITIVE,
+        costs: Costs::usual(&is_off),
+        ..diagnoser.tuning
+    };
+    let environment = within(study, &vec![NOT_FLOWN; study.system.network().inputs.len()]);
+    let diagnoser = Diagnoser { tuning, environment, ..diagnoser };
+    diagnoser.check()?;
+    Ok(diagnoser)
+}
+
+/// A diagnoser that accepts all inputs and knows no boundaries.
+fn assembled(
+    (study, scenario, sensors): (&Study, Scenario, usize),
+    lengths: Vec<Length>,
+    evidence_quantile: f64,
+) -> Diagnoser {
     let names = &lengths[0].panel.trees.names;
     let commands = names.actions.iter().map(String::as_str);
     let off: Vec<&str> = commands.filter(|command| study.reactions.switches_off(command)).collect();
-    let diagnoser = Diagnoser {
+    Diagnoser {
         format: diagnoser::FORMAT.into(),
         period_s: study.sample_period_s,
-        sensors: sensors(study),
+        sensors: diagnosed(study, scenario, sensors),
         boundaries: vec![],
         environment: InputChecks::default(),
         tuning: Tuning {
@@ -114,13 +162,11 @@ pub fn diagnoser(
             ..tuning(scenario, names, &off, evidence_quantile)
         },
         lengths,
-        baseline: windows::baseline(flights, scenario, study.sample_period_s),
+        baseline: None,
         conditional_band: None,
-        scatter,
+        scatter: None,
         healthy_evidence: None,
-    };
-    diagnoser.check()?;
-    Ok(diagnoser)
+    }
 }
 
 /// The certainty that a decision needs. Every window counts in full: noise is new in every pane, and the allowance
@@ -239,20 +285,23 @@ fn length(
     Ok(LearnedLength { length, evidence_quantile, widest })
 }
 
-fn sensors(study: &Study) -> Vec<diagnoser::DiagnosedSensor> {
-    let seen = study.sensors.0[..study.base_sensors()].iter().zip(study.scales());
-    let sensor =
-        |(seen, scale): (&servotwin_diagnosis::features::Sensor, f64)| diagnoser::DiagnosedSensor {
-            name: seen.name.clone(),
-            quantity: seen.quantity,
-            actuator: seen.actuator.map(|unit| unit as u32),
-            scale,
-            noise: seen.noise,
-            is_noisy: seen.is_noisy,
-            follows: seen.follows.iter().map(|&(other, weight)| (other as u32, weight)).collect(),
-        };
-    seen.map(sensor).collect()
+/// The first `count` measured sensors, as the features of a scenario see them.
+fn diagnosed(study: &Study, scenario: Scenario, count: usize) -> Vec<diagnoser::DiagnosedSensor> {
+    let sensors = study.sensors_in(scenario).0.into_iter().zip(study.scales());
+    let sensor = |(seen, scale): (Sensor, f64)| diagnoser::DiagnosedSensor {
+        name: seen.name,
+        quantity: seen.quantity,
+        actuator: seen.actuator.map(|unit| unit as u32),
+        scale,
+        noise: seen.noise,
+        is_noisy: seen.is_noisy,
+        follows: seen.follows.into_iter().map(|(other, weight)| (other as u32, weight)).collect(),
+    };
+    sensors.take(count).map(sensor).collect()
 }
+
+/// The least and largest value of an input before any is known.
+const NOT_FLOWN: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
 
 /// The accepted inputs: within their declared ranges, and not far outside of what the training flies: the ranges that its
 /// suites declare, and the values that its commands reach.
@@ -261,8 +310,7 @@ fn sensors(study: &Study) -> Vec<diagnoser::DiagnosedSensor> {
 /// A command cannot be flown.
 pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, CampaignError> {
     let network = study.system.network();
-    let margin = Tuning::default().input_margin;
-    let mut flown = vec![(f64::INFINITY, f64::NEG_INFINITY); network.inputs.len()];
+    let mut flown = vec![NOT_FLOWN; network.inputs.len()];
     let mut reach = |input: usize, value: f64| {
         let (low, high) = &mut flown[input];
         (*low, *high) = (low.min(value), high.max(value));
@@ -281,6 +329,14 @@ pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, Campaign
             }
         }
     }
+    Ok(within(study, &flown))
+}
+
+/// The accepted inputs: within their declared ranges, and not far outside of what is `flown`, from least to largest; an
+/// input that never changes is free there.
+fn within(study: &Study, flown: &[(f64, f64)]) -> InputChecks {
+    let network = study.system.network();
+    let margin = Tuning::default().input_margin;
     let input = |(place, known): (usize, &servotwin_model::network::ExternalInput)| {
         let (low, high) = flown[place];
         let margin = margin * (high - low);
@@ -297,5 +353,5 @@ pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, Campaign
         }
     };
     let inputs = network.inputs.iter().enumerate().map(input).collect();
-    Ok(InputChecks { inputs, differences: vec![] })
+    InputChecks { inputs, differences: vec![] }
 }

@@ -129,11 +129,11 @@ impl TrainingWindows {
         flights: &Flights,
         pick: impl Fn(&Run) -> Pick<'p> + Sync,
     ) {
-        let empty = windows(flown.study(), flights, flown.scenario);
+        let empty = windows(flown.study(), flights, flown.scenario());
         flown.fly(
             |flight| Collector::new(flown, empty.clone(), *flight, pick(flight)),
             |flight, collector, outcome| match outcome {
-                Ok(work) if flown.is_on_the_move(flight, &work) => {
+                Ok(work) if flown.is_on_the_move(flight, work) => {
                     self.on_the_move.push(MovingFlight {
                         flight: flight.number,
                         environment: flight.environment,
@@ -260,7 +260,7 @@ fn windows(study: &Study, flights: &Flights, scenario: Scenario) -> Windows {
 /// Takes training windows out of runs of [`LEARN`].
 pub fn of_runs(flights: &Flights, flown: &Runner) -> TrainingWindows {
     let period_s = flown.period_s();
-    let kinds = windows::kinds(flights, flown.scenario, period_s);
+    let kinds = windows::kinds(flights, flown.scenario(), period_s);
     let mut taken = TrainingWindows::default();
     taken.take(flown, flights, |run| {
         let random = flown.suite().seed_of(run.number).choices(Stream::Windows);
@@ -339,7 +339,7 @@ pub fn tables(
 fn planned(kinds: &[WindowKind], flight: &Run, period_s: f64, mut random: Random) -> Vec<Planned> {
     let mut all = vec![];
     for (kind, WindowKind { span, .. }) in kinds.iter().enumerate() {
-        let window_s = span.samples().unwrap_or(0) as f64 * period_s;
+        let window_s = span.samples() as f64 * period_s;
         let mut plan = |at_s: f64, is_faulty: bool| {
             if at_s <= flight.duration_s {
                 let at = (at_s / period_s).round() as usize;

@@ -105,7 +105,7 @@ impl<'s> Watcher<'s> {
             twin: vec![f64::NAN; sensors.len()],
             residuals: vec![f64::NAN; sensors.len()],
             bands,
-            longest: diagnoser.lengths.iter().filter_map(|l| l.span.samples()).max().unwrap_or(0),
+            longest: diagnoser.lengths.iter().map(|l| l.span.samples()).max().unwrap_or(0),
             outside_for: 0,
             scatter: ScatterTest::default(),
             panes: 0,
@@ -184,7 +184,7 @@ impl<'s> Watcher<'s> {
         }
         self.panes = self.panes.saturating_add(1);
         let length = &self.diagnoser.lengths[0];
-        if !is_quiet || !session.is_full(0) || self.panes < length.span.panes.unwrap_or(1) {
+        if !is_quiet || !session.is_full(0) || self.panes < length.span.panes {
             return;
         }
         self.panes = 0;
@@ -348,8 +348,7 @@ impl<'s> Watcher<'s> {
     }
 
     fn window_s(&self, length: usize) -> f64 {
-        let samples = self.diagnoser.lengths[length].span.samples().unwrap_or(0);
-        samples as f64 * self.diagnoser.period_s
+        self.diagnoser.lengths[length].span.samples() as f64 * self.diagnoser.period_s
     }
 }
 

@@ -51,7 +51,7 @@ pub fn baseline(
 fn span(window_s: f64, period_s: f64) -> WindowSpan {
     let samples = (window_s / period_s).round() as u32;
     let Tuning { panes, .. } = Tuning::default();
-    WindowSpan { pane_samples: (samples / panes).max(1), panes: Some(panes) }
+    WindowSpan { pane_samples: (samples / panes).max(1), panes }
 }
 
 #[cfg(test)]

@@ -7,8 +7,7 @@
 //! | `dataset-<scenario>-training.parquet` | campaign: the training commands |
 //! | `data-card.md` | campaign: what the data sets are, see [`super::data_card`] |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
-//! | `hierarchy-<subject>.json` | train: the nine trees |
-//! | `panel-<subject>.json` | train: trees, committee and bands |
+//! | `records-<subject>.json` | train: the diagnoser of records, with the nine trees, committee and bands |
 //! | `diagnoser-<scenario>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
 //! | `left_out-<scenario>.json` | flights: training flights that taught nothing |
@@ -72,14 +71,9 @@ impl Folder {
         self.0.join("data-card.md")
     }
 
-    /// The file of the hierarchy trained for a subject.
-    pub fn hierarchy(&self, subject: Subject) -> PathBuf {
-        self.0.join(format!("hierarchy-{}.json", subject.name()))
-    }
-
-    /// The file with trees, committee and bands of a subject.
-    pub fn panel(&self, subject: Subject) -> PathBuf {
-        self.0.join(format!("panel-{}.json", subject.name()))
+    /// The file of the diagnoser of records that was trained for a subject: bands, trees and committee.
+    pub fn records(&self, subject: Subject) -> PathBuf {
+        self.0.join(format!("records-{}.json", subject.name()))
     }
 
     /// The file of a scenario's diagnoser.
@@ -139,8 +133,7 @@ impl Folder {
     pub fn results_there(&self) -> Result<Vec<PathBuf>, JobError> {
         let both = |scenario| Role::ALL.map(|role| self.data_set(scenario, role));
         let mut files: Vec<PathBuf> = Scenario::ALL.into_iter().flat_map(both).collect();
-        let models = |subject| [self.hierarchy(subject), self.panel(subject)];
-        files.extend(Subject::ALL.into_iter().flat_map(models));
+        files.extend(Subject::ALL.map(|subject| self.records(subject)));
         files.extend(Scenario::ALL.map(|scenario| self.diagnoser(scenario)));
         files.extend(Scenario::ALL.map(|scenario| self.band(scenario)));
         files.extend(Scenario::ALL.map(|scenario| self.left_out(scenario)));

@@ -373,9 +373,7 @@ mod tests {
             files.push(folder.left_out(scenario));
         }
         files.extend(Role::ALL.map(|role| calibration_file(folder.path(), role)));
-        for subject in Subject::ALL {
-            files.extend([folder.hierarchy(subject), folder.panel(subject)]);
-        }
+        files.extend(Subject::ALL.map(|subject| folder.records(subject)));
         for file in files {
             let name = file.file_name().unwrap().to_str().unwrap();
             assert!(remedy(folder.path(), name).contains("makes it anew"), "{name}");

@@ -27,15 +27,19 @@ pub use subject::Subject;
 use crate::campaign::{Campaign, data_features};
 use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
-use crate::evaluation::{self, Context, DataSet, FeatureInfo, Trained, model_file};
+use crate::evaluation::{
+    self, Context, DataSet, EvaluationError, FeatureInfo, Trained, model_file,
+};
+use crate::flight::train;
 use crate::parallel::{self, Workers};
 use crate::study::{Role, Study};
 use crate::table;
 use results::SubjectResult;
+use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::features::Quantity;
-use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::Window;
+use servotwin_learning::novelty;
 use std::sync::{Mutex, PoisonError};
 
 /// How windows are perturbed within their uncertainty.
@@ -132,15 +136,16 @@ impl Prepared {
         Ok(Self { subject, all_features, windows, data })
     }
 
-    /// Trains trees and committee with all training data, and writes them.
+    /// Trains trees and committee with all training data, and writes them as a diagnoser of records.
     fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Trained, JobError> {
-        let trained =
-            evaluation::train(&self.data, &self.subject.settings(study), &pools(study), workers)?;
-        let sensors = &study.sensors.0[..study.base_sensors()];
+        let Prepared { subject, data, .. } = self;
+        let settings = subject.settings(study);
+        let trained = evaluation::train(data, &settings, &pools(study), workers)?;
         let half_width = |sensor: usize| {
             let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
             learned.unwrap_or(servotwin_diagnosis::residual::BAND)
         };
+        let sensors = &study.sensors.0[..study.base_sensors()];
         let bands = sensors.iter().enumerate().map(|(place, sensor)| SensorBand {
             sensor: sensor.name.clone(),
             half_width: half_width(place),
@@ -152,8 +157,14 @@ impl Prepared {
             trees: trained.trees.clone(),
             ..Panel::default()
         };
-        model_file::write_model(folder.hierarchy(self.subject), &trained.trees)?;
-        model_file::write_model(folder.panel(self.subject), &panel)?;
+        let rows = data.learnt_from(settings.committee_lessons)?;
+        let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
+        let share = Tuning::default().known_share;
+        let novelty = novelty::learn(&data.examples, &rows, &groups, share);
+        let novelty = novelty.map_err(EvaluationError::from)?;
+        let read = (study, subject.scenario(), subject.sensors(study));
+        let diagnoser = train::of_records(read, panel, novelty)?;
+        model_file::write_model(folder.records(*subject), &diagnoser)?;
         Ok(trained)
     }
 
@@ -336,26 +347,14 @@ fn trained(folder: &Folder, subject: Subject) -> Result<Trained, JobError> {
     Ok(Trained { bands: None, trees: panel.trees, committee })
 }
 
-/// Reads the trees, committee and bands trained for a subject.
+/// Reads the bands, trees and committee trained for a subject.
 ///
 /// # Errors
-/// [`JobError::Missing`], or the file is not a panel.
+/// [`JobError::Missing`], or the file is no diagnoser.
 pub fn panel(folder: &Folder, subject: Subject) -> Result<Panel, JobError> {
-    let path = folder.panel(subject);
+    let path = folder.records(subject);
     match path.exists() {
-        true => Ok(model_file::read_panel(path)?),
-        false => Err(JobError::Missing { path, stage: "train" }),
-    }
-}
-
-/// Reads the hierarchy trained for a subject.
-///
-/// # Errors
-/// [`JobError::Missing`], or the file is not a hierarchy.
-pub fn hierarchy(folder: &Folder, subject: Subject) -> Result<Hierarchy, JobError> {
-    let path = folder.hierarchy(subject);
-    match path.exists() {
-        true => Ok(model_file::read_hierarchy(path)?),
+        true => Ok(model_file::read_diagnoser(path)?.lengths.swap_remove(0).panel),
         false => Err(JobError::Missing { path, stage: "train" }),
     }
 }

@@ -228,8 +228,7 @@ impl<'r> StudyRun<'r> {
     fn simulate(&self, role: Role, scenarios: Vec<Scenario>) -> Result<(), JobError> {
         let campaign = Campaign {
             scenarios: scenarios.clone(),
-            threads: self.workers.threads().max(1),
-            cancel: self.workers.cancel(),
+            workers: self.workers,
             ..Campaign::stored(self.folder.path(), self.study, scenarios[0], role)
         };
         let rows = |done, all| {
@@ -306,7 +305,7 @@ impl StudyResults {
     /// # Errors
     /// The scenario was not simulated.
     pub fn trees(&self, scenario: Scenario) -> Result<Hierarchy, JobError> {
-        super::hierarchy(&self.folder, Subject::of(scenario))
+        Ok(super::panel(&self.folder, Subject::of(scenario))?.trees)
     }
 
     /// The diagnoser trained in the flights of a scenario.

@@ -77,6 +77,11 @@ impl Subject {
         }
     }
 
+    /// The number of measured sensors that the diagnosis reads.
+    pub fn sensors(self, study: &Study) -> usize {
+        if self.extra_sensor() { study.measured.len() } else { study.base_sensors() }
+    }
+
     /// Whether the extra sensor is used.
     pub fn extra_sensor(self) -> bool {
         self == Subject::ExtraSensor

@@ -11,7 +11,7 @@
 //! - [`fitted_twins`], [`other_plant`]: twins and plants that are not nominal
 //!
 //! A twin is simulated once and kept whole (`twins`); plants fly in lanes, and nothing of them is kept but what their
-//! observers keep (`beside_twin`). The campaign of records uses the same parts with a plan of its own.
+//! observers keep (`beside_twin`).
 
 mod beside_twin;
 mod calibration;
@@ -33,7 +33,7 @@ pub use error::CampaignError;
 pub use plan::{Profile, Run, RunName};
 pub use runner::Runner;
 pub(crate) use sensors::SensorChain;
-pub(crate) use specimen::{Overrides, SpecimenDraw};
+pub(crate) use specimen::{Overrides, SpecimenDraw, fitted_specimen};
 pub(crate) use twins::{RecordedRun, Twins, describe, simulate_twins};
 
 use crate::ensemble::Ensemble;

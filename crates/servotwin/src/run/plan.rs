@@ -97,10 +97,6 @@ pub fn count(study: &Study, suite: &Suite) -> usize {
     faulty(study, suite) + suite.healthy * suite.environments
 }
 
-fn faulty(study: &Study, suite: &Suite) -> usize {
-    suite.repeats * of_a_repeat(study, suite)
-}
-
 /// The number of faults in one repeat. If actuators are alike, every row is also seen from the other actuators, so
 /// training takes the actuators in turn.
 fn of_a_repeat(study: &Study, suite: &Suite) -> usize {
@@ -112,6 +108,22 @@ fn of_a_repeat(study: &Study, suite: &Suite) -> usize {
 
 fn takes_turns(study: &Study, suite: &Suite) -> bool {
     suite.purpose == Purpose::Train && study.has_like_units()
+}
+
+/// The numbers of the runs of each environment of a suite of records: those with a fault, then healthy ones.
+pub(crate) fn of_environments(study: &Study, suite: &Suite) -> Vec<Range<usize>> {
+    let (faulty, each) = (faulty(study, suite), of_a_repeat(study, suite));
+    let with_fault = (0..suite.repeats).map(|repeat| repeat * each..(repeat + 1) * each);
+    let healthy = (0..suite.environments).map(|environment| {
+        let first = faulty + environment * suite.healthy;
+        first..first + suite.healthy
+    });
+    with_fault.chain(healthy).filter(|numbers| !numbers.is_empty()).collect()
+}
+
+/// The number of runs of a suite with a fault.
+pub(crate) fn faulty(study: &Study, suite: &Suite) -> usize {
+    suite.repeats * of_a_repeat(study, suite)
 }
 
 /// The runs of a suite that fly in some of its environments, by number.
@@ -127,7 +139,10 @@ pub fn run(study: &Study, suite: &Suite, number: usize) -> Run {
         None => with_fault(study, suite, number),
         Some(healthy) => Run {
             number,
-            environment: healthy % suite.environments,
+            environment: match suite.records {
+                Some(_) => healthy / suite.healthy,
+                None => healthy % suite.environments,
+            },
             fault: None,
             intensity: 0.0,
             onset_s: f64::INFINITY,
@@ -155,8 +170,11 @@ fn with_fault(study: &Study, suite: &Suite, number: usize) -> Run {
     };
     Run {
         number,
-        // Seven has no common divisor with the usual numbers of intensities and environments.
-        environment: (7 * fault + 11 * repeat + fault / intensities) % suite.environments,
+        environment: match suite.records {
+            Some(_) => repeat,
+            // Seven has no common divisor with the usual numbers of intensities and environments.
+            None => (7 * fault + 11 * repeat + fault / intensities) % suite.environments,
+        },
         fault: Some(fault),
         intensity: training.map_or(of_study, |t| t.intensity(of_study, repeat + 7 * fault)),
         onset_s,

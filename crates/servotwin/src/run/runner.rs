@@ -1,25 +1,32 @@
 //! Flies runs in lanes: each plant's sensor values are observed together with the twin of its environment.
 //!
+//! One simulation serves all scenarios with the same plants ([`Scenario::groups`]), and all healthy runs of an environment
+//! that differ by the noise of their sensors alone.
+//!
 //! In the scenario *fitted*, one specimen flies all runs of an environment, and the environment's twin is fitted to its
-//! calibration flight. Otherwise every run has another specimen, compared with the nominal twin. The plants of a suite may
-//! have another structure than their twins ([`OtherPlants`]), and the twins may be fitted to them as well.
+//! calibration flight; records have a pool of such specimens. Otherwise every run has another specimen, compared with the
+//! nominal twin. The plants of a suite may have another structure than their twins ([`OtherPlants`]), and the twins may be
+//! fitted to them as well.
 
 use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
 use super::plan::{self, Run};
+use super::specimen::fitted_specimen;
 use super::{
-    CampaignError, Observer, Overrides, SensorChain, SpecimenDraw, Twins, Watch, ensemble,
-    fit_twins, simulate_twins,
+    CampaignError, Observer, Overrides, RecordedRun, SensorChain, SpecimenDraw, Twins, Watch,
+    ensemble, fit_twins, simulate_twins,
 };
-use crate::ensemble::{Ensemble, Variant};
+use crate::ensemble::{Ensemble, Sink, Variant};
 use crate::parallel::Workers;
 use crate::signal::random::NormalDeviates;
 use crate::study::flights::Environment;
 use crate::study::other_plant::apply_draws;
 use crate::study::{Plants, Scenario, Seed, Stream, Study, Suite};
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{SolverFailure, Statistics};
+use servotwin_model::solver::{SolverFailure, SolverSettings, Statistics};
+use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::atomic::AtomicBool;
 
 /// The twins of this many samples are in memory at a time: about 200 MB.
 const TWIN_SAMPLES: f64 = 1e6;
@@ -34,12 +41,21 @@ pub struct Chosen {
     pub tracked: Vec<Slot>,
 }
 
-/// Runs of a suite in one scenario, with the twins of their environments.
+/// The twin of a run: its environment, and its specimen if the twin is fitted to it, else 0.
+pub(crate) type TwinKey = (usize, usize);
+
+/// What an observer has seen of a run in a scenario.
+pub(crate) struct View<'r, O> {
+    pub run: &'r Run,
+    pub scenario: Scenario,
+    pub observer: O,
+}
+
+/// Runs of a suite in scenarios with the same plants, with the twins of their environments.
 pub struct Runner<'s> {
     study: &'s Study,
     suite: &'s Suite,
-    /// The scenario.
-    pub scenario: Scenario,
+    scenarios: Vec<Scenario>,
     /// The number of the first environment.
     first: usize,
     pub(super) environments: Vec<Environment>,
@@ -50,13 +66,11 @@ pub struct Runner<'s> {
     pub runs: Vec<Run>,
     /// What became of the calibration flights of plants with another structure.
     pub calibration: Option<CalibrationRecords>,
-    /// The twins by environment.
-    twins: Twins<usize>,
+    twins: Twins<TwinKey>,
     pub(super) sensors: usize,
     deviations: Vec<Vec<f64>>,
-    /// The parameters of the twin of each environment, whose specimen flies all runs there; empty where twins are not
-    /// fitted.
-    fitted: Vec<Overrides>,
+    /// The parameters of the fitted twins, by specimen.
+    fitted: BTreeMap<usize, Overrides>,
 }
 
 /// Flies a suite in a scenario, some environments at a time, so that memory does not grow with their number. `fly` takes
@@ -130,6 +144,29 @@ impl<'s> Runner<'s> {
         runner.prepared(Chosen::default(), workers)
     }
 
+    /// Records in scenarios with the same plants. All sensors are observed, and inputs are not. `fitted` are the parameters
+    /// of the twins of the pool, empty without one.
+    ///
+    /// # Errors
+    /// A twin cannot be simulated.
+    pub(crate) fn of_records(
+        study: &'s Study,
+        suite: &'s Suite,
+        scenarios: &[Scenario],
+        (runs, fitted): (Vec<Run>, &[Overrides]),
+        (settings, workers): (SolverSettings, Workers<'s>),
+    ) -> Result<Self, CampaignError> {
+        let environments = study.environments(suite, 0..suite.environments)?;
+        let mut runner = Runner::of(study, suite, scenarios[0], (environments, runs), workers);
+        runner.scenarios = scenarios.to_vec();
+        runner.sensors = study.measured.len();
+        let record = ensemble(study).record;
+        runner.ensemble = Ensemble { record, settings, ..runner.ensemble };
+        runner.fitted = fitted.iter().cloned().enumerate().collect();
+        runner.twins = runner.simulate_twins()?;
+        Ok(runner)
+    }
+
     /// Given runs in given environments.
     ///
     /// # Errors
@@ -159,7 +196,7 @@ impl<'s> Runner<'s> {
         Runner {
             study,
             suite,
-            scenario,
+            scenarios: vec![scenario],
             first: 0,
             environments,
             ensemble,
@@ -169,7 +206,7 @@ impl<'s> Runner<'s> {
             twins: Twins::new(),
             sensors,
             deviations: vec![],
-            fitted: vec![],
+            fitted: BTreeMap::new(),
         }
     }
 
@@ -184,18 +221,22 @@ impl<'s> Runner<'s> {
     fn prepared(mut self, chosen: Chosen, workers: Workers) -> Result<Self, CampaignError> {
         self.deviations = chosen.deviations;
         self.ensemble.record.extend(chosen.tracked);
-        if self.suite.is_fitted {
+        let fitted = if self.suite.is_fitted {
             let (fitted, records) = fitted_twins::fit(&self, workers)?;
-            (self.fitted, self.calibration) = (fitted, Some(records));
-        } else if self.scenario.plants() == Plants::Pool {
-            self.fitted = self.fit_twins()?;
-        }
+            self.calibration = Some(records);
+            fitted
+        } else if self.scenario().plants() == Plants::Pool {
+            self.fit_twins()?
+        } else {
+            vec![]
+        };
+        self.fitted = (self.first..).zip(fitted).collect();
         self.twins = self.simulate_twins()?;
         Ok(self)
     }
 
     fn draw(&self, seed: Seed) -> SpecimenDraw<'s> {
-        SpecimenDraw { study: self.study, scenario: self.scenario, seed }
+        SpecimenDraw { study: self.study, scenario: self.scenario(), seed }
     }
 
     /// The seed of an environment, and of a specimen that makes all runs there; by its place in this runner.
@@ -221,24 +262,40 @@ impl<'s> Runner<'s> {
         Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
     }
 
-    /// Simulates the twins of the environments in which there are runs.
-    fn simulate_twins(&self) -> Result<Twins<usize>, CampaignError> {
-        let externals = self.study.system.program.externals();
-        let inputs = externals.map(|slot| slot as Slot);
-        let record = self.ensemble.record.iter().copied().chain(inputs).collect();
+    /// Simulates the twins beside which there are runs.
+    fn simulate_twins(&self) -> Result<Twins<TwinKey>, CampaignError> {
+        let mut record = self.ensemble.record.clone();
+        if self.suite.records.is_none() {
+            record.extend(self.study.system.program.externals().map(|slot| slot as Slot));
+        }
         // Twins last as long as the longest run of the suite, so that a run has the same twin alone and among others.
         let ensemble = Ensemble { record, duration_s: self.suite.longest_s(), ..self.ensemble };
-        let twin = |number: usize| {
+        let twin = |(number, specimen): TwinKey| {
             let environment = self.environment(number);
-            let fitted = self.fitted.get(number - self.first).map_or(&[][..], Vec::as_slice);
+            let fitted = self.fitted.get(&specimen).map_or(&[][..], Vec::as_slice);
             Variant {
                 overrides: [&environment.parameters, fitted].concat(),
                 inputs: environment.inputs.iter().collect(),
                 ..Variant::default()
             }
         };
-        let wanted = self.runs.iter().map(|run| run.environment).collect();
-        simulate_twins(&ensemble, wanted, twin, |number| &self.environment(number).name)
+        let wanted = self.runs.iter().map(|run| self.beside(run)).collect();
+        simulate_twins(&ensemble, wanted, twin, |(number, _)| &self.environment(number).name)
+    }
+
+    fn beside(&self, run: &Run) -> TwinKey {
+        let specimen = fitted_specimen(self.study, self.suite, self.scenario(), run);
+        (run.environment, specimen.unwrap_or(0))
+    }
+
+    /// The twin beside which a run is observed.
+    pub(crate) fn twin(&self, run: &Run) -> &RecordedRun {
+        &self.twins[&self.beside(run)]
+    }
+
+    /// The first of the scenarios, which all have the same plants.
+    pub fn scenario(&self) -> Scenario {
+        self.scenarios[0]
     }
 
     fn environment(&self, number: usize) -> &Environment {
@@ -247,7 +304,7 @@ impl<'s> Runner<'s> {
 
     /// Whether a run, or the twin of its environment, began without a steady state.
     pub fn is_on_the_move(&self, run: &Run, work: &Statistics) -> bool {
-        self.twins[&run.environment].is_on_the_move(work)
+        self.twin(run).is_on_the_move(work)
     }
 
     /// The study of the plants and their twins.
@@ -270,9 +327,17 @@ impl<'s> Runner<'s> {
     pub fn fly<O: Observer>(
         &self,
         observer: impl Fn(&Run) -> O + Sync,
-        done: impl FnMut(&Run, O, Result<Statistics, SolverFailure>) + Send,
+        mut done: impl FnMut(&Run, O, &Result<Statistics, SolverFailure>) + Send,
     ) {
-        self.fly_altered(|_, _| (), observer, done);
+        let views = |run: &Run, _| Some(observer(run));
+        self.fly_views(
+            (&self.simulations(), None),
+            |_, _| (),
+            views,
+            |views, ended| {
+                views.into_iter().for_each(|view| done(view.run, view.observer, &ended));
+            },
+        );
     }
 
     /// The same with modified plants; their twins are unchanged.
@@ -280,13 +345,53 @@ impl<'s> Runner<'s> {
         &'f self,
         alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
         observer: impl Fn(&Run) -> O + Sync,
-        mut done: impl FnMut(&Run, O, Result<Statistics, SolverFailure>) + Send,
+        mut done: impl FnMut(&Run, O, &Result<Statistics, SolverFailure>) + Send,
+    ) {
+        let alone: Vec<Vec<usize>> = (0..self.runs.len()).map(|run| vec![run]).collect();
+        let views = |run: &Run, _| Some(observer(run));
+        self.fly_views((&alone, None), alter, views, |views, ended| {
+            views.into_iter().for_each(|view| done(view.run, view.observer, &ended));
+        });
+    }
+
+    /// The runs of each simulation: one, or healthy runs of an environment that differ by the noise of their sensors alone.
+    /// Those with full intensity come first: a few of them take a hundred times as long as the others, and would occupy a
+    /// single lane at the end.
+    pub(crate) fn simulations(&self) -> Vec<Vec<usize>> {
+        let equals_twin = self.scenario().plants() == Plants::Twin
+            && self.others.is_none()
+            && self.deviations.is_empty();
+        let (mut alone, mut shared) = (vec![], BTreeMap::<usize, Vec<usize>>::new());
+        for (place, run) in self.runs.iter().enumerate() {
+            match run.fault.is_none() && equals_twin {
+                true => shared.entry(run.environment).or_default().push(place),
+                false => alone.push(vec![place]),
+            }
+        }
+        let is_full = |fault: usize| self.study.faults[fault].at.intensity >= 1.0;
+        alone.sort_by_key(|runs| !self.runs[runs[0]].fault.is_some_and(is_full));
+        alone.extend(shared.into_values());
+        alone
+    }
+
+    /// Runs simulations with an observer for each run and scenario that `observer` wants to see. They end early when `stop`
+    /// is set, without it when the workers are cancelled.
+    pub(crate) fn fly_views<'f, O: Observer>(
+        &'f self,
+        (simulations, stop): (&[Vec<usize>], Option<&AtomicBool>),
+        alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
+        observer: impl Fn(&Run, Scenario) -> Option<O> + Sync,
+        mut done: impl FnMut(Vec<View<'f, O>>, Result<Statistics, SolverFailure>) + Send,
     ) {
         let ensemble = self.others.as_ref().map_or(&self.ensemble, |(_, ensemble)| ensemble);
+        ensemble.prepare(simulations.len());
+        let (record, cancel) = (ensemble.record.clone(), stop.or(ensemble.cancel));
+        let ensemble = Ensemble { record, cancel, ..*ensemble };
+        let first = |simulation: usize| &self.runs[simulations[simulation][0]];
         ensemble.run(
-            self.runs.len(),
-            |job| {
-                let run = &self.runs[job];
+            simulations.len(),
+            |simulation| {
+                let run = first(simulation);
                 let mut variant = self.variant(run);
                 alter(run, &mut variant);
                 if let Some((plants, _)) = self.others {
@@ -294,8 +399,22 @@ impl<'s> Runner<'s> {
                 }
                 variant
             },
-            |job| self.watch(&self.runs[job], observer(&self.runs[job])),
-            |job, watch, outcome| done(&self.runs[job], watch.observer, outcome),
+            |simulation| {
+                let runs = simulations[simulation].iter().map(|&place| &self.runs[place]);
+                let all = runs.flat_map(|run| self.scenarios.iter().map(move |of| (run, *of)));
+                let watched = all.filter_map(|(run, scenario)| {
+                    Some((run, scenario, self.watch(run, scenario, observer(run, scenario)?)))
+                });
+                Views(watched.collect())
+            },
+            |_, Views(watched), ended| {
+                let views = watched.into_iter().map(|(run, scenario, watch)| View {
+                    run,
+                    scenario,
+                    observer: watch.observer,
+                });
+                done(views.collect(), ended);
+            },
         );
     }
 
@@ -308,8 +427,9 @@ impl<'s> Runner<'s> {
             None => self.draw(seed).parameters(1.0),
         };
         let mut overrides = [&environment.parameters[..], &specimen].concat();
-        // Other plants have draws of their own, and twins of the scenario *fitted* know only tolerances.
-        if self.scenario.plants() == Plants::Specimens && self.others.is_none() {
+        // Other plants have draws of their own, and twins of the scenario *fitted* know only tolerances, as do records.
+        let is_drawn = self.others.is_none() && self.suite.records.is_none();
+        if self.scenario().plants() == Plants::Specimens && is_drawn {
             let mut random = seed.stream(Stream::Draws);
             let parts = &self.study.system.network().components;
             let flights = self.study.flights.as_ref();
@@ -328,18 +448,25 @@ impl<'s> Runner<'s> {
 
     /// The seed of the specimen of a run.
     fn plant(&self, run: &Run) -> Seed {
-        match self.fitted.is_empty() {
-            true => self.suite.seed_of(run.number),
-            false => self.suite.seed_of_environment(run.environment),
-        }
+        SpecimenDraw::of(self.study, self.suite, self.scenario(), run).seed
     }
 
-    fn watch<O>(&self, run: &Run, observer: O) -> Watch<'_, O> {
-        let noise = self.draw(self.suite.seed_of(run.number)).noise(Stream::Sensors);
+    fn watch<O>(&self, run: &Run, scenario: Scenario, observer: O) -> Watch<'_, O> {
+        let seed = self.suite.seed_of(run.number);
+        let noise = SpecimenDraw { study: self.study, scenario, seed }.noise(Stream::Sensors);
         let mut chain = SensorChain::new(self.study, self.sensors, noise);
         if let Some((plants, _)) = self.others {
             chain = chain.with_latencies(plants.latencies(self.plant(run), self.sensors));
         }
-        Watch::new(&self.twins[&run.environment], self.sensors, chain, observer)
+        Watch::new(self.twin(run), self.sensors, chain, observer)
+    }
+}
+
+/// All that one simulation serves.
+struct Views<'r, O>(Vec<(&'r Run, Scenario, Watch<'r, O>)>);
+
+impl<O: Observer> Sink for Views<'_, O> {
+    fn sample(&mut self, index: usize, values: &[f64]) {
+        self.0.iter_mut().for_each(|(.., watch)| watch.sample(index, values));
     }
 }

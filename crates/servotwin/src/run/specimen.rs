@@ -1,7 +1,8 @@
 //! Specimens: plants with their own tolerances.
 
+use super::Run;
 use crate::signal::random::NormalDeviates;
-use crate::study::{Realism, Scenario, Seed, Stream, Study};
+use crate::study::{Plants, Realism, Scenario, Seed, Stream, Study, Suite};
 
 /// Parameters that differ from the system's: (component, parameter, value).
 pub(crate) type Overrides = Vec<(usize, usize, f64)>;
@@ -15,7 +16,34 @@ pub(crate) struct SpecimenDraw<'s> {
     pub seed: Seed,
 }
 
+/// The number of a run's specimen among those whose twins are fitted; `None` where twins are nominal.
+///
+/// A specimen of the pool makes several records of an operating case. Flights have one specimen in each environment.
+pub(crate) fn fitted_specimen(
+    study: &Study,
+    suite: &Suite,
+    scenario: Scenario,
+    run: &Run,
+) -> Option<usize> {
+    if !suite.is_fitted && scenario.plants() != Plants::Pool {
+        return None;
+    }
+    match (suite.records, &study.calibration) {
+        (Some(role), Some(calibration)) => {
+            Some(calibration.specimen(role, run.environment, suite.seed_of(run.number)))
+        }
+        _ => Some(run.environment),
+    }
+}
+
 impl<'s> SpecimenDraw<'s> {
+    /// The draw of a run in a scenario, apart from the noise of its sensors.
+    pub fn of(study: &'s Study, suite: &Suite, scenario: Scenario, run: &Run) -> Self {
+        let fitted = fitted_specimen(study, suite, scenario, run);
+        let seed = fitted.map_or(suite.seed_of(run.number), |number| suite.seed_of_fitted(number));
+        SpecimenDraw { study, scenario, seed }
+    }
+
     /// The specimen's parameters with tolerances, whose deviations are `scatter` times as large as declared; empty if
     /// plants equal their twins.
     pub fn parameters(self, scatter: f64) -> Overrides {

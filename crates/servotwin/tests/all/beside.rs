@@ -75,6 +75,28 @@ fn exchanged_columns_are_found_in_pairs_and_cycles_and_a_healthy_log_has_none() 
 }
 
 #[test]
+fn one_pressure_without_the_atmosphere_is_in_doubt_while_nothing_moves() {
+    let (system, pressure) = (System::default(), place("p_a_1"));
+    let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
+    let looks = |offset_pa: f64| {
+        let twin: Vec<f64> = system.sensors.iter().map(|sensor| 0.2 * sensor.scale).collect();
+        let mut measured = twin.clone();
+        measured[pressure] += offset_pa;
+        let mut found = Comparisons::new(twin.len());
+        (0..400).for_each(|_| found.take(&measured, &twin));
+        let columns = columns(&system, &[]);
+        (found.mistakes(&columns, &names).join("; "), found.atmosphere_at_rest(&columns, &names))
+    };
+    let (certain, doubt) = looks(-ATMOSPHERE_PA);
+    let doubt = doubt.unwrap();
+    assert_eq!(certain, "");
+    assert!(doubt.starts_with("p_a_1 is one atmosphere below the twin"), "{doubt}");
+    assert!(doubt.ends_with("an offset of a faulty sensor looks the same"), "{doubt}");
+    assert_eq!(looks(-0.5 * ATMOSPHERE_PA).1, None);
+    assert_eq!(looks(0.0).1, None);
+}
+
+#[test]
 fn pressures_without_the_atmosphere_are_recognized_all_of_them_or_some() {
     let pressures: Vec<usize> = {
         let system = System::default();

@@ -4,6 +4,7 @@ use crate::folder::Folder;
 use servotwin::campaign::columns::{DIMENSIONLESS, feature_columns_of, is_feature_column};
 use servotwin::campaign::{Campaign, FOLDS, calibration_file};
 use servotwin::job::{Folder as Results, data_card};
+use servotwin::parallel::Workers;
 use servotwin::study::{Role, Scenario, Study};
 use servotwin::table::{self, Table, Values};
 use std::collections::BTreeMap;
@@ -29,7 +30,8 @@ fn data_sets(study: &Study, folder: &Folder, threads: usize) -> BTreeMap<(Scenar
     for scenarios in Scenario::groups(study, |_| true) {
         for role in study.roles() {
             let stored = Campaign::stored(&folder.0, study, scenarios[0], role);
-            let campaign = Campaign { scenarios: scenarios.clone(), threads, ..stored };
+            let campaign =
+                Campaign { scenarios: scenarios.clone(), workers: Workers::new(threads), ..stored };
             assert!(campaign.run(|_, _| ()).unwrap().failed.is_empty());
             for &scenario in &scenarios {
                 let file = Results::new(&folder.0).data_set(scenario, role);

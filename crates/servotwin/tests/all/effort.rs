@@ -4,6 +4,7 @@ use crate::folder::Folder;
 use servotwin::campaign::Campaign;
 use servotwin::job::Folder as Results;
 use servotwin::job::manifest;
+use servotwin::parallel::Workers;
 use servotwin::study::{Role, Scenario, Study};
 use servotwin::table::{self, Table};
 
@@ -21,7 +22,7 @@ fn study() -> Study {
 fn data_sets(study: &Study, folder: &Folder) -> [Table; 2] {
     let scenarios = [Scenario::Ideal, Scenario::Noise];
     let stored = Campaign::stored(&folder.0, study, Scenario::Ideal, Role::Judged);
-    let campaign = Campaign { scenarios: scenarios.into(), threads: 2, ..stored };
+    let campaign = Campaign { scenarios: scenarios.into(), workers: Workers::new(2), ..stored };
     let outcome = campaign.run(|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     scenarios.map(|scenario| {

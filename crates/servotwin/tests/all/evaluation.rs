@@ -269,21 +269,20 @@ fn the_bytes_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn the_model_is_the_same_after_reading() {
-    let (_, trained, _) = evaluated(0.3, 2);
-    let hierarchy = trained.trees;
+    let diagnoser = &**crate::flights::diagnoser();
     let folder = std::env::temp_dir().join(format!("servotwin-model-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
-    let path = folder.join("hierarchy.json");
-    model_file::write(&path, &hierarchy).unwrap();
-    assert_eq!(model_file::read_hierarchy(&path).unwrap(), hierarchy);
-    let broken = std::fs::read_to_string(&path).unwrap().replace("hierarchy 1", "hierarchy 9");
+    let path = folder.join("diagnoser.json");
+    model_file::write(&path, diagnoser).unwrap();
+    assert_eq!(model_file::read_diagnoser(&path).unwrap(), *diagnoser);
+    let broken = std::fs::read_to_string(&path).unwrap().replace("diagnoser 1", "diagnoser 9");
     std::fs::write(&path, broken).unwrap();
-    assert!(matches!(model_file::read_hierarchy(&path), Err(EvaluationError::CorruptModel { .. })));
+    assert!(matches!(model_file::read_diagnoser(&path), Err(EvaluationError::CorruptModel { .. })));
     std::fs::write(&path, "{").unwrap();
-    assert!(matches!(model_file::read_hierarchy(&path), Err(EvaluationError::Model { .. })));
+    assert!(matches!(model_file::read_diagnoser(&path), Err(EvaluationError::Model { .. })));
     // A copy far from its manifest is checked, too: no digit passes, of the checksum or of a number.
-    model_file::write_model(&path, &hierarchy).unwrap();
-    assert_eq!(model_file::read_hierarchy(&path).unwrap(), hierarchy);
+    model_file::write_model(&path, diagnoser).unwrap();
+    assert_eq!(model_file::read_diagnoser(&path).unwrap(), *diagnoser);
     let whole = std::fs::read(&path).unwrap();
     let digits: Vec<usize> =
         (0..whole.len()).filter(|&place| whole[place].is_ascii_digit()).collect();
@@ -291,16 +290,16 @@ fn the_model_is_the_same_after_reading() {
         let mut changed = whole.clone();
         changed[*place] = if whole[*place] == b'9' { b'8' } else { whole[*place] + 1 };
         std::fs::write(&path, changed).unwrap();
-        assert!(model_file::read_hierarchy(&path).is_err(), "byte {place}");
+        assert!(model_file::read_diagnoser(&path).is_err(), "byte {place}");
     }
     let whole = String::from_utf8(whole).unwrap();
     let (_, unchecked) = whole.split_once("\",\n").unwrap();
     let plain = format!("{{\n{unchecked}");
     std::fs::write(&path, &plain).unwrap();
-    assert_eq!(model_file::read_hierarchy(&path).unwrap(), hierarchy, "unchecked on purpose");
+    assert_eq!(model_file::read_diagnoser(&path).unwrap(), *diagnoser, "unchecked on purpose");
     // Another program has sorted the keys.
     std::fs::write(&path, plain.replacen('{', "{\"a\": 1, \"sha256\": \"0\",", 1)).unwrap();
-    let moved = model_file::read_hierarchy(&path).unwrap_err().to_string();
+    let moved = model_file::read_diagnoser(&path).unwrap_err().to_string();
     assert!(
         moved.contains("is not its first one") && moved.contains("remove that line"),
         "{moved}"

@@ -2,6 +2,8 @@
 
 use crate::folder::Folder;
 use servotwin::campaign::{Campaign, CampaignError, PartRow, calibration_file};
+use servotwin::parallel::Workers;
+use servotwin::run::plan;
 use servotwin::study::{Role, Scenario, Study};
 use servotwin::table::{self, Column, Table};
 use servotwin_model::solver::SolverSettings;
@@ -33,7 +35,7 @@ fn campaign<'s>(
 ) -> Campaign<'s> {
     Campaign {
         solver: SolverSettings::campaign(),
-        threads,
+        workers: Workers::new(threads),
         ..Campaign::stored(&folder.0, study, scenario, Role::Judged)
     }
 }
@@ -46,8 +48,9 @@ fn rows(campaign: &Campaign) -> Vec<PartRow> {
 
 /// For each healthy specimen the largest of the means of its scaled residuals: what no noise hides.
 fn means(campaign: &Campaign) -> Vec<f64> {
-    let plan = campaign.plan();
-    let healthy = rows(campaign).into_iter().zip(plan).filter(|(_, p)| p.fault.is_none());
+    let (study, suite) = (campaign.study, campaign.suite());
+    let is_healthy = |number| plan::run(study, &suite, number).fault.is_none();
+    let healthy = rows(campaign).into_iter().zip(0..).filter(|(_, number)| is_healthy(*number));
     let largest = |row: PartRow| {
         let sensors = 0..row.window.sensors();
         sensors.map(|sensor| row.window.mean(sensor).abs()).fold(0.0, f64::max)

@@ -15,6 +15,7 @@ mod folder;
 #[path = "../../../servotwin-io/tests/all/places.rs"]
 mod places;
 mod recordings;
+mod records;
 mod reservoir;
 mod runtime;
 mod sealed;

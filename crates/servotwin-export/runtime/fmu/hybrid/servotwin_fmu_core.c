@@ -137,12 +137,11 @@ bool servotwin_fmu_advance(servotwin_fmu *fmu, double time_s, double step_s)
 {
     const double period_s = servotwin_tuning.period_s;
     const double samples_at_end = ((time_s + step_s) - fmu->start_s) / period_s;
-    const bool is_well = fmu->is_started;
-    while (is_well && ((double)fmu->samples < (samples_at_end - EARLY))) {
+    while ((double)fmu->samples < (samples_at_end - EARLY)) {
         take_sample(fmu);
     }
-    fmu->time_s = is_well ? (time_s + step_s) : fmu->time_s;
-    return is_well;
+    fmu->time_s = time_s + step_s;
+    return true;
 }
 
 const char *servotwin_fmu_step_warning(double step_s)

@@ -9,7 +9,6 @@
 #define SERVOTWIN_FMU_STATES 0
 
 #define SERVOTWIN_FMU_NO_BEGINNING "this build rounds otherwise than in training: compile it with -ffp-contract=off"
-#define SERVOTWIN_FMU_NO_STEP "the simulation has not begun"
 
 /*
  * References of variables: inputs as in the FMU of the system, then measured values, whether an actuator is switched off,

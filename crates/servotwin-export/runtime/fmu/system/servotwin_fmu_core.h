@@ -50,7 +50,6 @@ extern const servotwin_fmu_sensor servotwin_fmu_sensors[];
 extern const int32_t servotwin_fmu_sensor_count;
 
 #define SERVOTWIN_FMU_NO_BEGINNING "there is no steady state or motion to begin with for these inputs and parameters"
-#define SERVOTWIN_FMU_NO_STEP "the step cannot be simulated: a value became infinite, or the error stayed too large"
 
 /* The directional derivatives of all variables for those of states and inputs; see servotwin_tangent.c. */
 void servotwin_twin_tangent(const double *constants, const double *variables, const double *seeds, double *tangents);

@@ -352,7 +352,7 @@ impl Flying<'_> {
             let flown = Runner::of_runs(study, suite, (scenario, None), chosen, workers)?;
             flown.fly(observer, |run, tracing, outcome| {
                 if let Ok(work) = outcome {
-                    done(run, tracing.trace, flown.is_on_the_move(run, &work));
+                    done(run, tracing.trace, flown.is_on_the_move(run, work));
                 }
             });
             if workers.is_cancelled() {
