@@ -35,9 +35,34 @@ pub fn number(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
+/// The key of an order in which numbers count as numbers: `flight_2` is before `flight_10`.
+pub fn natural_order(name: &str) -> (Vec<(String, u128)>, String) {
+    let (mut parts, mut rest) = (vec![], name);
+    while !rest.is_empty() {
+        let digit = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
+        let (word, behind) = rest.split_at(digit);
+        let end = behind.find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len());
+        let (number, behind) = behind.split_at(end);
+        parts.push((word.to_lowercase(), number.parse().unwrap_or(0)));
+        rest = behind;
+    }
+    (parts, name.to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_in_names_count_as_numbers() {
+        let sorted =
+            ["2.csv", "10.csv", "flight_1.csv", "Flight_02.csv", "flight_2.csv", "flight_10.csv"];
+        let mut names = sorted;
+        names.reverse();
+        names.sort_by_cached_key(|name| natural_order(name));
+        assert_eq!(names, sorted);
+        assert!(natural_order("a_2026-01-09_leg_2") < natural_order("a_2026-01-10_leg_1"));
+    }
 
     #[test]
     fn escaped_text_has_no_character_that_xml_forbids() {

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use servotwin::files::{FileError, kind_in_words};
+use servotwin::text::natural_order;
 use servotwin_watch::intake;
 use std::path::{Path, PathBuf};
 
@@ -33,7 +34,7 @@ impl LogFolder {
                 found.take(path);
             }
         }
-        found.paths.sort_by_cached_key(|path| order(&path.to_string_lossy()));
+        found.paths.sort_by_cached_key(|path| natural_order(&path.to_string_lossy()));
         found.skipped.sort();
         match (found.paths.is_empty(), found.sentence()) {
             (false, _) => Ok(found),
@@ -65,35 +66,5 @@ impl LogFolder {
                 Some(format!("skipped {n} entries that are no regular files: {}", each.join(", ")))
             }
         }
-    }
-}
-
-/// The key of an order in which numbers count as numbers: `flight_2` is before `flight_10`.
-fn order(name: &str) -> (Vec<(String, u128)>, String) {
-    let (mut parts, mut rest) = (vec![], name);
-    while !rest.is_empty() {
-        let digit = rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len());
-        let (word, behind) = rest.split_at(digit);
-        let end = behind.find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len());
-        let (number, behind) = behind.split_at(end);
-        parts.push((word.to_lowercase(), number.parse().unwrap_or(0)));
-        rest = behind;
-    }
-    (parts, name.to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::order;
-
-    #[test]
-    fn numbers_in_names_count_as_numbers() {
-        let sorted =
-            ["2.csv", "10.csv", "flight_1.csv", "Flight_02.csv", "flight_2.csv", "flight_10.csv"];
-        let mut names = sorted;
-        names.reverse();
-        names.sort_by_cached_key(|name| order(name));
-        assert_eq!(names, sorted);
-        assert!(order("a_2026-01-09_leg_2") < order("a_2026-01-10_leg_1"));
     }
 }

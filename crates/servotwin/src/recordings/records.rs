@@ -5,6 +5,7 @@ use super::windows::texts;
 use super::{RecordingError, RecordingStudy};
 use crate::files::FileError;
 use crate::table::{self, Column, ColumnKind, Table, Values};
+use crate::text::natural_order;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -65,7 +66,7 @@ impl RecordingStudy {
     }
 }
 
-/// Reads the logs of a folder, in the order of their names, one behind the other.
+/// Reads the logs of a folder, in the order of their names, in which numbers count as numbers, one behind the other.
 fn read_logs(
     folder: &Path,
     record: &str,
@@ -80,7 +81,7 @@ fn read_logs(
             paths.push(path);
         }
     }
-    paths.sort();
+    paths.sort_by_cached_key(|path| natural_order(&path.to_string_lossy()));
     let mut all: Option<Table> = None;
     for path in &paths {
         let log = table::read_wanted(path, &|name| wanted.contains(name))?;

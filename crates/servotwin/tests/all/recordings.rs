@@ -185,6 +185,15 @@ fn logs_of_a_folder_take_the_labels_of_their_record() {
     assert_eq!(found.table.names().take(3).collect::<Vec<_>>(), ["run", "tank", "state"]);
     assert_eq!(found.table.f64("mean_x").unwrap().as_ref(), [0.5, 1.5]);
     assert_eq!((found.left_over, found.incomplete), (1, 1));
+    write("logs/run_10.csv", "x\n7\n");
+    write("logs/run_9.csv", "x\n8\n");
+    let unlabeled = read(
+        &text
+            .replace("labels = \"labels.csv\"\n", "")
+            .replace("\"tank\"", "\"run\"")
+            .replace("\"state\"", "\"run\""),
+    );
+    assert_eq!(unlabeled.unwrap().text("run").unwrap()[5..], ["run_9", "run_10"]);
     write("labels.csv", "run,state,tank\nb,none,8\n");
     let error = read(text).unwrap_err().to_string();
     assert_eq!(error, "the labels have 0 rows for the record 'a'");
