@@ -681,9 +681,9 @@ pub struct Panes<T> {
     begins: [T; 2],
 }
 
-/// The length of a pane, s, and how many in succession contradict the columns. Panes without motion do not count.
+/// The length of a pane, s.
 const PANE_S: f64 = 2.0;
-/// See [`PANE_S`].
+/// How many panes in succession contradict the columns. Panes without motion do not count.
 pub const PANES: u32 = 4;
 
 impl<T: Copy + Default> Panes<T> {
