@@ -30,6 +30,7 @@ fn libraries(folder: &Folder) -> Vec<PathBuf> {
 }
 
 #[test]
+#[ignore = "slow: ./check --all"]
 fn compiled_equations_are_kept_and_change_no_result() {
     let folder = Folder::new("cache");
     let uncompiled = simulated(&folder, "never");
