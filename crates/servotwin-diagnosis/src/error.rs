@@ -69,6 +69,9 @@ pub fn same_length(what: &'static str, expected: usize, found: usize) -> Result<
 }
 
 /// Checks a condition that the parts of a stored model must meet.
-pub(crate) fn require_sound(holds: bool, broken: &'static str) -> Result<(), Error> {
+///
+/// # Errors
+/// [`Error::CorruptModel`].
+pub fn require_sound(holds: bool, broken: &'static str) -> Result<(), Error> {
     if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
 }

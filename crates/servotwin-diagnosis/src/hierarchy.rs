@@ -32,9 +32,6 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-/// The format name at the start of a stored hierarchy.
-pub const FORMAT: &str = "servotwin hierarchy 1";
-
 /// A's answer when there is no fault.
 pub const HEALTHY: &str = "healthy";
 
@@ -248,12 +245,10 @@ impl Diagnosis {
     }
 }
 
-/// A trained hierarchy, stored as JSON together with its names.
+/// A trained hierarchy with its names, a part of a stored diagnoser.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hierarchy {
-    /// [`FORMAT`].
-    pub format: String,
     /// The names that its indices refer to.
     pub names: Names,
     /// The stages, A first.
@@ -425,7 +420,6 @@ impl Hierarchy {
     /// [`Error::CorruptModel`], [`Error::LengthMismatch`], [`Error::IndexOutOfRange`], and the errors of
     /// [`Classifier::check`].
     pub fn check(&self) -> Result<(), Error> {
-        require_sound(self.format == FORMAT, "the format is another one")?;
         require_sound(!self.names.actuators.is_empty(), "there is no actuator")?;
         for stage in &self.stages {
             stage.model.check()?;

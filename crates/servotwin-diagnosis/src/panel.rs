@@ -11,9 +11,6 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, require_sound};
 use crate::hierarchy::{Diagnosis, Hierarchy, Scratch};
 
-/// The format name at the start of a stored panel.
-pub const FORMAT: &str = "servotwin panel 1";
-
 /// The tolerance band of one residual.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -24,12 +21,10 @@ pub struct SensorBand {
     pub half_width: f64,
 }
 
-/// Bands, trees and committee; stored as JSON.
+/// Bands, trees and committee, a part of a stored diagnoser.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Panel {
-    /// [`FORMAT`].
-    pub format: String,
     /// One band for each watched sensor.
     pub bands: Vec<SensorBand>,
     /// Minimum confidence of the committee for an answer; `None` for no minimum.
@@ -38,24 +33,6 @@ pub struct Panel {
     pub trees: Hierarchy,
     /// Boosted trees at the same places, calibrated.
     pub committee: Hierarchy,
-}
-
-impl Default for Panel {
-    /// An untrained panel.
-    fn default() -> Self {
-        let empty = || Hierarchy {
-            format: crate::hierarchy::FORMAT.into(),
-            names: Default::default(),
-            stages: Vec::new(),
-        };
-        Panel {
-            format: FORMAT.into(),
-            bands: Vec::new(),
-            least_confidence: None,
-            trees: empty(),
-            committee: empty(),
-        }
-    }
 }
 
 /// The rule of the committee: trees and committee choose the same fault, and the committee's confidence reaches the
@@ -128,7 +105,6 @@ impl Panel {
     /// # Errors
     /// [`Error::CorruptModel`] and the errors of [`Hierarchy::check`].
     pub fn check(&self) -> Result<(), Error> {
-        require_sound(self.format == FORMAT, "the format is another one")?;
         require_sound(
             self.trees.names == self.committee.names,
             "trees and committee read other features",

@@ -18,7 +18,7 @@ use crate::classifiers::{self, Fit};
 use crate::samples::Samples;
 use crate::tree::Criterion;
 use servotwin_diagnosis::error::{Error, same_length};
-use servotwin_diagnosis::hierarchy::{FORMAT, Hierarchy, Names, Question, Stage, StagePlace};
+use servotwin_diagnosis::hierarchy::{Hierarchy, Names, Question, Stage, StagePlace};
 
 /// The true class of a row, as indices into [`Names`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -423,7 +423,7 @@ impl HierarchySettings {
         if stages.is_empty() {
             return Err(Error::NoSamples);
         }
-        Ok(Hierarchy { format: FORMAT.into(), names: examples.names.clone(), stages })
+        Ok(Hierarchy { names: examples.names.clone(), stages })
     }
 
     /// Trains one stage; `None` without rows for it.

@@ -300,11 +300,11 @@ pub fn nothing(map: &Map, counts: &WatchCounts) -> String {
     }
 }
 
-/// A warning of a diagnoser of records.
+/// Warns of a diagnoser of records, which gathers no evidence.
 pub fn of_records(diagnoser: &Diagnoser) -> Option<String> {
     let record_s = diagnoser.record_s()?;
     Some(format!(
-        "the diagnoser is one of records: it judges every {record_s} s alone and gathers no evidence, so it is none for \
+        "this diagnoser judges each record of {record_s} s alone and gathers no evidence over time: do not use it in \
          operation"
     ))
 }

@@ -110,7 +110,8 @@ pub enum WatchEvent {
         /// Since when, and why.
         reason: String,
     },
-    /// The values of the source contradict its map. No finding and no action since `from_s` counts, also if it stands.
+    /// The values of the source contradict its map. Ignore every finding and action since `from_s`, even one that still
+    /// stands.
     Contradicted {
         /// Since when, and why.
         reason: String,

@@ -683,7 +683,7 @@ pub struct Panes<T> {
 
 /// The length of a pane, s.
 const PANE_S: f64 = 2.0;
-/// How many panes in succession contradict the columns. Panes without motion do not count.
+/// The number of successive panes that must contradict the columns. Panes without motion do not count.
 pub const PANES: u32 = 4;
 
 impl<T: Copy + Default> Panes<T> {

@@ -8,7 +8,7 @@ use servotwin_diagnosis::diagnoser::{
 };
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Names;
-use servotwin_diagnosis::panel::{self, Panel, SensorBand};
+use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::sliding::{Sliding, WindowSpan};
 use servotwin_learning::classifiers;
@@ -230,7 +230,6 @@ fn learn(span: WindowSpan, lessons: &Lessons, actuators: usize) -> Length {
     let boosted = HierarchySettings::all(classifiers::Settings::BoostedTrees(boosted));
     let band = |s: DiagnosedSensor| SensorBand { sensor: s.name, half_width: BAND };
     let panel = Panel {
-        format: panel::FORMAT.into(),
         bands: sensors(actuators).into_iter().take(4 * actuators).map(band).collect(),
         least_confidence: None,
         trees: HierarchySettings::default().fit(&examples, &rows).unwrap(),

@@ -136,8 +136,7 @@ impl Maker<'_> {
         let Campaign { study, .. } = *self.campaign;
         let specimen = |run: &Run| match self.scenario.plants() {
             Plants::Twin => 0,
-            Plants::Specimens => run.number as u32,
-            Plants::Pool => self.in_pool(run) as u32,
+            Plants::Specimens | Plants::Pool => self.specimen(run) as u32,
         };
         let own =
             |run: &Run| SpecimenDraw::of(study, self.suite, self.scenario, run).parameters(1.0);
@@ -161,9 +160,9 @@ impl Maker<'_> {
         columns
     }
 
-    /// The number of a run's specimen in the pool; 0 without one.
-    fn in_pool(&self, run: &Run) -> usize {
-        fitted_specimen(self.campaign.study, self.suite, self.scenario, run).unwrap_or(0)
+    /// The number of a run's specimen: in the pool, or without one that of the run.
+    fn specimen(&self, run: &Run) -> usize {
+        fitted_specimen(self.campaign.study, self.suite, self.scenario, run).unwrap_or(run.number)
     }
 
     fn split_columns(&self, runs: &[Run]) -> Vec<Column> {
@@ -185,10 +184,7 @@ impl Maker<'_> {
     fn fold(&self, run: &Run, kinds: &BTreeSet<&str>) -> usize {
         let study = self.campaign.study;
         let Some(fault) = run.fault.map(|fault| &study.faults[fault]) else {
-            return match self.scenario.plants() {
-                Plants::Pool => self.in_pool(run) % FOLDS,
-                Plants::Twin | Plants::Specimens => run.number % FOLDS,
-            };
+            return self.specimen(run) % FOLDS;
         };
         let kind = kinds.iter().position(|kind| *kind == fault.kind).unwrap_or(0);
         let same = |intensity: &f64| *intensity == fault.at.intensity;

@@ -232,7 +232,7 @@ impl Round<'_> {
     }
 }
 
-/// What is kept of a run in a scenario.
+/// The data kept of a run in a scenario.
 struct Seen<'w> {
     scales: &'w [f64],
     window: Window,

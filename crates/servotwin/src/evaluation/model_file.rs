@@ -1,6 +1,6 @@
 //! Model files: JSON with a format entry.
 //!
-//! A hierarchy has `format`, `names` (features, actuators, commands, details) and `stages`, in this order. Every
+//! A hierarchy has `names` (features, actuators, commands, details) and `stages`, in this order. Every
 //! number in a stage is an index into one of these lists. A CART model has one entry per node in each of its arrays. A
 //! node with `feature` 4294967295 is a leaf. A row goes `left` if its value is not above the `threshold`. Numbers are
 //! written so that reading restores the same bits.

@@ -7,9 +7,7 @@ use super::data_set::DataSet;
 use super::error::EvaluationError;
 use crate::parallel::{self, Workers};
 use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::hierarchy::{
-    Diagnosis, FORMAT, Hierarchy, Question, Scratch, Stage, StagePlace,
-};
+use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Question, Scratch, Stage, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::splits::Split;
 use std::collections::BTreeMap;
@@ -113,9 +111,7 @@ fn fit_scope(
     let stages: Vec<Stage> = stages?.into_iter().flatten().collect();
     match stages.is_empty() {
         true => Err(servotwin_diagnosis::Error::NoSamples.into()),
-        false => {
-            Ok(Hierarchy { format: FORMAT.into(), names: data.examples.names().clone(), stages })
-        }
+        false => Ok(Hierarchy { names: data.examples.names().clone(), stages }),
     }
 }
 

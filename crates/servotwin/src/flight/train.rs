@@ -278,7 +278,6 @@ fn length(
             least_confidence: committee.least_confidence,
             trees,
             committee: committee.hierarchy,
-            ..Panel::default()
         },
         baseline_corrected: None,
     };

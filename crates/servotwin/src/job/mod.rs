@@ -155,7 +155,6 @@ impl Prepared {
             least_confidence: trained.committee.least_confidence,
             committee: trained.committee.hierarchy.clone(),
             trees: trained.trees.clone(),
-            ..Panel::default()
         };
         let rows = data.learnt_from(settings.committee_lessons)?;
         let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();

@@ -29,7 +29,7 @@ const SEED: u64 = 1;
 pub const FILES: [&str; 4] =
     ["windows.parquet", "outcomes.parquet", "model.json", "recordings.json"];
 
-/// What a study of recordings returns.
+/// The result of a study of recordings.
 #[derive(Debug, Clone)]
 pub struct JudgedRecordings {
     /// The results.
@@ -38,7 +38,7 @@ pub struct JudgedRecordings {
     pub windows: Table,
     /// One row for each judged window, target and classifier: record, group, fold, truth, answer.
     pub outcomes: Table,
-    /// What was learned from all windows.
+    /// The models learned from all windows.
     pub model: RecordingModel,
 }
 
@@ -61,11 +61,11 @@ pub struct RecordingResults {
     pub nominals: Vec<NominalFit>,
     /// Every target with every classifier.
     pub targets: Vec<TargetResult>,
-    /// What is unlike the first healthy groups.
+    /// The windows of each group that are unlike the first healthy groups.
     pub novelty: Option<NoveltyResult>,
 }
 
-/// How well a classifier tells the values of a target.
+/// The performance of a classifier on a target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TargetResult {
     /// The column.

@@ -115,11 +115,11 @@ pub struct Target {
     pub healthy: Option<String>,
 }
 
-/// From what novelty is learned.
+/// The windows from which novelty is learned.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct NoveltyChoice {
-    /// So many groups, the first ones that are healthy.
+    /// The number of groups to learn from: the first healthy ones.
     healthy_groups: usize,
 }
 

@@ -1,4 +1,4 @@
-//! What a study of recordings learned, and its answers for the windows of a new record.
+//! The models that a study of recordings learned, and their answers for the windows of a new record.
 
 use super::novelty::LearnedNovelty;
 use super::windows::{Nominals, Windows};
@@ -8,13 +8,13 @@ use crate::system::System;
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{Classifier, Model};
-use servotwin_diagnosis::error::Error;
+use servotwin_diagnosis::error::{Error, require_sound};
 use std::path::Path;
 
 /// The format name at the start of a stored model.
 pub const FORMAT: &str = "servotwin recordings 1";
 
-/// All that answers for the windows of a new record.
+/// The learned models of a study, which answer for the windows of a new record.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RecordingModel {
     /// [`FORMAT`].
@@ -29,7 +29,7 @@ pub struct RecordingModel {
     pub nominals: Nominals,
     /// Every target with every classifier. The last classifier of a target answers.
     pub targets: Vec<TargetModel>,
-    /// What the first healthy groups look like.
+    /// The novelty learned from the first healthy groups.
     pub novelty: Option<LearnedNovelty>,
 }
 
@@ -135,8 +135,4 @@ impl RecordingModel {
             .map(|novelty| novelty.known_distances(&study.windows(&record, &novelty.nominals)?));
         Ok(Answers { targets, distances: distances.transpose()?, windows })
     }
-}
-
-fn require_sound(holds: bool, broken: &'static str) -> Result<(), Error> {
-    if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
 }

@@ -16,7 +16,8 @@ const RECORD: &str = "record";
 const LOGS: [&str; 4] = ["csv", "parquet", "jsonl", "ndjson"];
 
 impl RecordingStudy {
-    /// Reads the records that the study names, with the columns of their labels and of their twin. `folder` is that of the study file.
+    /// Reads the records that the study names, with the columns of their labels and of their twin. `folder` is that of the
+    /// study file.
     ///
     /// # Errors
     /// The study names no records; a file cannot be read; a column is missing; a record has no labels, or its twin

@@ -184,6 +184,11 @@ fn with_fault(study: &Study, suite: &Suite, number: usize) -> Run {
 }
 
 impl Run {
+    /// Whether its plant is healthy to the end.
+    pub fn is_healthy(&self) -> bool {
+        self.onset_s == f64::INFINITY
+    }
+
     /// The faults that are present before the first sample.
     pub fn at_start(&self, study: &Study) -> Vec<FaultAt> {
         let fault = self.fault.filter(|_| self.onset_s == 0.0);

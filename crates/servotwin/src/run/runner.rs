@@ -44,7 +44,7 @@ pub struct Chosen {
 /// The twin of a run: its environment, and its specimen if the twin is fitted to it, else 0.
 pub(crate) type TwinKey = (usize, usize);
 
-/// What an observer has seen of a run in a scenario.
+/// An observer of a run in a scenario, after the run.
 pub(crate) struct View<'r, O> {
     pub run: &'r Run,
     pub scenario: Scenario,
@@ -327,29 +327,20 @@ impl<'s> Runner<'s> {
     pub fn fly<O: Observer>(
         &self,
         observer: impl Fn(&Run) -> O + Sync,
-        mut done: impl FnMut(&Run, O, &Result<Statistics, SolverFailure>) + Send,
+        done: impl FnMut(&Run, O, &Result<Statistics, SolverFailure>) + Send,
     ) {
-        let views = |run: &Run, _| Some(observer(run));
-        self.fly_views(
-            (&self.simulations(), None),
-            |_, _| (),
-            views,
-            |views, ended| {
-                views.into_iter().for_each(|view| done(view.run, view.observer, &ended));
-            },
-        );
+        self.fly_altered(|_, _| (), observer, done);
     }
 
-    /// The same with modified plants; their twins are unchanged.
+    /// The same with modified plants, apart from healthy ones; their twins are unchanged.
     pub fn fly_altered<'f, O: Observer>(
         &'f self,
         alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
         observer: impl Fn(&Run) -> O + Sync,
         mut done: impl FnMut(&Run, O, &Result<Statistics, SolverFailure>) + Send,
     ) {
-        let alone: Vec<Vec<usize>> = (0..self.runs.len()).map(|run| vec![run]).collect();
         let views = |run: &Run, _| Some(observer(run));
-        self.fly_views((&alone, None), alter, views, |views, ended| {
+        self.fly_views((&self.simulations(), None), alter, views, |views, ended| {
             views.into_iter().for_each(|view| done(view.run, view.observer, &ended));
         });
     }
@@ -363,7 +354,7 @@ impl<'s> Runner<'s> {
             && self.deviations.is_empty();
         let (mut alone, mut shared) = (vec![], BTreeMap::<usize, Vec<usize>>::new());
         for (place, run) in self.runs.iter().enumerate() {
-            match run.fault.is_none() && equals_twin {
+            match run.is_healthy() && equals_twin {
                 true => shared.entry(run.environment).or_default().push(place),
                 false => alone.push(vec![place]),
             }
@@ -462,7 +453,7 @@ impl<'s> Runner<'s> {
     }
 }
 
-/// All that one simulation serves.
+/// The observers that one simulation serves.
 struct Views<'r, O>(Vec<(&'r Run, Scenario, Watch<'r, O>)>);
 
 impl<O: Observer> Sink for Views<'_, O> {
