@@ -167,5 +167,5 @@ pub fn run_study(
 }
 
 fn simulating(campaign: &Campaign) -> String {
-    crate::study::name(campaign.role, &campaign.scenarios)
+    crate::study::name(campaign.purpose, &campaign.scenarios)
 }

@@ -11,7 +11,7 @@ use servotwin::campaign::{
 };
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{self, Among, Folder, JobError, data_card, manifest};
-use servotwin::study::{Role, Scenario, Study as Inner, StudyError};
+use servotwin::study::{Purpose, Scenario, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -43,7 +43,7 @@ pub struct Study {
 }
 
 /// What a campaign is for, its scenarios, and its plan.
-type Plan = (Role, Vec<Scenario>, Arc<PreparedCampaign>);
+type Plan = (Purpose, Vec<Scenario>, Arc<PreparedCampaign>);
 
 impl Study {
     fn made(inner: Inner, path: String) -> Self {
@@ -52,12 +52,12 @@ impl Study {
 
     fn prepared(&self, campaign: &Campaign) -> Result<Arc<PreparedCampaign>, CampaignError> {
         let mut plans = self.plans.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_it = |plan: &&Plan| (plan.0, &plan.1) == (campaign.role, &campaign.scenarios);
+        let is_it = |plan: &&Plan| (plan.0, &plan.1) == (campaign.purpose, &campaign.scenarios);
         if let Some((_, _, known)) = plans.iter().find(is_it) {
             return Ok(known.clone());
         }
         let made = Arc::new(campaign.prepared()?);
-        plans.push((campaign.role, campaign.scenarios.clone(), made.clone()));
+        plans.push((campaign.purpose, campaign.scenarios.clone(), made.clone()));
         Ok(made)
     }
 }
@@ -237,13 +237,13 @@ fn missing(wanted: &[Scenario], study: &Inner) -> Failure {
     }
 }
 
-fn role(is_training: bool) -> Role {
-    if is_training { Role::Training } else { Role::Judged }
+fn purpose(is_training: bool) -> Purpose {
+    if is_training { Purpose::Train } else { Purpose::Test }
 }
 
 fn planned<'s>(
     study: &'s Inner,
-    role: Role,
+    purpose: Purpose,
     scenarios: Vec<Scenario>,
     folder: &Folder,
     threads: Option<usize>,
@@ -252,28 +252,32 @@ fn planned<'s>(
     Campaign {
         scenarios: scenarios.clone(),
         workers: watch.workers(threads),
-        ..Campaign::stored(folder.path(), study, scenarios[0], role)
+        ..Campaign::stored(folder.path(), study, scenarios[0], purpose)
     }
 }
 
 /// The title of a campaign's progress.
-pub fn name(role: Role, scenarios: &[Scenario]) -> String {
+pub fn name(purpose: Purpose, scenarios: &[Scenario]) -> String {
     let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-    let training = if role == Role::Training { ", training commands" } else { "" };
+    let training = if purpose == Purpose::Train { ", training commands" } else { "" };
     format!("simulating {}{training}", names.join(" and "))
 }
 
 /// What a campaign has done, as Python sees it: scenarios, training, variants, resumed, failures.
 type Done = (Vec<&'static str>, bool, usize, usize, Vec<(String, usize, String)>);
 
-fn done(role: Role, scenarios: &[Scenario], outcome: CampaignOutcome) -> Result<Done, Failure> {
+fn done(
+    purpose: Purpose,
+    scenarios: &[Scenario],
+    outcome: CampaignOutcome,
+) -> Result<Done, Failure> {
     if outcome.cancelled {
         return Err(CampaignError::Cancelled.into());
     }
     let failed =
         outcome.failed.into_iter().map(|(s, variant, why)| (s.name().into(), variant, why));
     let names = scenarios.iter().map(|scenario| scenario.name()).collect();
-    let is_training = role == Role::Training;
+    let is_training = purpose == Purpose::Train;
     Ok((names, is_training, outcome.variants, outcome.resumed, failed.collect()))
 }
 
@@ -302,9 +306,9 @@ pub fn run_campaign(
             None => folder.keep_study(study, false)?.hold,
         };
         let (mut list, mut parts) = (vec![], 0);
-        for (role, scenarios) in runs {
-            let campaign = planned(study, role, scenarios.clone(), &folder, threads, watch);
-            let what = name(role, &scenarios);
+        for (purpose, scenarios) in runs {
+            let campaign = planned(study, purpose, scenarios.clone(), &folder, threads, watch);
+            let what = name(purpose, &scenarios);
             let told = |done, all| watch.tell(&what, done, all);
             let outcome = match share {
                 None => campaign.run(told)?,
@@ -314,7 +318,7 @@ pub fn run_campaign(
                     outcome
                 }
             };
-            list.push(done(role, &scenarios, outcome)?);
+            list.push(done(purpose, &scenarios, outcome)?);
         }
         if share.is_none() {
             data_card::write(&folder, study)?;
@@ -340,13 +344,13 @@ pub fn tasks(py: Python<'_>, study: &Study, scenarios: Option<Vec<String>>) -> P
         if runs.is_empty() {
             return Err(missing(&wanted, &study.inner));
         }
-        for (role, scenarios) in runs {
+        for (purpose, scenarios) in runs {
             let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-            let campaign = planned(&study.inner, role, scenarios, &folder, None, &watch);
+            let campaign = planned(&study.inner, purpose, scenarios, &folder, None, &watch);
             let prepared = study.prepared(&campaign)?;
             list.extend((0..prepared.part_count()).map(|part| {
                 let (files, rows) = campaign.part_files(&prepared, part);
-                let is_training = role == Role::Training;
+                let is_training = purpose == Purpose::Train;
                 (names.clone(), is_training, part, files, rows, campaign.calibration())
             }));
         }
@@ -369,7 +373,7 @@ pub fn run_calibration(
     let result = long(py, None, |watch| -> Result<(), Failure> {
         let _hold = folder.hold(Among::Parts)?;
         let fitted = vec![Scenario::Fitted];
-        Ok(planned(study, role(training), fitted, &folder, threads, watch).calibrate()?)
+        Ok(planned(study, purpose(training), fitted, &folder, threads, watch).calibrate()?)
     })?;
     Ok(result?)
 }
@@ -389,7 +393,7 @@ pub fn run_task(
     let (scenarios, folder) = (chosen(Some(scenarios))?, Folder::new(out));
     let result = long(py, None, |watch| -> Result<(usize, usize), Failure> {
         let _hold = folder.hold(Among::Parts)?;
-        let campaign = planned(&study.inner, role(training), scenarios, &folder, threads, watch);
+        let campaign = planned(&study.inner, purpose(training), scenarios, &folder, threads, watch);
         let prepared = study.prepared(&campaign)?;
         let outcome = campaign.run_parts(&prepared, &[part], |_, _| ())?;
         if outcome.cancelled {
@@ -413,9 +417,9 @@ pub fn merge_parts(
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<Done>, Failure> {
         let (study, _hold) = folder.open()?;
         let mut list = vec![];
-        for (role, scenarios) in runs(&study, |scenario| wanted.contains(&scenario)) {
-            let campaign = planned(&study, role, scenarios.clone(), &folder, None, watch);
-            list.push(done(role, &scenarios, campaign.merge()?)?);
+        for (purpose, scenarios) in runs(&study, |scenario| wanted.contains(&scenario)) {
+            let campaign = planned(&study, purpose, scenarios.clone(), &folder, None, watch);
+            list.push(done(purpose, &scenarios, campaign.merge()?)?);
         }
         data_card::write(&folder, &study)?;
         manifest::write(&folder, &study)?;
@@ -442,15 +446,16 @@ pub fn make_features(
     let folder = Folder::new(out);
     let result = long(py, progress.as_ref(), |watch| -> Result<Vec<PathBuf>, Failure> {
         let (study, _hold) = folder.open()?;
-        let pairs =
-            Scenario::ALL.into_iter().flat_map(|s| study.roles().into_iter().map(move |r| (s, r)));
+        let pairs = Scenario::ALL
+            .into_iter()
+            .flat_map(|s| study.purposes().into_iter().map(move |r| (s, r)));
         let there: Vec<_> = pairs.filter(|&(s, r)| folder.data_set(s, r).exists()).collect();
-        for (place, &(scenario, role)) in there.iter().enumerate() {
+        for (place, &(scenario, purpose)) in there.iter().enumerate() {
             watch.tell("features", place, there.len());
             if watch.cancel.load(Ordering::Relaxed) {
                 return Err(CampaignError::Cancelled.into());
             }
-            Campaign::stored(folder.path(), &study, scenario, role).features()?;
+            Campaign::stored(folder.path(), &study, scenario, purpose).features()?;
         }
         watch.tell("features", there.len(), there.len());
         data_card::write(&folder, &study)?;
@@ -522,7 +527,7 @@ pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
 #[pyfunction]
 #[pyo3(signature = (out, scenario = "noise", training = false))]
 pub fn data_set(py: Python<'_>, out: PathBuf, scenario: &str, training: bool) -> PyResult<Table> {
-    let path = Folder::new(out).data_set(self::scenario(scenario)?, role(training));
+    let path = Folder::new(out).data_set(self::scenario(scenario)?, purpose(training));
     let table = py.detach(|| servotwin::table::read(path)).map_err(Failure::from)?;
     Ok(table.into())
 }

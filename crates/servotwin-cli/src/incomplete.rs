@@ -24,7 +24,7 @@ impl Incomplete {
         let rows = self.missing.campaigns.iter().map(|rows| {
             serde_json::json!({
                 "scenarios": rows.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),
-                "training": rows.role == servotwin::study::Role::Training,
+                "training": rows.purpose == servotwin::study::Purpose::Train,
                 "missing": rows.missing,
                 "variants": rows.variants,
                 "shares": rows.shares,

@@ -6,7 +6,7 @@ use servotwin::campaign::columns::view_column;
 use servotwin::campaign::{data_features, largest_column};
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{self, Folder, JobError, Subject};
-use servotwin::study::{Role, Study};
+use servotwin::study::{Purpose, Study};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
@@ -96,7 +96,7 @@ pub fn explain(
 ) -> Result<Option<Explanation>, JobError> {
     let panel = job::panel(folder, subject)?;
     let hierarchy = &panel.trees;
-    let path = folder.data_set(subject.scenario(), Role::Judged);
+    let path = folder.data_set(subject.scenario(), Purpose::Test);
     let wrong = |error| JobError::DataSet { path: path.clone(), error };
     let found = read(&path, &panel, variant);
     let Some((mut explanation, views)) = found.map_err(wrong)? else {
@@ -125,7 +125,7 @@ pub fn explain(
 /// # Errors
 /// The data set is missing or cannot be read.
 pub fn variants(folder: &Folder, subject: Subject) -> Result<usize, JobError> {
-    let path = folder.data_set(subject.scenario(), Role::Judged);
+    let path = folder.data_set(subject.scenario(), Purpose::Test);
     match table::read(&path) {
         Ok(table) => Ok(table.row_count()),
         Err(error) => Err(JobError::DataSet { path, error: error.into() }),

@@ -10,7 +10,7 @@ use servotwin::evaluation::detection::Curve;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
-use servotwin::study::{Role, Scenario};
+use servotwin::study::{Purpose, Scenario};
 use servotwin_io::text::escaped;
 use std::fmt::Write;
 
@@ -101,7 +101,7 @@ fn missing(material: &Material) -> Option<String> {
         format!(
             "Quick study: records of {} s, {} training commands. servotwin study --full runs everything.",
             study.duration_s,
-            study.cases_of(Role::Training).len(),
+            study.cases_of(Purpose::Train).len(),
         )
     })
 }

@@ -6,7 +6,7 @@ use servotwin::campaign;
 use servotwin::evaluation::model_file;
 use servotwin::flight::band::BandMerit;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, manifest, outcomes, panel};
-use servotwin::study::{Role, Scenario, Study};
+use servotwin::study::{Purpose, Scenario, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
@@ -32,7 +32,8 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let healthy = outcomes::healthy(folder)?;
     let constants = constants(folder)?;
     let bands = bands(folder)?;
-    let calibrations = Role::ALL.map(|role| campaign::calibrations(folder.path(), role));
+    let calibrations =
+        Purpose::OF_RECORDS.map(|purpose| campaign::calibrations(folder.path(), purpose));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
     let (html, figures) = report::render(&Material {
         study,

@@ -7,7 +7,7 @@ use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Folder, JobError, Results, Subject};
 use servotwin::manifest::{sha256, sha256_of_text};
-use servotwin::study::{Role, Scenario, Study};
+use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table;
 use std::path::PathBuf;
 
@@ -159,7 +159,7 @@ impl StudyResultsFolder {
 
 /// The quoted scenario: the wanted one, or the most realistic one with results.
 fn scenario(folder: &Folder, wanted: Option<Scenario>) -> Result<Scenario, SafetyError> {
-    let has_runs = |scenario: &Scenario| folder.data_set(*scenario, Role::Judged).exists();
+    let has_runs = |scenario: &Scenario| folder.data_set(*scenario, Purpose::Test).exists();
     let has_any = |scenario: &Scenario| has_runs(scenario) || folder.diagnoser(*scenario).exists();
     let known: Vec<Scenario> = Scenario::ALL.into_iter().filter(has_any).collect();
     match wanted {
@@ -210,7 +210,7 @@ pub fn read_residual_columns(
     folder: &Folder,
     scenario: Scenario,
 ) -> Result<Option<table::Table>, SafetyError> {
-    let path = folder.data_set(scenario, Role::Judged);
+    let path = folder.data_set(scenario, Purpose::Test);
     if !path.exists() {
         return Ok(None);
     }

@@ -10,7 +10,7 @@ use serde_json::json;
 use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, Share, runs};
 use servotwin::job::{Folder, data_card, manifest};
 use servotwin::parallel::Workers;
-use servotwin::study::{Role, Scenario, Study};
+use servotwin::study::{Purpose, Scenario, Study};
 use std::time::Instant;
 
 /// Simulate every fault of a study in every operating case, and write a data set.
@@ -49,11 +49,11 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let mut text = String::new();
     let mut results = Vec::new();
     let mut parts = 0;
-    for (role, scenarios) in runs {
+    for (purpose, scenarios) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
             keep_traces: options.keep_traces,
-            ..campaign(&study, role, scenarios, &folder, options.study.threads)
+            ..campaign(&study, purpose, scenarios, &folder, options.study.threads)
         };
         let outcome = simulate(&campaign, options.share.map(|share| (share, &mut parts)), global)?;
         let seconds = begin.elapsed().as_secs_f64();
@@ -75,7 +75,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 pub fn chosen(
     study: &Study,
     scenario: Option<&str>,
-) -> Result<Vec<(Role, Vec<Scenario>)>, CampaignError> {
+) -> Result<Vec<(Purpose, Vec<Scenario>)>, CampaignError> {
     let named = |candidate: Scenario| match scenario {
         Some(name) => name == candidate.name(),
         None => candidate.is_usual(),
@@ -91,7 +91,7 @@ pub fn chosen(
 /// A campaign that Ctrl-C can stop.
 pub fn campaign<'s>(
     study: &'s Study,
-    role: Role,
+    purpose: Purpose,
     scenarios: Vec<Scenario>,
     folder: &Folder,
     threads: Option<usize>,
@@ -99,7 +99,7 @@ pub fn campaign<'s>(
     Campaign {
         scenarios: scenarios.clone(),
         workers: threads.map_or_else(Workers::all, Workers::new).stopped_by(stop::flag()),
-        ..Campaign::stored(folder.path(), study, scenarios[0], role)
+        ..Campaign::stored(folder.path(), study, scenarios[0], purpose)
     }
 }
 
@@ -110,7 +110,7 @@ pub fn simulate(
     share: Option<(Share, &mut usize)>,
     global: Global,
 ) -> Result<CampaignOutcome, Failure> {
-    let bar = bar(&named(&campaign.scenarios, campaign.role), global);
+    let bar = bar(&named(&campaign.scenarios, campaign.purpose), global);
     let told = |done, all| {
         bar.update(|state| {
             state.set_len(all as u64);
@@ -140,14 +140,11 @@ pub fn bar(name: &str, global: Global) -> ProgressBar {
         .with_message(format!("simulating, {name}:"))
 }
 
-/// Describes a campaign by its scenarios and its role.
-pub fn named(scenarios: &[Scenario], role: Role) -> String {
+/// Describes a campaign by its scenarios and its purpose.
+pub fn named(scenarios: &[Scenario], purpose: Purpose) -> String {
     let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-    let role = match role {
-        Role::Judged => "",
-        Role::Training => ", training commands",
-    };
-    format!("{}{role}", names.join(" and "))
+    let training = if purpose == Purpose::Train { ", training commands" } else { "" };
+    format!("{}{training}", names.join(" and "))
 }
 
 /// Describes the outcome of a campaign for readers.
@@ -156,7 +153,7 @@ pub fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) ->
     let mut text = format!(
         "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
         campaign.study.name,
-        named(&campaign.scenarios, campaign.role),
+        named(&campaign.scenarios, campaign.purpose),
         outcome.variants,
         campaign.suite().duration_s,
         outcome.failed.len()
@@ -184,7 +181,7 @@ fn to_json(campaign: &Campaign, outcome: &CampaignOutcome) -> serde_json::Value 
         .collect::<Vec<_>>();
     json!({
         "scenarios": campaign.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),
-        "training": campaign.role == Role::Training,
+        "training": campaign.purpose == Purpose::Train,
         "variants": outcome.variants,
         "resumed": outcome.resumed,
         "steps": outcome.statistics.steps,

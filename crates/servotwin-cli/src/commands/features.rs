@@ -117,12 +117,12 @@ fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure>
     let (study, _hold) = folder.open()?;
     let mut list = vec![];
     for scenario in Scenario::ALL {
-        for role in study.roles() {
-            let path = folder.data_set(scenario, role);
+        for purpose in study.purposes() {
+            let path = folder.data_set(scenario, purpose);
             if !path.exists() {
                 continue;
             }
-            Campaign::stored(folder.path(), &study, scenario, role).features()?;
+            Campaign::stored(folder.path(), &study, scenario, purpose).features()?;
             let table = table::read(&path)?;
             if csv {
                 table::write(path.with_extension("csv"), &table)?;

@@ -68,7 +68,7 @@ fn campaigns<'s>(
     folder: &Folder,
 ) -> Result<Vec<Campaign<'s>>, CampaignError> {
     let runs = chosen(study, options.scenario.as_deref())?.into_iter();
-    Ok(runs.map(|(role, scenarios)| campaign(study, role, scenarios, folder, None)).collect())
+    Ok(runs.map(|(purpose, scenarios)| campaign(study, purpose, scenarios, folder, None)).collect())
 }
 
 /// The failure of a merge that lacks parts. With `--json` their shares also go to standard output.
@@ -89,7 +89,7 @@ fn incomplete(
         Err(error) => return error.into(),
     };
     let names = missing.campaigns.iter();
-    let names = names.map(|rows| named(&rows.scenarios, rows.role)).collect();
+    let names = names.map(|rows| named(&rows.scenarios, rows.purpose)).collect();
     let scenario = options.scenario.clone();
     let report = Incomplete { folder: options.folder.clone(), scenario, names, missing };
     if global.json

@@ -120,7 +120,7 @@ impl<'s> Screen<'s> {
             }
             StudyEvent::Began { stage, of } => state.number = format!("{stage}/{of} "),
             StudyEvent::Rows { campaign, done, all } => {
-                let name = state.number.clone() + &named(&campaign.scenarios, campaign.role);
+                let name = state.number.clone() + &named(&campaign.scenarios, campaign.purpose);
                 let new = || bar(&name, self.global);
                 let (done, all) = (*done as u64, *all as u64);
                 state.rows.get_or_insert_with(new).update(|bar| {

@@ -9,7 +9,7 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
-use servotwin::study::Role;
+use servotwin::study::Purpose;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -31,8 +31,8 @@ pub fn write(material: &Material, page: &mut Page) {
                  showed then, and the faults are judged beside the fitted twin. {} specimens take turns where \
                  faults are judged, {} others where it is learned.",
                 calibration.duration_s,
-                calibration.specimens(Role::Judged),
-                calibration.specimens(Role::Training)
+                calibration.specimens(Purpose::Test),
+                calibration.specimens(Purpose::Train)
             ));
     }
     let of = |subject| material.results.of(subject);

@@ -6,7 +6,7 @@ use crate::results::StudyResultsFolder;
 use servotwin::campaign::data_features;
 use servotwin::evaluation::{DataSet, TrainingFilter, banded};
 use servotwin::job::{self, Subject};
-use servotwin::study::Role;
+use servotwin::study::Purpose;
 use servotwin_diagnosis::features::{self, Feature, Sensor, Sensors};
 use servotwin_diagnosis::residual::BAND;
 use servotwin_learning::classifiers::Settings;
@@ -94,7 +94,7 @@ impl SensorRuns {
 
     /// The judged rows without a fault.
     pub fn healthy(&self) -> Vec<usize> {
-        self.data.rows_where(Role::Judged, |row| row.is_healthy)
+        self.data.rows_where(Purpose::Test, |row| row.is_healthy)
     }
 
     /// The candidates whose residual leaves its band in a row.

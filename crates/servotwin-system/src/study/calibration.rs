@@ -16,7 +16,7 @@
 
 use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
-use super::{Role, Seed, Stream};
+use super::{Purpose, Seed, Stream};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use crate::signal::Signal;
@@ -66,18 +66,15 @@ impl Calibration {
     }
 
     /// The number of specimens in a pool.
-    pub fn specimens(&self, role: Role) -> usize {
-        match role {
-            Role::Judged => self.judge,
-            Role::Training => self.learn,
-        }
+    pub fn specimens(&self, purpose: Purpose) -> usize {
+        if purpose == Purpose::Train { self.learn } else { self.judge }
     }
 
     /// The index of a variant's specimen in its pool.
     /// `case` is the index of its operating case, and `seed` that of the variant.
-    pub fn specimen(&self, role: Role, case: usize, seed: Seed) -> usize {
+    pub fn specimen(&self, purpose: Purpose, case: usize, seed: Seed) -> usize {
         let dealt = seed.choices(Stream::Pool).index(self.in_each_case);
-        (case * self.in_each_case + dealt) % self.specimens(role)
+        (case * self.in_each_case + dealt) % self.specimens(purpose)
     }
 }
 

@@ -29,7 +29,7 @@ pub use faults::{Class, FaultCase};
 pub use flights::{ChosenEnvironment, Environment, EnvironmentRanges, Flights};
 pub use other_plant::{OtherPlant, PlantDraw};
 pub use reactions::{Reaction, Reactions};
-pub use realism::{MAX_DEVIATION, Plants, Realism, Role, Scenario, Section, Tolerance};
+pub use realism::{MAX_DEVIATION, Plants, Realism, Scenario, Section, Tolerance};
 pub use seed::{Seed, Stream};
 pub use suites::{Purpose, Suite};
 pub use training::Training;
@@ -378,18 +378,18 @@ impl Study {
         Self::parse(&text, &name)
     }
 
-    /// The operating cases of a role. Empty for training if the study has no training commands.
-    pub fn cases_of(&self, role: Role) -> &[Environment] {
-        match role {
-            Role::Judged => &self.cases,
-            Role::Training => self.training.as_ref().map_or(&[], |training| &training.cases),
+    /// The operating cases of the records for a purpose. Empty for training if the study has no training commands.
+    pub fn cases_of(&self, purpose: Purpose) -> &[Environment] {
+        match purpose {
+            Purpose::Train => self.training.as_ref().map_or(&[], |training| &training.cases),
+            _ => &self.cases,
         }
     }
 
-    /// The roles that have a data set.
-    pub fn roles(&self) -> Vec<Role> {
-        let there = |role: &Role| !self.cases_of(*role).is_empty();
-        Role::ALL.into_iter().filter(there).collect()
+    /// The purposes for which there is a data set.
+    pub fn purposes(&self) -> Vec<Purpose> {
+        let there = |purpose: &Purpose| !self.cases_of(*purpose).is_empty();
+        Purpose::OF_RECORDS.into_iter().filter(there).collect()
     }
 
     /// The input that carries the load, as an index into the system's inputs; `None` for a study without loads.

@@ -166,38 +166,6 @@ impl Scenario {
     }
 }
 
-/// The purpose of a data set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Role {
-    /// Evaluation, on the study's operating cases.
-    Judged,
-    /// Training, on other commands.
-    Training,
-}
-
-impl Role {
-    /// Both roles.
-    pub const ALL: [Role; 2] = [Role::Judged, Role::Training];
-
-    /// The suffix in file names.
-    pub fn suffix(self) -> &'static str {
-        match self {
-            Role::Judged => "",
-            Role::Training => "-training",
-        }
-    }
-}
-
-impl Role {
-    /// The name from which the random numbers of the role's variants come.
-    pub fn draws(self) -> &'static str {
-        match self {
-            Role::Judged => "cases",
-            Role::Training => "training",
-        }
-    }
-}
-
 impl Realism {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let mut tolerances = Vec::new();

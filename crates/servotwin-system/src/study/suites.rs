@@ -30,7 +30,7 @@ use super::keys::{FLIGHT_S, FLIGHTS, SCENARIOS};
 use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
 use super::seed::Seed;
-use super::{Role, Scenario, Study, StudyError};
+use super::{Scenario, Study, StudyError};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use serde::{Deserialize, Serialize};
@@ -93,15 +93,28 @@ fn plants() -> Vec<&'static str> {
 }
 
 /// Why a run exists. Only runs for training change what is learned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Purpose {
-    /// Training of trees, committee and bands.
+    /// Judging; of records those of the study's operating cases.
+    Test,
+    /// Training of trees, committee and bands; of records those of the training commands.
     Train,
     /// The margins of a trained diagnosis.
     Tune,
-    /// Judging.
-    Test,
+}
+
+impl Purpose {
+    /// The purposes of data sets.
+    pub const OF_RECORDS: [Purpose; 2] = [Purpose::Test, Purpose::Train];
+
+    /// The suffix in the names of a data set's files.
+    pub fn suffix(self) -> &'static str {
+        match self {
+            Purpose::Train => "-training",
+            _ => "",
+        }
+    }
 }
 
 /// Flights from which bands, trees and committee learn.
@@ -187,9 +200,9 @@ pub struct Suite {
     pub misses_sensors: bool,
     /// Whether it is flown only when it is named.
     pub is_on_request: bool,
-    /// The role of the data set that its runs make; `None` for flights. The environments of records are operating cases,
-    /// and every fault is simulated in each of them.
-    pub records: Option<Role>,
+    /// Whether its runs are the records of a data set. Their environments are operating cases, and every fault is simulated
+    /// in each of them.
+    pub is_records: bool,
     varied: Varied,
 }
 
@@ -211,15 +224,15 @@ impl Suite {
 
     /// The root of the random numbers of a specimen whose twin is fitted: of the pool of records, or of an environment.
     pub fn seed_of_fitted(&self, number: usize) -> Seed {
-        match self.records {
-            Some(_) => Seed::of(self.seed, &format!("{}/pool", self.draws), number as u64),
-            None => self.seed_of_environment(number),
+        match self.is_records {
+            true => Seed::of(self.seed, &format!("{}/pool", self.draws), number as u64),
+            false => self.seed_of_environment(number),
         }
     }
 
     /// The length of the longest run in an environment, s.
     pub fn longest_s(&self) -> f64 {
-        if self.healthy > 0 || self.records.is_some() {
+        if self.healthy > 0 || self.is_records {
             self.duration_s.max(self.healthy_duration_s)
         } else {
             self.duration_s
@@ -292,7 +305,7 @@ impl Suite {
             scatter: text.scatter.unwrap_or(1.0),
             misses_sensors: text.missing.unwrap_or(false),
             is_on_request: text.on_request.unwrap_or(false),
-            records: None,
+            is_records: false,
             varied: {
                 let ranges = [&text.inputs, &text.unit_inputs, &text.unit_parameters];
                 let base = like.map_or(&flights.varied, |suite| &suite.varied);
@@ -405,16 +418,17 @@ impl Study {
         self.suites.get(name).map(|both| &both[usize::from(is_full)])
     }
 
-    /// The suite of the records of a role: every fault in every operating case, then healthy specimens of each case.
-    pub fn records(&self, role: Role) -> Suite {
-        let training = self.training.as_ref().filter(|_| role == Role::Training);
-        let cases = self.cases_of(role).len();
+    /// The suite of the records for a purpose: every fault in every operating case, then healthy specimens of each case.
+    pub fn records(&self, purpose: Purpose) -> Suite {
+        let training = self.training.as_ref().filter(|_| purpose == Purpose::Train);
+        let cases = self.cases_of(purpose).len();
         let healthy = self.realism.as_ref().map_or(0, |realism| realism.healthy);
+        let name = if purpose == Purpose::Train { "training" } else { "cases" };
         Suite {
-            name: role.draws().into(),
-            purpose: if role == Role::Training { Purpose::Train } else { Purpose::Test },
+            name: name.into(),
+            purpose,
             seed: self.seed,
-            draws: role.draws().into(),
+            draws: name.into(),
             scenarios: vec![],
             environments: cases,
             repeats: cases,
@@ -428,7 +442,7 @@ impl Study {
             scatter: 1.0,
             misses_sensors: false,
             is_on_request: false,
-            records: Some(role),
+            is_records: true,
             varied: Varied::default(),
         }
     }
@@ -462,8 +476,8 @@ impl Study {
         suite: &Suite,
         numbers: Range<usize>,
     ) -> Result<Vec<Environment>, StudyError> {
-        if let Some(role) = suite.records {
-            return Ok(self.cases_of(role)[numbers].to_vec());
+        if suite.is_records {
+            return Ok(self.cases_of(suite.purpose)[numbers].to_vec());
         }
         let reader = self.reader();
         let all = suite.seed_of_environment(usize::MAX);

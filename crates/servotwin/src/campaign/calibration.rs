@@ -7,18 +7,18 @@ use super::columns::DIMENSIONLESS;
 use super::{Campaign, Plants, Scenario};
 use crate::fit::{Fit, Unknown};
 use crate::run::{Calibrated, CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins};
-use crate::study::{Role, Stream};
+use crate::study::{Purpose, Stream};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::hash::Fingerprint;
 use std::path::{Path, PathBuf};
 
 /// The path of the file with the specimens of a pool: true values, fitted values and standard errors.
-pub fn calibration_file(folder: &Path, role: Role) -> PathBuf {
-    folder.join(calibration_name(role))
+pub fn calibration_file(folder: &Path, purpose: Purpose) -> PathBuf {
+    folder.join(calibration_name(purpose))
 }
 
-fn calibration_name(role: Role) -> String {
-    format!("calibration-{}{}.parquet", Scenario::Fitted.name(), role.suffix())
+fn calibration_name(purpose: Purpose) -> String {
+    format!("calibration-{}{}.parquet", Scenario::Fitted.name(), purpose.suffix())
 }
 
 /// A true parameter with its fitted value, in standard deviations of its tolerance.
@@ -38,8 +38,8 @@ pub struct Comparison {
 ///
 /// # Errors
 /// The file cannot be read.
-pub fn calibrations(folder: &Path, role: Role) -> Result<Vec<Comparison>, CampaignError> {
-    let file = calibration_file(folder, role);
+pub fn calibrations(folder: &Path, purpose: Purpose) -> Result<Vec<Comparison>, CampaignError> {
+    let file = calibration_file(folder, purpose);
     if !file.exists() {
         return Ok(vec![]);
     }
@@ -60,7 +60,7 @@ impl Campaign<'_> {
     /// The name of the file that all parts read, so that not each part must fit the specimens; `None` if nothing is
     /// fitted.
     pub fn calibration(&self) -> Option<String> {
-        (self.plants() == Plants::Pool).then(|| calibration_name(self.role))
+        (self.plants() == Plants::Pool).then(|| calibration_name(self.purpose))
     }
 
     /// Fits the specimens unless their file exists.
@@ -73,7 +73,7 @@ impl Campaign<'_> {
 
     /// The parameters of every specimen's twin, fitted to its calibration flight.
     pub(super) fn fitted_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
-        let specimens = calibration_of(self.study)?.specimens(self.role);
+        let specimens = calibration_of(self.study)?.specimens(self.purpose);
         if let Some(known) = self.known(specimens) {
             return Ok(known);
         }
@@ -87,13 +87,13 @@ impl Campaign<'_> {
 
     /// A specimen of the pool.
     pub(super) fn pooled(&self, number: usize) -> SpecimenDraw<'_> {
-        let seed = self.study.records(self.role).seed_of_fitted(number);
+        let seed = self.study.records(self.purpose).seed_of_fitted(number);
         SpecimenDraw { study: self.study, scenario: Scenario::Fitted, seed }
     }
 
     /// The parameters stored in this campaign's file for `specimens` specimens; `None` without a matching file.
     fn known(&self, specimens: usize) -> Option<Vec<Overrides>> {
-        let table = table::read(calibration_file(&self.folder, self.role)).ok()?;
+        let table = table::read(calibration_file(&self.folder, self.purpose)).ok()?;
         if table.metadata.get("fingerprint") != Some(&self.calibration_mark()) {
             return None;
         }
@@ -109,7 +109,7 @@ impl Campaign<'_> {
     fn calibration_mark(&self) -> String {
         let study = self.study;
         let mut mark = Fingerprint::default();
-        mark.add("calibration 1").add(self.role.suffix()).add(&self.solver);
+        mark.add("calibration 1").add(self.purpose.suffix()).add(&self.solver);
         mark.add(&study.sample_period_s).add(&study.seed);
         self.add_model(&mut mark);
         mark.add(&study.realism).add(&study.calibration);
@@ -143,6 +143,6 @@ impl Campaign<'_> {
             sigmas("error_sigma", float(&|_, k| found.errors[k]), "Standard error of the fit"),
         ])?
         .with_metadata("fingerprint", self.calibration_mark());
-        Ok(table::write(calibration_file(&self.folder, self.role), &table)?)
+        Ok(table::write(calibration_file(&self.folder, self.purpose), &table)?)
     }
 }

@@ -8,7 +8,7 @@ use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, large
 use super::effort::effort_columns;
 use super::{Campaign, PartRow, Scenario, SpecimenDraw, Study};
 use crate::run::{Run, fitted_specimen, plan};
-use crate::study::{Plants, Role, Suite};
+use crate::study::{Plants, Purpose, Suite};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
@@ -100,8 +100,8 @@ impl Maker<'_> {
     }
 
     fn label_columns(&self, runs: &[Run]) -> Vec<Column> {
-        let Campaign { study, role, .. } = *self.campaign;
-        let cases = study.cases_of(role);
+        let Campaign { study, purpose, .. } = *self.campaign;
+        let cases = study.cases_of(purpose);
         let seed = study.seed as u32;
         let variants = runs.iter().map(|run| run.number as u32).collect();
         let of_case = |name: &str, of: &dyn Fn(usize) -> String, what: &str| {
@@ -170,9 +170,9 @@ impl Maker<'_> {
         let faults = campaign.study.faults.iter();
         let kinds: BTreeSet<&str> = faults.map(|fault| fault.kind.as_str()).collect();
         let folds: Vec<u32> = runs.iter().map(|run| self.fold(run, &kinds) as u32).collect();
-        let has_training = !campaign.study.cases_of(Role::Training).is_empty();
+        let has_training = !campaign.study.cases_of(Purpose::Train).is_empty();
         let teaches = |fold: u32| match has_training {
-            true => campaign.role == Role::Training,
+            true => campaign.purpose == Purpose::Train,
             false => fold as usize != TESTED_FOLD,
         };
         let split = |&fold: &u32| if teaches(fold) { "train" } else { "test" }.to_owned();

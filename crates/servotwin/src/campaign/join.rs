@@ -16,7 +16,7 @@ impl Campaign<'_> {
     pub fn merge(&self) -> Result<CampaignOutcome, CampaignError> {
         let prepared = self.done()?;
         // If shares had separate folders, perhaps only their parts were copied together.
-        let is_told = calibration_file(&self.folder, self.role).exists();
+        let is_told = calibration_file(&self.folder, self.purpose).exists();
         if self.plants() == Plants::Pool && !is_told {
             self.calibrate()?;
         }
@@ -90,7 +90,7 @@ impl Campaign<'_> {
     ) -> Result<(), CampaignError> {
         let (study, scenario) = (self.study, self.scenarios[place]);
         let maker = Maker { campaign: self, scenario, suite: &prepared.suite };
-        let name = format!("dataset-{}{}.parquet", scenario.name(), self.role.suffix());
+        let name = format!("dataset-{}{}.parquet", scenario.name(), self.purpose.suffix());
         let mut writer: Option<ParquetWriter> = None;
         let mut in_group = 0;
         for part in 0..files.count().max(1) {

@@ -2,7 +2,7 @@
 
 use super::part::PartFiles;
 use super::{Campaign, CampaignError};
-use crate::study::{Role, Scenario};
+use crate::study::{Purpose, Scenario};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -24,8 +24,8 @@ pub struct MissingParts {
 pub struct MissingRows {
     /// Its scenarios.
     pub scenarios: Vec<Scenario>,
-    /// The role of its data sets.
-    pub role: Role,
+    /// The purpose of its data sets.
+    pub purpose: Purpose,
     /// Number of rows without a usable part, over all scenarios.
     pub missing: usize,
     /// Number of rows over all scenarios.
@@ -69,7 +69,7 @@ pub fn missing_parts(
         if one.missing > 0 {
             lacking.push(MissingRows {
                 scenarios: campaign.scenarios.clone(),
-                role: campaign.role,
+                purpose: campaign.purpose,
                 missing: one.missing,
                 variants: one.variants,
                 shares: shares.into_iter().collect(),

@@ -33,7 +33,7 @@ use crate::ensemble::Ensemble;
 use crate::files::create_folder;
 use crate::parallel::Workers;
 use crate::run::SpecimenDraw;
-use crate::study::{Plants, Role, Scenario, Study, Suite};
+use crate::study::{Plants, Purpose, Scenario, Study, Suite};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::solver::{SolverSettings, Statistics};
 use std::path::{Path, PathBuf};
@@ -43,7 +43,7 @@ pub struct Campaign<'s> {
     /// The study to simulate.
     pub study: &'s Study,
     /// Whether the diagnosis is judged on it or trained on it.
-    pub role: Role,
+    pub purpose: Purpose,
     /// The scenarios, one of the groups of [`Scenario::groups`].
     pub scenarios: Vec<Scenario>,
     /// The solver's settings.
@@ -74,19 +74,20 @@ pub struct CampaignOutcome {
 }
 
 /// The campaigns of a study: training commands and judged cases for each group of scenarios.
-pub fn runs(study: &Study, choice: impl Fn(Scenario) -> bool) -> Vec<(Role, Vec<Scenario>)> {
+pub fn runs(study: &Study, choice: impl Fn(Scenario) -> bool) -> Vec<(Purpose, Vec<Scenario>)> {
     let groups = Scenario::groups(study, choice).into_iter();
-    let of =
-        |scenarios: Vec<Scenario>| study.roles().into_iter().map(move |r| (r, scenarios.clone()));
+    let of = |scenarios: Vec<Scenario>| {
+        study.purposes().into_iter().map(move |r| (r, scenarios.clone()))
+    };
     groups.flat_map(of).collect()
 }
 
 impl<'s> Campaign<'s> {
     /// The campaign of one scenario with existing parts in a folder, with the default settings.
-    pub fn stored(folder: &Path, study: &'s Study, scenario: Scenario, role: Role) -> Self {
+    pub fn stored(folder: &Path, study: &'s Study, scenario: Scenario, purpose: Purpose) -> Self {
         Campaign {
             study,
-            role,
+            purpose,
             scenarios: vec![scenario],
             solver: SolverSettings::campaign(),
             workers: Workers::new(1),
@@ -99,7 +100,7 @@ impl<'s> Campaign<'s> {
 impl Campaign<'_> {
     /// The suite of the runs, one for each row. Without noise, healthy specimens equal the twin and are left out.
     pub fn suite(&self) -> Suite {
-        let mut suite = self.study.records(self.role);
+        let mut suite = self.study.records(self.purpose);
         if !self.scenarios.iter().any(|scenario| scenario.has_noise()) {
             suite.healthy = 0;
         }
@@ -169,7 +170,7 @@ impl Campaign<'_> {
             let name = format!("{}{}", sensor.id, sensor.unit.suffix());
             columns.push(Column::new(name, sensor.unit.symbol(), Values::Float(values)));
         }
-        let name = format!("{}{}-{variant:05}.parquet", scenario.name(), self.role.suffix());
+        let name = format!("{}{}-{variant:05}.parquet", scenario.name(), self.purpose.suffix());
         Ok(table::write(folder.join(name), &Table::from_columns(columns)?)?)
     }
 }

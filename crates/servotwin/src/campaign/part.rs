@@ -144,7 +144,7 @@ impl Campaign<'_> {
             let is_own = |part: &&Range<usize>| part.end <= prepared.counts[place];
             PartFiles {
                 folder: self.folder.join(PARTS),
-                stem: format!("{}{}", scenario.name(), self.role.suffix()),
+                stem: format!("{}{}", scenario.name(), self.purpose.suffix()),
                 fingerprint: prepared.fingerprints[place].clone(),
                 parts: prepared.parts.iter().filter(is_own).cloned().collect(),
             }

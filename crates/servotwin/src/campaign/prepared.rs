@@ -94,7 +94,7 @@ impl Campaign<'_> {
         let study = self.study;
         let mut mark = model;
         mark.add(PART_FORMAT);
-        mark.add(scenario.name()).add(self.role.suffix()).add(&self.solver);
+        mark.add(scenario.name()).add(self.purpose.suffix()).add(&self.solver);
         mark.add(&[study.duration_s, suite.duration_s, study.sample_period_s]);
         mark.add(&study.seed);
         mark.add(&study.realism.as_ref().filter(|_| scenario.has_noise()));
@@ -103,7 +103,7 @@ impl Campaign<'_> {
             let fault = run.fault.map_or("healthy", |f| study.faults[f].id.as_str());
             mark.add(&run.environment).add(fault).add(&run.intensity);
         }
-        for case in study.cases_of(self.role) {
+        for case in study.cases_of(self.purpose) {
             mark.add(&case.inputs);
         }
         mark.to_string()
@@ -120,8 +120,8 @@ mod tests {
     #[test]
     fn parts_hold_every_variant_once_and_are_no_larger_than_one_size() {
         let study = Study::default();
-        for (role, scenarios) in runs(&study, Scenario::is_usual) {
-            let stored = Campaign::stored(Path::new("none"), &study, scenarios[0], role);
+        for (purpose, scenarios) in runs(&study, Scenario::is_usual) {
+            let stored = Campaign::stored(Path::new("none"), &study, scenarios[0], purpose);
             let campaign = Campaign { scenarios, ..stored };
             let PreparedCampaign { suite, parts, .. } = campaign.prepared().unwrap();
             assert!(parts.iter().cloned().flatten().eq(0..plan::count(&study, &suite)));

@@ -64,7 +64,7 @@ impl Campaign<'_> {
         outcome.resumed = outcome.variants - open.sum::<usize>();
         let open: BTreeSet<usize> = missing.iter().flatten().copied().collect();
         let is_pool = self.plants() == Plants::Pool;
-        let is_told = !is_pool || calibration_file(&self.folder, self.role).exists();
+        let is_told = !is_pool || calibration_file(&self.folder, self.purpose).exists();
         if open.is_empty() && is_told {
             return Ok(());
         }

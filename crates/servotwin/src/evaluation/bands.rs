@@ -17,7 +17,7 @@
 //! excluded. And no band is wider than [`MAX_OVER_LARGEST`] times the largest residual of the other records.
 
 use super::data_set::{DataRow, DataSet};
-use crate::study::Role;
+use crate::study::Purpose;
 use serde::{Deserialize, Serialize};
 
 /// Share of the healthy training records that may leave a band.
@@ -49,7 +49,7 @@ struct Spread {
 /// Learns the bands; like sensors have the same `pools[i]`. `None` without healthy specimens.
 pub fn learn(data: &DataSet, pools: &[usize]) -> Option<Vec<Band>> {
     let teaches = |row: &DataRow| row.is_healthy && row.moved == 0 && !row.began_on_the_move;
-    let rows = data.rows_where(Role::Training, teaches);
+    let rows = data.rows_where(Purpose::Train, teaches);
     if rows.len() < 2 || data.sensors.is_empty() || pools.len() < data.sensors.len() {
         return None;
     }

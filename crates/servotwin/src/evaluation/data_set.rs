@@ -13,7 +13,7 @@ use super::flips::{Moved, Moving};
 use crate::campaign::columns::view_column;
 use crate::campaign::{data_features, largest_column};
 use crate::parallel::{self, Workers};
-use crate::study::{Role, Study};
+use crate::study::{Purpose, Study};
 use crate::table::Table;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::Teaches;
@@ -55,7 +55,7 @@ impl FeatureInfo {
 #[derive(Debug, Clone, PartialEq)]
 pub struct DataRow {
     /// Whether the row is for judging or for training.
-    pub role: Role,
+    pub purpose: Purpose,
     /// The variant's number in its data set.
     pub variant: usize,
     /// Index in [`DataSet::cases`].
@@ -157,7 +157,7 @@ const LEAST_EXCESS: f64 = 0.5;
 /// The table and row that a data set's row comes from.
 #[derive(Clone, Copy)]
 struct Origin<'t> {
-    role: Role,
+    purpose: Purpose,
     table: &'t Table,
     row: usize,
 }
@@ -175,7 +175,7 @@ impl DataSet {
     /// # Errors
     /// A column is missing or of another type, a feature is NaN or infinite, or there is no fault.
     pub fn new(
-        tables: &[(Role, Table)],
+        tables: &[(Purpose, Table)],
         features: Vec<FeatureInfo>,
         units: &[String],
         urgency: &[String],
@@ -184,10 +184,10 @@ impl DataSet {
             return Err(EvaluationError::NoFeatures);
         }
         let (mut origins, mut all) = (vec![], 0);
-        for (role, table) in tables {
+        for (purpose, table) in tables {
             let done = rows_that_ran(table)?;
             all += table.row_count();
-            origins.extend(done.into_iter().map(|row| Origin { role: *role, table, row }));
+            origins.extend(done.into_iter().map(|row| Origin { purpose: *purpose, table, row }));
         }
         let origins = origins.as_slice();
         let column = |name: &str| texts(origins, name);
@@ -222,7 +222,7 @@ impl DataSet {
         let largest = sensors.iter().map(|s| numbers(origins, &largest_column(s)));
         let largest: Vec<Vec<f64>> = largest.collect::<Result<_, _>>()?;
         let row = |place: usize| DataRow {
-            role: origins[place].role,
+            purpose: origins[place].purpose,
             variant: origins[place].row,
             case: case[place],
             flown: command[place],
@@ -253,9 +253,9 @@ impl DataSet {
         })
     }
 
-    /// The rows of a role that satisfy a condition.
-    pub fn rows_where(&self, role: Role, choice: impl Fn(&DataRow) -> bool) -> Vec<usize> {
-        let wanted = |row: &usize| self.rows[*row].role == role && choice(&self.rows[*row]);
+    /// The rows for a purpose that satisfy a condition.
+    pub fn rows_where(&self, purpose: Purpose, choice: impl Fn(&DataRow) -> bool) -> Vec<usize> {
+        let wanted = |row: &usize| self.rows[*row].purpose == purpose && choice(&self.rows[*row]);
         (0..self.rows.len()).filter(wanted).collect()
     }
 
@@ -264,7 +264,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NothingDetectable`] if there are none.
     pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
-        let rows = self.rows_where(Role::Judged, |row| !row.is_healthy && row.is_detected());
+        let rows = self.rows_where(Purpose::Test, |row| !row.is_healthy && row.is_detected());
         match rows.is_empty() {
             true => Err(EvaluationError::NothingDetectable { faults: self.faults().len() }),
             false => Ok(rows),
@@ -273,12 +273,12 @@ impl DataSet {
 
     /// The judged rows with a fault.
     pub fn faults(&self) -> Vec<usize> {
-        self.rows_where(Role::Judged, |row| !row.is_healthy)
+        self.rows_where(Purpose::Test, |row| !row.is_healthy)
     }
 
     /// Whether there are training rows separate from the judged ones.
     pub fn has_training(&self) -> bool {
-        self.rows.iter().any(|row| row.role == Role::Training)
+        self.rows.iter().any(|row| row.purpose == Purpose::Train)
     }
 
     /// The rows from which the delivered diagnosis learns: the selected training rows, or the selected judged rows if
@@ -287,9 +287,9 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NothingDetectable`] if none of them has a fault.
     pub fn learnt_from(&self, lessons: TrainingFilter) -> Result<Vec<usize>, EvaluationError> {
-        let role = if self.has_training() { Role::Training } else { Role::Judged };
-        let rows = self.rows_where(role, |row| lessons.teaches(row));
-        let all = self.rows_where(role, |row| !row.is_healthy).len();
+        let purpose = if self.has_training() { Purpose::Train } else { Purpose::Test };
+        let rows = self.rows_where(purpose, |row| lessons.teaches(row));
+        let all = self.rows_where(purpose, |row| !row.is_healthy).len();
         match rows.iter().all(|&row| self.rows[row].is_healthy) {
             true => Err(EvaluationError::NothingDetectable { faults: all }),
             false => Ok(rows),
@@ -312,7 +312,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::Cancelled`]; a value that is not finite.
     pub fn with_moved(&self, moving: &Moving, workers: Workers) -> Result<Self, EvaluationError> {
-        let rows = self.rows_where(Role::Training, |row| row.excess > LEAST_EXCESS);
+        let rows = self.rows_where(Purpose::Train, |row| row.excess > LEAST_EXCESS);
         let specimens = self.specimens();
         let views = self.examples.views();
         let of = |&row: &usize| -> Vec<(DataRow, Vec<Vec<f64>>)> {
@@ -349,7 +349,7 @@ impl DataSet {
     /// For each case, the training rows without a fault.
     fn specimens(&self) -> Vec<Vec<usize>> {
         let mut specimens = vec![vec![]; self.cases.len()];
-        for row in self.rows_where(Role::Training, |row| row.is_healthy && row.moved == 0) {
+        for row in self.rows_where(Purpose::Train, |row| row.is_healthy && row.moved == 0) {
             specimens[self.rows[row].case as usize].push(row);
         }
         specimens
@@ -454,7 +454,7 @@ fn has_view(table: &Table, view: usize, features: &[FeatureInfo]) -> bool {
 }
 
 /// The sensors whose largest residuals all tables have.
-fn known_sensors(tables: &[(Role, Table)]) -> Vec<String> {
+fn known_sensors(tables: &[(Purpose, Table)]) -> Vec<String> {
     let prefix = largest_column("");
     let of = |table: &Table| -> Vec<String> {
         table.names().filter_map(|name| Some(name.strip_prefix(&prefix)?.to_owned())).collect()
@@ -609,7 +609,7 @@ mod tests {
 
     fn row(excess: f64, factor: f64) -> DataRow {
         DataRow {
-            role: Role::Training,
+            purpose: Purpose::Train,
             variant: 0,
             case: 0,
             flown: 0,

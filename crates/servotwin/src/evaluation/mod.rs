@@ -41,7 +41,7 @@ use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::metrics::Rate;
 use servotwin_learning::tree::Criterion;
 
-use crate::study::Role;
+use crate::study::Purpose;
 
 /// The scope and methods of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -382,7 +382,7 @@ fn unseen(data: &DataSet) -> Vec<usize> {
         return vec![];
     }
     let wanted = |row: &data_set::DataRow| !row.is_healthy && row.is_detected();
-    data.rows_where(Role::Judged, wanted)
+    data.rows_where(Purpose::Test, wanted)
 }
 
 /// Evaluates the calibration of the committee's confidence.
@@ -436,7 +436,7 @@ fn false_alarms(
     trained: &Trained,
     shutdowns: &[String],
 ) -> Result<Option<FalseAlarms>, EvaluationError> {
-    let healthy = data.rows_where(Role::Judged, |row| row.is_healthy);
+    let healthy = data.rows_where(Purpose::Test, |row| row.is_healthy);
     if healthy.is_empty() {
         return Ok(None);
     }

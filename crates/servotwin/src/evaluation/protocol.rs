@@ -16,7 +16,7 @@ use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{RowOutcome, Scope, ask, first_error, run};
 use crate::parallel::Workers;
-use crate::study::Role;
+use crate::study::Purpose;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
@@ -342,7 +342,7 @@ pub fn summary(
     let right = counting.rate(|_| true, |outcome| first_error(data, outcome).is_none());
     let acted =
         |outcome: &RowOutcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
-    let judged = data.rows_where(Role::Judged, |row| !row.is_healthy);
+    let judged = data.rows_where(Purpose::Test, |row| !row.is_healthy);
     let detected = Rate::of(&judged, |&row| data.rows[row].is_detected()).share;
     ProtocolResult {
         protocol,
@@ -447,7 +447,7 @@ impl<'a> Counting<'a> {
         }
         let labels = self.data.examples.labels();
         let hidden =
-            self.data.rows_where(Role::Judged, |row| !row.is_healthy && !row.is_detected());
+            self.data.rows_where(Purpose::Test, |row| !row.is_healthy && !row.is_detected());
         let hidden = hidden.into_iter().filter(|&row| self.shutdowns.contains(&labels[row].action));
         let mut trials = missed.to_vec();
         trials.extend(hidden.map(|row| trial(self.data, row, true)));

@@ -9,7 +9,7 @@ use crate::parallel::{self, Workers};
 use crate::run::runner::batches;
 use crate::run::{CampaignError, ensemble};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Flights, Role, Scenario, Study};
+use crate::study::{Flights, Purpose, Scenario, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::{Allowances, Costs};
 use servotwin_diagnosis::diagnoser::environment::{InputChecks, InputRange};
@@ -74,7 +74,7 @@ pub fn diagnoser(
     workers: Workers,
 ) -> Result<Diagnoser, EvaluationError> {
     let kinds = windows::kinds(flights, scenario, study.sample_period_s);
-    let tables = tables.into_iter().map(|table| [(Role::Training, table)]);
+    let tables = tables.into_iter().map(|table| [(Purpose::Train, table)]);
     let pairs: Vec<_> = kinds.iter().zip(tables).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
     let lengths = parallel::map(&pairs, workers, |(kind, tables)| {
@@ -245,7 +245,7 @@ fn widest(
 fn length(
     study: &Study,
     kind: WindowKind,
-    tables: &[(Role, Table)],
+    tables: &[(Purpose, Table)],
     pools: &[usize],
     workers: Workers,
 ) -> Result<LearnedLength, EvaluationError> {

@@ -9,7 +9,7 @@ use crate::campaign::FOLDS;
 use crate::campaign::columns::is_feature_column;
 use crate::evaluation::EvaluationError;
 use crate::manifest::sha256_of_text;
-use crate::study::{Role, Scenario, Study};
+use crate::study::{Purpose, Scenario, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{ColumnKind, Table, TableError};
 use std::collections::BTreeMap;
@@ -25,10 +25,10 @@ const COUNTED: [&str; 6] = ["kind", "command", "detail", "split", "fold", "failu
 pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let mut files = vec![];
     for scenario in Scenario::ALL {
-        for role in Role::ALL {
-            let path = folder.data_set(scenario, role);
+        for purpose in Purpose::OF_RECORDS {
+            let path = folder.data_set(scenario, purpose);
             if path.exists() {
-                let counted = DataFile::count(folder, scenario, role);
+                let counted = DataFile::count(folder, scenario, purpose);
                 let wrong =
                     |error| JobError::DataSet { path, error: EvaluationError::Table(error) };
                 files.push(counted.map_err(wrong)?);
@@ -56,8 +56,8 @@ struct DataFile {
 }
 
 impl DataFile {
-    fn count(folder: &Folder, scenario: Scenario, role: Role) -> Result<Self, TableError> {
-        let path = folder.data_set(scenario, role);
+    fn count(folder: &Folder, scenario: Scenario, purpose: Purpose) -> Result<Self, TableError> {
+        let path = folder.data_set(scenario, purpose);
         let mut file = DataFile {
             name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             scenario,
@@ -170,7 +170,7 @@ fn list_classes(out: &mut String, files: &[DataFile]) {
 
 fn explain_split(out: &mut String, study: &Study, files: &[DataFile]) {
     *out += "## Recommended split\n\n";
-    *out += match study.cases_of(Role::Training).is_empty() {
+    *out += match study.cases_of(Purpose::Train).is_empty() {
         false => {
             "Train on rows with `split` = `train` and test on rows with `split` = `test`.\n\
              This is the protocol *new command* of the report: no command stands on both sides.\n"

@@ -30,7 +30,7 @@ use crate::campaign::{PARTS, calibration_file};
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
-use crate::study::{Role, Scenario, Study};
+use crate::study::{Purpose, Scenario, Study};
 use std::path::{Path, PathBuf};
 
 /// The prefix of the figures' names in the manifest.
@@ -62,8 +62,8 @@ impl Folder {
     }
 
     /// The file of a scenario's data set.
-    pub fn data_set(&self, scenario: Scenario, role: Role) -> PathBuf {
-        self.0.join(format!("dataset-{}{}.parquet", scenario.name(), role.suffix()))
+    pub fn data_set(&self, scenario: Scenario, purpose: Purpose) -> PathBuf {
+        self.0.join(format!("dataset-{}{}.parquet", scenario.name(), purpose.suffix()))
     }
 
     /// The file that describes the data sets.
@@ -131,14 +131,14 @@ impl Folder {
     /// # Errors
     /// The folder of the figures cannot be read.
     pub fn results_there(&self) -> Result<Vec<PathBuf>, JobError> {
-        let both = |scenario| Role::ALL.map(|role| self.data_set(scenario, role));
+        let both = |scenario| Purpose::OF_RECORDS.map(|purpose| self.data_set(scenario, purpose));
         let mut files: Vec<PathBuf> = Scenario::ALL.into_iter().flat_map(both).collect();
         files.extend(Subject::ALL.map(|subject| self.records(subject)));
         files.extend(Scenario::ALL.map(|scenario| self.diagnoser(scenario)));
         files.extend(Scenario::ALL.map(|scenario| self.band(scenario)));
         files.extend(Scenario::ALL.map(|scenario| self.left_out(scenario)));
         files.extend(self.all_outcomes()?);
-        files.extend(Role::ALL.map(|role| calibration_file(&self.0, role)));
+        files.extend(Purpose::OF_RECORDS.map(|purpose| calibration_file(&self.0, purpose)));
         files.extend([self.data_card(), self.sealed_flights(), self.flights()]);
         files.extend([self.results(), self.report()]);
         files.extend(self.figure_files()?);

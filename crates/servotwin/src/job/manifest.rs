@@ -5,7 +5,7 @@ use super::{Folder, JobError, Subject};
 use crate::evaluation::EvaluationError;
 use crate::files::FileError;
 use crate::manifest;
-use crate::study::{Role, Scenario, Study};
+use crate::study::{Purpose, Scenario, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{Table, TableError};
 use serde::{Deserialize, Serialize};
@@ -148,9 +148,10 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
     results.extend(
         figures.iter().filter(|&figure| !results.contains(figure)).cloned().collect::<Vec<_>>(),
     );
-    let both = |scenario| Role::ALL.map(|role| (scenario, role));
+    let both = |scenario| Purpose::OF_RECORDS.map(|purpose| (scenario, purpose));
     let data_sets = Scenario::ALL.into_iter().flat_map(both);
-    let data_sets = data_sets.filter(|&(scenario, role)| folder.data_set(scenario, role).exists());
+    let data_sets =
+        data_sets.filter(|&(scenario, purpose)| folder.data_set(scenario, purpose).exists());
     Ok(Manifest {
         format: FORMAT.into(),
         version: env!("CARGO_PKG_VERSION").into(),
@@ -161,7 +162,7 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
         solver: in_words(&solver::SolverSettings::campaign()),
         equations: format!("{:016x}", study.system.program.identity()),
         data_sets: data_sets
-            .map(|(s, role)| data_set(folder, known.as_ref(), s, role))
+            .map(|(s, purpose)| data_set(folder, known.as_ref(), s, purpose))
             .collect::<Result<_, _>>()?,
         outputs: hashes(folder, known.as_ref(), &results)?,
     })
@@ -229,13 +230,13 @@ fn data_set(
     folder: &Folder,
     known: Option<&Manifest>,
     scenario: Scenario,
-    role: Role,
+    purpose: Purpose,
 ) -> Result<DataSetEntry, JobError> {
-    let path = folder.data_set(scenario, role);
+    let path = folder.data_set(scenario, purpose);
     let file = name(folder, &path);
     let known = known.filter(|known| known.hash_of(&file).is_some());
     let is_of = |entry: &&DataSetEntry| {
-        entry.scenario == scenario.name() && entry.is_training == (role == Role::Training)
+        entry.scenario == scenario.name() && entry.is_training == (purpose == Purpose::Train)
     };
     if let Some(entry) = known.and_then(|known| known.data_sets.iter().find(is_of)) {
         return Ok(entry.clone());
@@ -244,13 +245,13 @@ fn data_set(
         path: path.clone(),
         error: EvaluationError::Table(error),
     };
-    entry(&path, scenario, role).map_err(wrong)
+    entry(&path, scenario, purpose).map_err(wrong)
 }
 
-fn entry(path: &Path, scenario: Scenario, role: Role) -> Result<DataSetEntry, TableError> {
+fn entry(path: &Path, scenario: Scenario, purpose: Purpose) -> Result<DataSetEntry, TableError> {
     let mut entry = DataSetEntry {
         scenario: scenario.name().into(),
-        is_training: role == Role::Training,
+        is_training: purpose == Purpose::Train,
         variants: 0,
         healthy: 0,
         undetectable: 0,
@@ -358,7 +359,7 @@ mod tests {
     use crate::job::{Folder, Subject};
     use crate::manifest::remedy;
     use crate::study::suites::KNOWN;
-    use crate::study::{Role, Scenario};
+    use crate::study::{Purpose, Scenario};
 
     #[test]
     fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
@@ -368,11 +369,11 @@ mod tests {
         files.push(folder.results());
         files.extend(KNOWN.map(|(suite, ..)| folder.outcomes(suite, "noise")));
         for scenario in Scenario::ALL {
-            files.extend(Role::ALL.map(|role| folder.data_set(scenario, role)));
+            files.extend(Purpose::OF_RECORDS.map(|purpose| folder.data_set(scenario, purpose)));
             files.extend([folder.diagnoser(scenario), folder.band(scenario)]);
             files.push(folder.left_out(scenario));
         }
-        files.extend(Role::ALL.map(|role| calibration_file(folder.path(), role)));
+        files.extend(Purpose::OF_RECORDS.map(|purpose| calibration_file(folder.path(), purpose)));
         files.extend(Subject::ALL.map(|subject| folder.records(subject)));
         for file in files {
             let name = file.file_name().unwrap().to_str().unwrap();

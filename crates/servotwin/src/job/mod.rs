@@ -32,7 +32,7 @@ use crate::evaluation::{
 };
 use crate::flight::train;
 use crate::parallel::{self, Workers};
-use crate::study::{Role, Study};
+use crate::study::{Purpose, Study};
 use crate::table;
 use results::SubjectResult;
 use servotwin_diagnosis::diagnoser::Tuning;
@@ -72,7 +72,7 @@ const SOLVER_ERROR: f64 = 1e-4;
 pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError> {
     let there = |subject: &Subject| {
         let possible = !subject.extra_sensor() || study.extra_sensor.is_some();
-        possible && folder.data_set(subject.scenario(), Role::Judged).exists()
+        possible && folder.data_set(subject.scenario(), Purpose::Test).exists()
     };
     let subjects: Vec<Subject> = Subject::ALL.into_iter().filter(there).collect();
     match subjects.is_empty() {
@@ -86,12 +86,12 @@ pub fn subjects(folder: &Folder, study: &Study) -> Result<Vec<Subject>, JobError
 /// # Errors
 /// A file cannot be read, or contradicts the study.
 pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<DataSet, JobError> {
-    let path = |role| folder.data_set(subject.scenario(), role);
-    let wrong = |error| JobError::DataSet { path: path(Role::Judged), error };
+    let path = |purpose| folder.data_set(subject.scenario(), purpose);
+    let wrong = |error| JobError::DataSet { path: path(Purpose::Test), error };
     let mut tables = vec![];
-    for role in study.roles() {
-        let in_file = |error| JobError::DataSet { path: path(role), error };
-        tables.push((role, table::read(path(role)).map_err(|e| in_file(e.into()))?));
+    for purpose in study.purposes() {
+        let in_file = |error| JobError::DataSet { path: path(purpose), error };
+        tables.push((purpose, table::read(path(purpose)).map_err(|e| in_file(e.into()))?));
     }
     let features = FeatureInfo::of_study(study, subject.extra_sensor());
     DataSet::new(&tables, features, &study.units, &study.commands()).map_err(wrong)
@@ -299,8 +299,8 @@ fn windows(
     if !data.has_training() {
         return Ok(windows);
     }
-    for role in study.roles() {
-        let stored = Campaign::stored(folder.path(), study, subject.scenario(), role);
+    for purpose in study.purposes() {
+        let stored = Campaign::stored(folder.path(), study, subject.scenario(), purpose);
         for rows in stored.windows()? {
             // A data set has no rows for failed variants.
             let ran = rows.into_iter().filter(|row| row.failure.is_empty());
@@ -308,7 +308,7 @@ fn windows(
         }
     }
     if windows.len() != data.rows.len() {
-        let path = folder.data_set(subject.scenario(), Role::Judged);
+        let path = folder.data_set(subject.scenario(), Purpose::Test);
         return Err(JobError::OtherRows { path, rows: data.rows.len(), windows: windows.len() });
     }
     Ok(windows)

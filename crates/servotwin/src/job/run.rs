@@ -17,7 +17,7 @@ use super::{JobError, Results, Subject};
 use super::{data_card, flights, manifest, subjects, train_and_evaluate};
 use crate::campaign::{Campaign, CampaignError, CampaignOutcome};
 use crate::parallel::Workers;
-use crate::study::{Role, Scenario, Study};
+use crate::study::{Purpose, Scenario, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
@@ -179,11 +179,11 @@ impl<'r> StudyRun<'r> {
     fn scenarios(&self, following: usize) -> Result<(Results, usize), JobError> {
         let study = self.study;
         let is_wanted = |scenario: Scenario| {
-            let is_there = || self.folder.data_set(scenario, Role::Judged).exists();
+            let is_there = || self.folder.data_set(scenario, Purpose::Test).exists();
             scenario.is_usual() || self.fitted || is_there()
         };
         let groups = Scenario::groups(study, is_wanted);
-        let of = groups.len() * (study.roles().len() + 1) + following;
+        let of = groups.len() * (study.purposes().len() + 1) + following;
         let mut stage = 0;
         let mut begin = || {
             stage += 1;
@@ -193,9 +193,9 @@ impl<'r> StudyRun<'r> {
         let mut evaluated = vec![];
         let mut results = Results::new(study, vec![]);
         for scenarios in groups {
-            for role in study.roles() {
+            for purpose in study.purposes() {
                 begin();
-                self.simulate(role, scenarios.clone())?;
+                self.simulate(purpose, scenarios.clone())?;
             }
             self.check()?;
             let stage = begin();
@@ -222,14 +222,17 @@ impl<'r> StudyRun<'r> {
     /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
     pub fn data_sets(&self, scenario: Scenario) -> Result<(), JobError> {
         let _kept = self.folder.keep_study(self.study, self.replace)?;
-        self.study.roles().into_iter().try_for_each(|role| self.simulate(role, vec![scenario]))
+        self.study
+            .purposes()
+            .into_iter()
+            .try_for_each(|purpose| self.simulate(purpose, vec![scenario]))
     }
 
-    fn simulate(&self, role: Role, scenarios: Vec<Scenario>) -> Result<(), JobError> {
+    fn simulate(&self, purpose: Purpose, scenarios: Vec<Scenario>) -> Result<(), JobError> {
         let campaign = Campaign {
             scenarios: scenarios.clone(),
             workers: self.workers,
-            ..Campaign::stored(self.folder.path(), self.study, scenarios[0], role)
+            ..Campaign::stored(self.folder.path(), self.study, scenarios[0], purpose)
         };
         let rows = |done, all| {
             (self.observer)(&StudyEvent::Rows { campaign: &campaign, done, all });
@@ -296,7 +299,7 @@ impl StudyResults {
     /// # Errors
     /// The scenario was not simulated.
     pub fn table(&self, scenario: Scenario) -> Result<Table, JobError> {
-        let path = self.folder.data_set(scenario, Role::Judged);
+        let path = self.folder.data_set(scenario, Purpose::Test);
         table::read(&path).map_err(|error| JobError::DataSet { path, error: error.into() })
     }
 

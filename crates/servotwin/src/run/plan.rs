@@ -139,9 +139,9 @@ pub fn run(study: &Study, suite: &Suite, number: usize) -> Run {
         None => with_fault(study, suite, number),
         Some(healthy) => Run {
             number,
-            environment: match suite.records {
-                Some(_) => healthy / suite.healthy,
-                None => healthy % suite.environments,
+            environment: match suite.is_records {
+                true => healthy / suite.healthy,
+                false => healthy % suite.environments,
             },
             fault: None,
             intensity: 0.0,
@@ -170,10 +170,10 @@ fn with_fault(study: &Study, suite: &Suite, number: usize) -> Run {
     };
     Run {
         number,
-        environment: match suite.records {
-            Some(_) => repeat,
+        environment: match suite.is_records {
+            true => repeat,
             // Seven has no common divisor with the usual numbers of intensities and environments.
-            None => (7 * fault + 11 * repeat + fault / intensities) % suite.environments,
+            false => (7 * fault + 11 * repeat + fault / intensities) % suite.environments,
         },
         fault: Some(fault),
         intensity: training.map_or(of_study, |t| t.intensity(of_study, repeat + 7 * fault)),

@@ -265,7 +265,7 @@ impl<'s> Runner<'s> {
     /// Simulates the twins beside which there are runs.
     fn simulate_twins(&self) -> Result<Twins<TwinKey>, CampaignError> {
         let mut record = self.ensemble.record.clone();
-        if self.suite.records.is_none() {
+        if !self.suite.is_records {
             record.extend(self.study.system.program.externals().map(|slot| slot as Slot));
         }
         // Twins last as long as the longest run of the suite, so that a run has the same twin alone and among others.
@@ -419,7 +419,7 @@ impl<'s> Runner<'s> {
         };
         let mut overrides = [&environment.parameters[..], &specimen].concat();
         // Other plants have draws of their own, and twins of the scenario *fitted* know only tolerances, as do records.
-        let is_drawn = self.others.is_none() && self.suite.records.is_none();
+        let is_drawn = self.others.is_none() && !self.suite.is_records;
         if self.scenario().plants() == Plants::Specimens && is_drawn {
             let mut random = seed.stream(Stream::Draws);
             let parts = &self.study.system.network().components;

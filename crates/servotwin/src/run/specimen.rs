@@ -28,12 +28,10 @@ pub(crate) fn fitted_specimen(
     if !suite.is_fitted && scenario.plants() != Plants::Pool {
         return None;
     }
-    match (suite.records, &study.calibration) {
-        (Some(role), Some(calibration)) => {
-            Some(calibration.specimen(role, run.environment, suite.seed_of(run.number)))
-        }
-        _ => Some(run.environment),
-    }
+    let calibration = study.calibration.as_ref().filter(|_| suite.is_records);
+    Some(calibration.map_or(run.environment, |calibration| {
+        calibration.specimen(suite.purpose, run.environment, suite.seed_of(run.number))
+    }))
 }
 
 impl<'s> SpecimenDraw<'s> {

@@ -5,7 +5,7 @@ use servotwin::campaign::columns::{DIMENSIONLESS, feature_columns_of, is_feature
 use servotwin::campaign::{Campaign, FOLDS, calibration_file};
 use servotwin::job::{Folder as Results, data_card};
 use servotwin::parallel::Workers;
-use servotwin::study::{Role, Scenario, Study};
+use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table, Values};
 use std::collections::BTreeMap;
 
@@ -25,17 +25,21 @@ fn study(training: &str) -> Study {
 }
 
 /// Simulates the data sets of a study, and reads them.
-fn data_sets(study: &Study, folder: &Folder, threads: usize) -> BTreeMap<(Scenario, Role), Table> {
+fn data_sets(
+    study: &Study,
+    folder: &Folder,
+    threads: usize,
+) -> BTreeMap<(Scenario, Purpose), Table> {
     let mut found = BTreeMap::new();
     for scenarios in Scenario::groups(study, |_| true) {
-        for role in study.roles() {
-            let stored = Campaign::stored(&folder.0, study, scenarios[0], role);
+        for purpose in study.purposes() {
+            let stored = Campaign::stored(&folder.0, study, scenarios[0], purpose);
             let campaign =
                 Campaign { scenarios: scenarios.clone(), workers: Workers::new(threads), ..stored };
             assert!(campaign.run(|_, _| ()).unwrap().failed.is_empty());
             for &scenario in &scenarios {
-                let file = Results::new(&folder.0).data_set(scenario, role);
-                found.insert((scenario, role), table::read(file).unwrap());
+                let file = Results::new(&folder.0).data_set(scenario, purpose);
+                found.insert((scenario, purpose), table::read(file).unwrap());
             }
         }
     }
@@ -55,7 +59,10 @@ fn every_column_has_a_unit_and_a_description_and_stands_in_the_book() {
             assert!(book.contains(&entry), "docs/data-set.md lacks {entry}");
         }
     }
-    tables.extend(Role::ALL.map(|role| table::read(calibration_file(&folder.0, role)).unwrap()));
+    tables.extend(
+        Purpose::OF_RECORDS
+            .map(|purpose| table::read(calibration_file(&folder.0, purpose)).unwrap()),
+    );
     for column in tables.iter().flat_map(Table::columns) {
         let (name, what) = (&column.name, &column.description);
         assert!(what.len() > 10 && what.ends_with('.'), "{name}: no description: '{what}'");
@@ -71,10 +78,10 @@ fn loads_and_specimens_are_what_was_flown() {
     let (input, parameters) =
         (study.load_input().unwrap(), ["p:actuator_1.cylinder.coulomb_friction_n"]);
     let load = format!("load:{}", study.system.network().inputs[input].id);
-    for ((scenario, role), table) in &tables {
+    for ((scenario, purpose), table) in &tables {
         let loads = table.columns().iter().find(|c| c.name.starts_with(&load)).unwrap();
         for (case, load) in table.text("case").unwrap().iter().zip(&*loads.numbers().unwrap()) {
-            let flown = study.cases_of(*role).iter().find(|known| &known.name == case).unwrap();
+            let flown = study.cases_of(*purpose).iter().find(|known| &known.name == case).unwrap();
             assert_eq!(flown.inputs[input].value(0.0), *load, "{case}");
         }
         for name in parameters {
@@ -105,8 +112,8 @@ fn the_split_keeps_every_fault_at_its_intensity_together() {
     let (study, folder) = (study(TRAINING), Folder::new("split"));
     let tables = data_sets(&study, &folder, 2);
     let mut groups: BTreeMap<(String, u64), u32> = BTreeMap::new();
-    for ((_, role), table) in &tables {
-        let side = if *role == Role::Training { "train" } else { "test" };
+    for ((_, purpose), table) in &tables {
+        let side = if *purpose == Purpose::Train { "train" } else { "test" };
         assert!(table.text("split").unwrap().iter().all(|split| split == side));
         let (kinds, grades) = (table.text("kind").unwrap(), table.f64("grade").unwrap());
         for (row, &fold) in table.u32("fold").unwrap().iter().enumerate() {
@@ -122,12 +129,12 @@ fn the_split_keeps_every_fault_at_its_intensity_together() {
     let sizes: Vec<usize> = (0..FOLDS as u32).map(size).collect();
     assert!(sizes.iter().all(|size| (1..groups.len() / 2).contains(size)), "{sizes:?}");
     // Commands are on one side only.
-    let flown = |role| {
-        let own = tables.iter().filter(move |((_, own), _)| *own == role);
+    let flown = |purpose| {
+        let own = tables.iter().filter(move |((_, own), _)| *own == purpose);
         own.flat_map(|(_, table)| table.text("flown").unwrap().to_vec()).collect::<Vec<_>>()
     };
-    let learned = flown(Role::Training);
-    assert!(flown(Role::Judged).iter().all(|command| !learned.contains(command)));
+    let learned = flown(Purpose::Train);
+    assert!(flown(Purpose::Test).iter().all(|command| !learned.contains(command)));
 }
 
 #[test]
@@ -154,8 +161,8 @@ fn the_card_counts_what_is_there_and_is_the_same_for_all_threads() {
     let read = |folder: &Folder| std::fs::read_to_string(folder.file("data-card.md")).unwrap();
     let card = read(&calm.0);
     assert_eq!(card, read(&quick.0));
-    for ((scenario, role), table) in &calm.1 {
-        let name = format!("dataset-{}{}.parquet", scenario.name(), role.suffix());
+    for ((scenario, purpose), table) in &calm.1 {
+        let name = format!("dataset-{}{}.parquet", scenario.name(), purpose.suffix());
         let bytes = |folder: &Folder| std::fs::read(folder.file(&name)).unwrap();
         assert!(bytes(&calm.0) == bytes(&quick.0), "{name}");
         let counts = format!("| {} | {} | 0 |", table.row_count(), table.columns().len());

@@ -5,7 +5,7 @@ use servotwin::campaign::Campaign;
 use servotwin::job::Folder as Results;
 use servotwin::job::manifest;
 use servotwin::parallel::Workers;
-use servotwin::study::{Role, Scenario, Study};
+use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table};
 
 const FAULTS: &str = "\n[[classes]]\ndetail = \"part\"\ncommand = \"warning\"\nfaults = \
@@ -21,7 +21,7 @@ fn study() -> Study {
 /// The data sets that one simulation gives, with perfect sensors and with noise.
 fn data_sets(study: &Study, folder: &Folder) -> [Table; 2] {
     let scenarios = [Scenario::Ideal, Scenario::Noise];
-    let stored = Campaign::stored(&folder.0, study, Scenario::Ideal, Role::Judged);
+    let stored = Campaign::stored(&folder.0, study, Scenario::Ideal, Purpose::Test);
     let campaign = Campaign { scenarios: scenarios.into(), workers: Workers::new(2), ..stored };
     let outcome = campaign.run(|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
@@ -85,7 +85,7 @@ fn a_damaged_part_is_named_and_made_anew() {
     let before = data_sets(&study, &folder);
     let part = folder.file("parts/noise-0000.parquet");
     let whole = std::fs::read(&part).unwrap();
-    let stored = Campaign::stored(&folder.0, &study, Scenario::Noise, Role::Judged);
+    let stored = Campaign::stored(&folder.0, &study, Scenario::Noise, Purpose::Test);
     let mut named = 0;
     for place in (0..whole.len()).step_by(whole.len().div_ceil(20)) {
         let mut bytes = whole.clone();

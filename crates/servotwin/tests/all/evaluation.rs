@@ -8,7 +8,7 @@ use servotwin::evaluation::{
 };
 use servotwin::evaluation::{bands, evaluate, model_file, train};
 use servotwin::parallel::Workers;
-use servotwin::study::Role;
+use servotwin::study::Purpose;
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::ClassifierKind;
 use servotwin_diagnosis::features::Teaches;
@@ -133,12 +133,12 @@ fn settings() -> EvaluationSettings {
 
 /// The judged cases alone.
 fn judged(table: Table) -> DataSet {
-    DataSet::new(&[(Role::Judged, table)], infos(), &[], &urgency()).unwrap()
+    DataSet::new(&[(Purpose::Test, table)], infos(), &[], &urgency()).unwrap()
 }
 
 /// With four training commands.
 fn with_training(noise: f64) -> DataSet {
-    let tables = [(Role::Judged, campaign(noise)), (Role::Training, flown(noise, TRAINING, 6))];
+    let tables = [(Purpose::Test, campaign(noise)), (Purpose::Train, flown(noise, TRAINING, 6))];
     DataSet::new(&tables, infos(), &[], &urgency()).unwrap()
 }
 
@@ -179,7 +179,7 @@ fn a_committee_reads_what_teaches_everybody() {
     for info in features.iter_mut().filter(|info| info.name.starts_with('x')) {
         info.teaches = Teaches::TreesOfRecords;
     }
-    let tables = [(Role::Judged, campaign(0.01)), (Role::Training, flown(0.01, TRAINING, 6))];
+    let tables = [(Purpose::Test, campaign(0.01)), (Purpose::Train, flown(0.01, TRAINING, 6))];
     let data = DataSet::new(&tables, features, &[], &urgency()).unwrap();
     let (evaluation, trained) = evaluated_with(&data, &settings(), 1);
     let (trees, committee) = (&trained.trees, &trained.committee.hierarchy);
@@ -207,7 +207,7 @@ fn a_committee_is_as_sure_as_the_faults_that_taught_it() {
     let weak = data.without(|row| !row.is_healthy && !is_weak(row));
     let of_weak = evidence_quantile(&weak, committee, lessons).unwrap();
     assert!(of_weak < of_all && of_all > 3.0, "{of_weak} {of_all}");
-    let healthy = data.without(|row| row.role == Role::Training && !row.is_healthy);
+    let healthy = data.without(|row| row.purpose == Purpose::Train && !row.is_healthy);
     let nothing = evidence_quantile(&healthy, committee, lessons);
     assert!(matches!(nothing, Err(EvaluationError::NothingDetectable { faults: 0 })));
 }
@@ -356,7 +356,7 @@ fn what_cannot_be_learnt_is_said() {
         Table::from_columns(columns.collect()).unwrap()
     };
     let read =
-        |table: &Table| DataSet::new(&[(Role::Judged, table.clone())], infos(), &[], &urgency());
+        |table: &Table| DataSet::new(&[(Purpose::Test, table.clone())], infos(), &[], &urgency());
     let message = |table: &Table| read(table).unwrap_err().to_string();
     assert!(message(&without("kind")).contains("'kind'"));
     assert!(message(&without("f:x_1")).contains("did you mean"), "{}", message(&without("f:x_1")));
@@ -384,7 +384,7 @@ fn what_cannot_be_learnt_is_said() {
     broken[17] = f64::NAN;
     let broken = message(&replaced("f:y_1", broken.into()));
     assert!(broken.contains("f:y_1") && broken.contains("18"), "{broken}");
-    let none = DataSet::new(&[(Role::Judged, table)], vec![], &[], &[]);
+    let none = DataSet::new(&[(Purpose::Test, table)], vec![], &[], &[]);
     assert!(matches!(none, Err(EvaluationError::NoFeatures)));
 }
 
@@ -410,8 +410,8 @@ fn what_is_held_out_is_in_no_training_row() {
     let row = |place: &usize| &data.rows[*place];
     for protocol in [Protocol::NewCommand, Protocol::UnseenIntensity] {
         for split in rows(protocol) {
-            assert!(split.train.iter().all(|r| row(r).role == Role::Training));
-            assert!(split.test.iter().all(|r| row(r).role == Role::Judged));
+            assert!(split.train.iter().all(|r| row(r).purpose == Purpose::Train));
+            assert!(split.test.iter().all(|r| row(r).purpose == Purpose::Test));
         }
     }
     for split in rows(Protocol::UnseenIntensity) {
@@ -426,7 +426,7 @@ fn what_is_held_out_is_in_no_training_row() {
 fn bands_are_learned_from_healthy_training_specimens_alone() {
     let mut data = with_training(0.1);
     let mut random = Random::new(8);
-    let healthy = data.rows_where(Role::Training, |row| row.is_healthy);
+    let healthy = data.rows_where(Purpose::Train, |row| row.is_healthy);
     for &row in &healthy {
         // Log-normal around 2 % and 1 %.
         let mut size = |middle: f64| {
@@ -435,7 +435,7 @@ fn bands_are_learned_from_healthy_training_specimens_alone() {
         };
         data.rows[row].largest = vec![size(0.02), size(0.01)];
     }
-    let judged = data.rows_where(Role::Judged, |row| row.is_healthy);
+    let judged = data.rows_where(Purpose::Test, |row| row.is_healthy);
     data.rows[judged[0]].largest = vec![9.0, 9.0];
     let learned = bands::learn(&data, &[0, 1]).unwrap();
     for (band, middle) in learned.iter().zip([0.02, 0.01]) {
@@ -458,7 +458,7 @@ fn bands_are_learned_from_healthy_training_specimens_alone() {
 fn a_run_without_a_steady_start_teaches_no_band() {
     let mut data = with_training(0.1);
     let mut random = Random::new(8);
-    let healthy = data.rows_where(Role::Training, |row| row.is_healthy);
+    let healthy = data.rows_where(Purpose::Train, |row| row.is_healthy);
     for &row in &healthy {
         let mut size = || 0.01 + 0.005 * random.unit();
         data.rows[row].largest = vec![size(), size()];

@@ -4,7 +4,7 @@ use crate::folder::Folder;
 use servotwin::campaign::{Campaign, CampaignError, PartRow, calibration_file};
 use servotwin::parallel::Workers;
 use servotwin::run::plan;
-use servotwin::study::{Role, Scenario, Study};
+use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Column, Table};
 use servotwin_model::solver::SolverSettings;
 use std::collections::BTreeSet;
@@ -36,7 +36,7 @@ fn campaign<'s>(
     Campaign {
         solver: SolverSettings::campaign(),
         workers: Workers::new(threads),
-        ..Campaign::stored(&folder.0, study, scenario, Role::Judged)
+        ..Campaign::stored(&folder.0, study, scenario, Purpose::Test)
     }
 }
 
@@ -76,7 +76,7 @@ fn the_pool_is_fitted_and_told_with_its_true_values() {
     let study = study(FITTED);
     let folder = Folder::new("pool");
     campaign(&study, Scenario::Fitted, &folder, 2).run(|_, _| ()).unwrap();
-    let table = table::read(calibration_file(&folder.0, Role::Judged)).unwrap();
+    let table = table::read(calibration_file(&folder.0, Purpose::Test)).unwrap();
     // Twenty specimens with two tolerances.
     assert_eq!(table.row_count(), 40);
     let specimens: BTreeSet<u32> = table.u32("specimen").unwrap().iter().copied().collect();

@@ -7,7 +7,7 @@ use servotwin::evaluation::model_file::read_diagnoser;
 use servotwin::job::{self, Folder as Results, StudyRun, Subject};
 use servotwin::parallel::Workers;
 use servotwin::run::{Observer, Runner, plan};
-use servotwin::study::{Role, Scenario, Study};
+use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table};
 use servotwin_diagnosis::diagnoser::{IndexedFinding, Session};
 use servotwin_diagnosis::panel::{Panel, PanelVerdict};
@@ -63,11 +63,11 @@ fn a_session_that_watches_a_record_answers_as_the_data_set() {
     job::train_all(&results, &study, Workers::new(2)).unwrap();
     let diagnoser = Arc::new(read_diagnoser(results.records(Subject::Noise)).unwrap());
     assert!(diagnoser.record_s().is_some() && crate::flights::diagnoser().record_s().is_none());
-    let table = table::read(results.data_set(Scenario::Noise, Role::Judged)).unwrap();
+    let table = table::read(results.data_set(Scenario::Noise, Purpose::Test)).unwrap();
     let session = Session::new(diagnoser.clone()).unwrap().at_rest();
 
     let inputs: Vec<f64> = study.system.network().inputs.iter().map(|own| own.default).collect();
-    let suite = study.records(Role::Judged);
+    let suite = study.records(Purpose::Test);
     let runs: Vec<_> =
         (0..plan::count(&study, &suite)).map(|number| plan::run(&study, &suite, number)).collect();
     assert_eq!(runs.len(), table.row_count());
