@@ -11,6 +11,7 @@ use super::legend::{self, LegendEntry, Swatch};
 use super::style::{GREY, Look, tint};
 use super::svg::{Anchor, Area, Canvas, Type};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// A figure of parts and the nets that join them.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -73,7 +74,7 @@ const PAD: f64 = 3.0;
 const TRACK: f64 = 6.0;
 /// Space beside the tracks of a channel or street.
 const SIDE: f64 = 9.0;
-const BAND_HEAD: f64 = 16.0;
+const BAND_HEAD: f64 = 22.0;
 const BAND_GAP: f64 = 8.0;
 /// Stubs of different nets in a channel are at least so far apart.
 const APART: f64 = 3.0;
@@ -130,7 +131,7 @@ impl Schematic {
         (0..self.parts.len()).filter(|&part| is_inside(&self.parts[part])).collect()
     }
 
-    /// The first row of each band, and the number of rows.
+    /// The first row of each band, and last the number of rows.
     fn bands(&self) -> Vec<usize> {
         let mut bands = vec![0];
         for group in 0..self.groups.len() {
@@ -140,36 +141,29 @@ impl Schematic {
         bands
     }
 
+    /// The parts that each part is joined with.
+    fn neighbors(&self) -> Vec<Vec<usize>> {
+        let neighbors = |part: usize| {
+            let nets = self.nets.iter().filter(|net| net.ends.iter().any(|end| end.part == part));
+            let ends = nets.flat_map(|net| &net.ends).map(|end| end.part);
+            ends.filter(|other| *other != part).collect()
+        };
+        (0..self.parts.len()).map(neighbors).collect()
+    }
+
     /// The row of each part: near the mean of its neighbors, and alone in its column.
     fn rows(&self, bands: &[usize]) -> Vec<usize> {
-        let columns = self.column_count();
-        let mut near = vec![vec![]; self.parts.len()];
-        for net in &self.nets {
-            for (place, end) in net.ends.iter().enumerate() {
-                let others = net.ends.iter().enumerate().filter(|(other, _)| *other != place);
-                near[end.part].extend(others.map(|(_, other)| other.part));
-            }
-        }
-        let mut rows = vec![0; self.parts.len()];
+        let (columns, neighbors) = (self.column_count(), self.neighbors());
+        let mut rows: Vec<usize> = vec![0; self.parts.len()];
+        // The first sweep keeps the given order.
+        let none = vec![vec![]; self.parts.len()];
         for sweep in 0..=SWEEPS {
+            let neighbors = if sweep == 0 { &none } else { &neighbors };
             for step in 0..columns {
                 let column = if sweep % 2 == 0 { step } else { columns - 1 - step };
                 for (group, ends) in bands.windows(2).enumerate() {
-                    let mut stack = self.stack(column, group);
-                    let wish = |part: usize| match near[part].as_slice() {
-                        near if sweep > 0 && !near.is_empty() => {
-                            mean(near.iter().map(|&other| rows[other] as f64))
-                        }
-                        _ => rows[part] as f64,
-                    };
-                    let wishes: Vec<f64> = (0..rows.len()).map(wish).collect();
-                    stack.sort_by(|one, other| wishes[*one].total_cmp(&wishes[*other]));
-                    let mut free = ends[0];
-                    for (place, &part) in stack.iter().enumerate() {
-                        let last = ends[1] + place - stack.len();
-                        rows[part] = (wishes[part].round() as usize).clamp(free, last);
-                        free = rows[part] + 1;
-                    }
+                    let stack = self.stack(column, group);
+                    place_stack(stack, ends[0]..ends[1], neighbors, &mut rows);
                 }
             }
         }
@@ -185,6 +179,22 @@ impl Schematic {
         let (first, last) = (columns().min().unwrap_or(0) + 1, columns().max().unwrap_or(0));
         let best = (first..=last.max(first)).max_by_key(|channel| reached(*channel)).unwrap_or(0);
         columns().map(|column| if column < best { column + 1 } else { column }).collect()
+    }
+}
+
+/// Places a stack in rows of a band, each part as near as possible to its neighbors.
+fn place_stack(mut stack: Vec<usize>, band: Range<usize>, near: &[Vec<usize>], rows: &mut [usize]) {
+    let wish = |part: usize| match near[part].len() {
+        0 => rows[part] as f64,
+        _ => mean(near[part].iter().map(|&other| rows[other] as f64)),
+    };
+    let wishes: Vec<f64> = (0..rows.len()).map(wish).collect();
+    stack.sort_by(|one, other| wishes[*one].total_cmp(&wishes[*other]));
+    let mut free = band.start;
+    for (place, &part) in stack.iter().enumerate() {
+        let last = band.end + place - stack.len();
+        rows[part] = (wishes[part].round() as usize).clamp(free, last);
+        free = rows[part] + 1;
     }
 }
 
@@ -222,8 +232,8 @@ struct StubAt {
 /// The places of everything, with the origin at the top left of the first band.
 struct Layout<'s> {
     schematic: &'s Schematic,
-    /// Top and bottom of each band.
-    bands: Vec<(f64, f64)>,
+    /// The top of each band, and last that of one more.
+    bands: Vec<f64>,
     /// The boxes of the parts.
     areas: Vec<Area>,
     /// The channel of each end of each net.
@@ -308,8 +318,8 @@ impl<'s> Layout<'s> {
         Area { x: 0.0, y: 0.0, width, height }
     }
 
-    /// Places bands, streets and parts from top to bottom.
-    fn place_rows(&mut self, bands: &[usize], rows: &[usize]) {
+    /// The span of each net that needs a street, by street. Spans count channels, so that only a common one is touched.
+    fn street_spans(&self, bands: &[usize], rows: &[usize]) -> Vec<BTreeMap<usize, (f64, f64)>> {
         let mut spans = vec![BTreeMap::new(); bands.last().map_or(1, |count| count + 1)];
         for (net, channels) in self.channels.iter().enumerate() {
             let ends = self.schematic.nets[net].ends.iter();
@@ -319,10 +329,19 @@ impl<'s> Layout<'s> {
                 spans[street].insert(net, (4.0 * *low as f64, 4.0 * *high as f64));
             }
         }
+        spans
+    }
+
+    /// Places bands, streets and parts from top to bottom.
+    fn place_rows(&mut self, bands: &[usize], rows: &[usize]) {
+        let spans = self.street_spans(bands, rows);
+        let groups = &self.schematic.groups;
         let mut y = 0.0;
         for (row, street) in spans.iter().enumerate() {
-            for (band, _) in bands.iter().enumerate().filter(|(_, first)| **first == row) {
-                y = self.end_band(band, y);
+            for (band, name) in groups.iter().enumerate().filter(|(band, _)| bands[*band] == row) {
+                let top = if band == 0 { 0.0 } else { y + BAND_GAP };
+                self.bands.push(top);
+                y = top + if name.is_empty() { SIDE } else { BAND_HEAD };
             }
             let (tracks, count) = tracks(street);
             self.streets
@@ -336,20 +355,8 @@ impl<'s> Layout<'s> {
             y += height + 5.0;
         }
         self.height = y;
-        if let Some(band) = self.bands.last_mut() {
-            band.1 = y;
-        }
-    }
-
-    /// Ends the band before a row and begins the next one, whose first free height it returns.
-    fn end_band(&mut self, band: usize, y: f64) -> f64 {
-        let Some(name) = self.schematic.groups.get(band) else { return y };
-        let top = if band == 0 { y } else { y + BAND_GAP };
-        if let Some(last) = self.bands.last_mut() {
-            last.1 = y;
-        }
-        self.bands.push((top, top));
-        top + if name.is_empty() { SIDE } else { BAND_HEAD + 6.0 }
+        // The next band begins where this one ends.
+        self.bands.push(y + BAND_GAP);
     }
 
     /// Places the ends of nets on the sides of parts, in the order of their aims. Parts without names of ports come
@@ -439,12 +446,12 @@ impl<'s> Layout<'s> {
     }
 
     fn draw_bands(&self, canvas: &mut Canvas, width: f64) {
-        for (name, &(top, bottom)) in self.schematic.groups.iter().zip(&self.bands) {
-            let area =
-                Area { x: MARGIN, y: top, width: width - 2.0 * MARGIN, height: bottom - top };
+        for (name, ends) in self.schematic.groups.iter().zip(self.bands.windows(2)) {
+            let (y, height) = (ends[0], ends[1] - BAND_GAP - ends[0]);
+            let area = Area { x: MARGIN, y, width: width - 2.0 * MARGIN, height };
             canvas.rect(area, " rx=\"4\" fill=\"#f5f5f5\" stroke=\"#e2e2e2\"");
             let kind = Type::new(SIZE).bold().colour(GREY);
-            canvas.text((MARGIN + 8.0, top + 13.0), name, kind);
+            canvas.text((MARGIN + 8.0, y + 13.0), name, kind);
         }
     }
 
@@ -511,8 +518,6 @@ impl<'s> Layout<'s> {
         let has_names = self.has_names(index);
         canvas.component(&part.id, |canvas| {
             let fill = tint(colour, 0.2);
-            // The band must not shine through, nor a line.
-            canvas.rect(area, " rx=\"3\" fill=\"#ffffff\"");
             canvas.rect(area, &format!(" rx=\"3\"{fill} stroke=\"{colour}\""));
             let text = LINE * part.text.lines().count() as f64;
             let first = area.y + if has_names { 4.0 } else { (area.height - text) / 2.0 };
@@ -537,30 +542,22 @@ impl<'s> Layout<'s> {
 
 /// The points where lines of one net meet from three or four directions; all lines are horizontal or vertical.
 fn junctions(lines: &[[Point; 2]]) -> Vec<Point> {
+    let between =
+        |value: f64, one: f64, other: f64| one.min(other) <= value && value <= one.max(other);
+    let directions = |point: Point| -> usize {
+        let is_on = |[from, to]: &&[Point; 2]| {
+            between(point.0, from.0, to.0) && between(point.1, from.1, to.1)
+        };
+        let ends = lines.iter().filter(is_on).flatten();
+        ends.filter(|end| **end != point).count()
+    };
     let mut found: Vec<Point> = vec![];
     for &point in lines.iter().flatten() {
-        if !found.contains(&point) && directions(lines, point) >= 3 {
+        if !found.contains(&point) && directions(point) >= 3 {
             found.push(point);
         }
     }
     found
-}
-
-/// The number of directions in which lines leave a point.
-fn directions(lines: &[[Point; 2]], (x, y): Point) -> usize {
-    // Right, left, down, up.
-    let mut leaves = [false; 4];
-    for [from, to] in lines {
-        let (across, along) = ([from.0 - x, to.0 - x], [from.1 - y, to.1 - y]);
-        for (first, way, side) in [(0, across, along), (2, along, across)] {
-            let (low, high) = (way[0].min(way[1]), way[0].max(way[1]));
-            if side == [0.0; 2] && low <= 0.0 && high >= 0.0 {
-                leaves[first] |= high > 0.0;
-                leaves[first + 1] |= low < 0.0;
-            }
-        }
-    }
-    leaves.iter().filter(|leaves| **leaves).count()
 }
 
 #[cfg(test)]
@@ -573,5 +570,7 @@ mod tests {
         assert_eq!(junctions(&[level, [(4.0, 0.0), (4.0, 5.0)]]), [(4.0, 0.0)]);
         assert!(junctions(&[level, [(10.0, 0.0), (10.0, 5.0)]]).is_empty());
         assert!(junctions(&[level, [(10.0, 0.0), (20.0, 0.0)]]).is_empty());
+        // Lines without a common end cross.
+        assert!(junctions(&[level, [(4.0, -5.0), (4.0, 5.0)]]).is_empty());
     }
 }
