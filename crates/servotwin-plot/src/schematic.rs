@@ -394,16 +394,20 @@ impl<'s> Layout<'s> {
         };
         let (middle, count) = (area.bottom() - pad - space / 2.0, side.len() as f64);
         let channel = |(net, end): (usize, usize)| self.channels[net][end];
-        let straight = side.first().filter(|_| !has_names && side.len() == 1).and_then(|&end| {
-            let stubs =
-                taken.iter().filter(|stub| stub.net == end.0 && stub.channel == channel(end));
-            let shift = |stub: &StubAt| stub.y - middle;
-            stubs.map(shift).find(|shift| shift.abs() <= area.height / 2.0 - 4.0)
-        });
         let ys = |shift: f64| -> Vec<f64> {
             let places = (0..side.len()).map(|place| place as f64 + 0.5 - count / 2.0);
             places.map(|place| middle + space / count * place + shift).collect()
         };
+        // A shift that makes a line straight is best.
+        let limits = match has_names || side.len() > 1 {
+            true => -4.5..=3.0,
+            false => 4.0 - area.height / 2.0..=area.height / 2.0 - 4.0,
+        };
+        let straight = side.iter().zip(ys(0.0)).flat_map(|(&end, y)| {
+            let same = move |stub: &&StubAt| stub.net == end.0 && stub.channel == channel(end);
+            taken.iter().filter(same).map(move |stub| stub.y - y)
+        });
+        let straight = straight.filter(|shift| limits.contains(shift));
         let is_free = |shift: &f64| {
             ys(*shift).iter().zip(side).all(|(y, &end)| {
                 let near =
@@ -411,8 +415,8 @@ impl<'s> Layout<'s> {
                 taken.iter().filter(near).all(|stub| stub.net == end.0)
             })
         };
-        let shifts = [0.0, -3.0, 3.0, -1.5, 1.5, -4.5, 4.5];
-        ys(straight.into_iter().chain(shifts).find(is_free).unwrap_or(0.0))
+        let shifts = [0.0, -3.0, 3.0, -1.5, 1.5, -4.5];
+        ys(straight.chain(shifts).find(is_free).unwrap_or(0.0))
     }
 
     /// Places channels and columns from left to right.
@@ -563,6 +567,59 @@ fn junctions(lines: &[[Point; 2]]) -> Vec<Point> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Parts in five columns and three bands, with nets of three and two ends between any of them.
+    fn example() -> Schematic {
+        let part = |number: usize| Part {
+            id: format!("part {number}"),
+            text: "title".to_owned(),
+            kind: 0,
+            group: number % 3,
+            column: number % 5,
+        };
+        let net = |number: usize| {
+            let parts = [number, (number * 7 + 1) % 30, (number * 11 + 3) % 30];
+            let end = |part| NetEnd { part, port: format!("{number}"), arrow: false };
+            Net { kind: 0, ends: parts[number % 2..].iter().map(|part| end(*part)).collect() }
+        };
+        Schematic {
+            groups: ["a", "", "c"].map(str::to_owned).to_vec(),
+            kinds: vec![("oil".to_owned(), Look::nth(0))],
+            parts: (0..30).map(part).collect(),
+            nets: (0..30).map(net).collect(),
+            ..Schematic::default()
+        }
+    }
+
+    /// Whether two boxes, also lines without width, have more than an edge in common.
+    fn overlap([from, to]: [Point; 2], [first, last]: [Point; 2]) -> bool {
+        let common =
+            |a: f64, b: f64, c: f64, d: f64| a.max(b).min(c.max(d)) - a.min(b).max(c.min(d));
+        let (x, y) = (common(from.0, to.0, first.0, last.0), common(from.1, to.1, first.1, last.1));
+        x.min(y) > -1.0 && x.max(y) > 1.0
+    }
+
+    #[test]
+    fn no_line_crosses_a_part_or_lies_on_another() {
+        let example = example();
+        let layout = Layout::new(&example);
+        let lines: Vec<_> = (0..example.nets.len()).map(|net| layout.lines(net)).collect();
+        for (net, line) in
+            lines.iter().enumerate().flat_map(|(net, own)| own.iter().map(move |line| (net, *line)))
+        {
+            for (part, area) in layout.areas.iter().enumerate() {
+                let inside =
+                    [(area.x + 2.0, area.y + 2.0), (area.right() - 2.0, area.bottom() - 2.0)];
+                assert!(!overlap(line, inside), "net {net} crosses part {part}");
+            }
+            for (other, others) in lines.iter().enumerate().filter(|(other, _)| *other != net) {
+                assert!(
+                    others.iter().all(|one| !overlap(line, *one)),
+                    "net {net} lies on net {other}"
+                );
+            }
+        }
+    }
 
     #[test]
     fn three_lines_make_a_junction_and_a_corner_does_not() {

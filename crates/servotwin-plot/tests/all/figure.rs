@@ -85,7 +85,11 @@ fn schematic(count: usize) -> Figure {
         group: number % 3,
         column: number * number % 7,
     };
-    let end = |part: usize| NetEnd { part, port: format!("{NAME} {part}"), arrow: part % 2 == 0 };
+    let end = |part: usize| NetEnd {
+        part,
+        port: format!("{NAME} {part}"),
+        arrow: part.is_multiple_of(2),
+    };
     let net = |number: usize| Net {
         kind: 1,
         ends: [number, number / 2, number * 7 % count].map(end).to_vec(),
