@@ -39,18 +39,15 @@ pub fn of(system: &System) -> Schematic {
             column: columns[place],
         }
     };
+    let kind =
+        |(place, name): (usize, &&str)| ((*name).to_owned(), SemanticColor::Medium(place).look());
     let mut schematic = Schematic {
         title: system.title.clone(),
-        kinds: MEDIA
-            .iter()
-            .enumerate()
-            .map(|(place, name)| ((*name).to_owned(), SemanticColor::Medium(place).look()))
-            .collect(),
+        groups: groups.iter().map(|group| (*group).to_owned()).collect(),
+        kinds: MEDIA.iter().enumerate().map(kind).collect(),
         parts: ids.iter().enumerate().map(part).collect(),
         nets,
-        groups: vec![],
     };
-    schematic.groups = groups.into_iter().map(str::to_owned).collect();
     split_columns(&mut schematic);
     schematic
 }
@@ -117,13 +114,14 @@ fn columns(network: &Network, nets: &[Net]) -> Vec<usize> {
     for (column, spec) in columns.iter_mut().zip(&specs) {
         *column = SOURCES.contains(&spec.kind).then_some(1);
     }
-    if columns.iter().all(Option::is_none) {
-        // A system without sources starts from its first component.
-        columns[..1.min(specs.len())].fill(Some(1));
-    }
     spread(&mut columns, &joined(false));
     shift_mechanics(&specs, &mut columns);
     spread(&mut columns, &joined(true));
+    // What no source reaches starts from its first component.
+    for part in (0..specs.len()).filter(|part| !is_left(*part)) {
+        columns[part].get_or_insert(1);
+        spread(&mut columns, &joined(true));
+    }
     for part in (0..columns.len()).filter(|part| is_left(*part)) {
         let own = nets.iter().filter(|net| net.ends.iter().any(|end| end.part == part));
         let others = own.flat_map(|net| &net.ends).filter(|end| !is_left(end.part));
