@@ -12,12 +12,10 @@
 mod axis;
 pub mod bars;
 pub mod decimate;
-pub mod diagram;
 mod font;
 mod frame;
 pub mod heatmap;
 pub mod histogram;
-mod junction;
 mod legend;
 pub mod lines;
 mod meaning;
@@ -25,6 +23,7 @@ mod meaning;
 mod outline;
 #[cfg(feature = "png")]
 mod png;
+pub mod schematic;
 mod style;
 mod svg;
 pub mod time_series;

@@ -165,6 +165,21 @@ impl Canvas {
         self.body.push_str("</g>\n");
     }
 
+    /// Marks everything that `draw` draws as a component, by which scripts and style sheets find it.
+    pub fn component(&mut self, id: &str, draw: impl FnOnce(&mut Canvas)) {
+        let _ = writeln!(self.body, "<g data-component=\"{}\">", escaped(id));
+        draw(self);
+        self.body.push_str("</g>\n");
+    }
+
+    /// Shifts everything that `draw` draws.
+    pub fn shifted(&mut self, by: (f64, f64), draw: impl FnOnce(&mut Canvas)) {
+        let _ =
+            writeln!(self.body, "<g transform=\"translate({} {})\">", number(by.0), number(by.1));
+        draw(self);
+        self.body.push_str("</g>\n");
+    }
+
     /// The finished document on a white background, with a title for screen readers.
     pub fn finish(self, width: f64, height: f64, title: &str) -> Figure {
         let (width, height) = (width.ceil(), height.ceil());

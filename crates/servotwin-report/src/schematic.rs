@@ -1,190 +1,191 @@
-//! A system as a hydraulic drawing: sources at the top, moving parts at the bottom, actuators
-//! side by side. Connections start at the port that sets the potential.
+//! A system as a schematic: its sources at the left, then valves, cylinders and sensors, the load at the right.
+//!
+//! Components and connections come from the system file. A component's column is its distance from the sources of oil.
 
 use servotwin::system::System;
 use servotwin_model::network::{Network, PortOf};
-use servotwin_model::spec::PortKind;
+use servotwin_model::spec::{PortKind, Spec};
 use servotwin_plot::SemanticColor;
-use servotwin_plot::diagram::{Block, Diagram, Wire};
-use std::collections::{BTreeMap, VecDeque};
+use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
+use std::collections::BTreeMap;
 
 /// The kinds of connections, in the order of their colors. The order is the same in every drawing.
 const MEDIA: [&str; 4] = ["hydraulic", "translational", "signal", "rotational"];
+const SIGNAL: usize = 2;
 
-/// Components that oil comes from or returns to.
-const SOURCES: [&str; 4] = ["pressure_source", "flow_source", "variable_pump", "tank"];
+/// Components that oil comes from. A tank is not one: it stands beside what drains into it.
+const SOURCES: [&str; 3] = ["pressure_source", "flow_source", "variable_pump"];
 
-/// The maximum number of an actuator's blocks side by side. A fuller row is split into several.
-const IN_A_ROW: usize = 3;
+/// The maximum number of an actuator's parts in a column. A fuller column is split into several.
+const IN_A_COLUMN: usize = 7;
 
-/// Draws the diagram of a system.
-pub fn of(system: &System) -> Diagram {
+/// Makes the schematic of a system.
+pub fn of(system: &System) -> Schematic {
     let network = system.network();
-    let mut diagram = Diagram {
-        title: system.title.clone(),
-        kinds: MEDIA.map(str::to_owned).to_vec(),
-        looks: (0..MEDIA.len()).map(|place| SemanticColor::Medium(place).look()).collect(),
-        downwards: true,
-        ..Diagram::default()
+    let ids = network.components.iter().map(|instance| &instance.id);
+    let ids: Vec<&String> = ids.chain(network.inputs.iter().map(|input| &input.id)).collect();
+    let groups = groups(&ids);
+    let nets = nets(network);
+    let columns = columns(network, &nets);
+    let part = |(place, id): (usize, &&String)| {
+        let (group, name) = id.rsplit_once('.').unwrap_or(("", id));
+        let spec = network.components.get(place).map(|instance| instance.component.spec());
+        let kind = spec.map_or("input", |spec| spec.kind);
+        Part {
+            id: if spec.is_some() { (*id).clone() } else { format!("input {id}") },
+            text: if name == kind { name.into() } else { format!("{name}\n{kind}") },
+            kind: spec.and_then(|spec| spec.ports.first()).map_or(SIGNAL, |port| medium(port.kind)),
+            group: groups.iter().position(|known| *known == group).unwrap_or_default(),
+            column: columns[place],
+        }
     };
-    for instance in &network.components {
-        let (group, name) = instance.id.rsplit_once('.').unwrap_or(("", &instance.id));
-        let spec = instance.component.spec();
-        let text = if name == spec.kind { name.into() } else { format!("{name}\n{}", spec.kind) };
-        let family = spec.ports.first().map_or("", |port| port.kind.family());
-        diagram.blocks.push(Block::new(&instance.id, &text, family, group));
-    }
-    for ports in &network.connections {
-        diagram.wires.extend(wires(network, ports));
-    }
-    for input in &network.inputs {
-        let block = format!("input {}", input.id);
-        let (group, name) = input.id.rsplit_once('.').unwrap_or(("", &input.id));
-        diagram.blocks.push(Block::new(&block, &format!("{name}\ninput"), "signal", group));
-        diagram.wires.extend(input.targets.iter().map(|target| {
-            let to = &network.components[target.component];
-            let port = to.component.spec().ports[target.port].name;
-            Wire {
-                arrow: true,
-                // One line joins everything that an input drives, and the port of an input has no name.
-                ports: [" ".into(), port.into()],
-                ..Wire::new(&block, &to.id, "signal")
-            }
-        }));
-    }
-    place_rows(network, &mut diagram);
-    diagram.groups = groups(&diagram);
-    diagram
+    let kind =
+        |(place, name): (usize, &&str)| ((*name).to_owned(), SemanticColor::Medium(place).look());
+    let mut schematic = Schematic {
+        title: system.title.clone(),
+        groups: groups.iter().map(|group| (*group).to_owned()).collect(),
+        kinds: MEDIA.iter().enumerate().map(kind).collect(),
+        parts: ids.iter().enumerate().map(part).collect(),
+        nets,
+    };
+    split_columns(&mut schematic);
+    schematic
 }
 
-fn wires(network: &Network, ports: &[PortOf]) -> Vec<Wire> {
-    let id = |port: &PortOf| &network.components[port.component].id;
-    let spec = |port: &PortOf| network.components[port.component].component.spec().ports[port.port];
-    let Some(from) = ports.iter().find(|port| spec(port).kind.sets()).or(ports.first()) else {
-        return Vec::new();
-    };
-    let others = ports.iter().filter(|port| *port != from);
-    let wires = others.map(|port| Wire {
-        arrow: matches!(spec(port).kind, PortKind::SignalIn { .. }),
-        ports: [spec(from).name.into(), spec(port).name.into()],
-        ..Wire::new(id(from), id(port), spec(from).kind.family())
-    });
-    wires.collect()
+fn medium(kind: PortKind) -> usize {
+    MEDIA.iter().position(|name| *name == kind.family()).unwrap_or_default()
 }
 
 /// Lists the actuators, with the shared part in the middle.
-fn groups(diagram: &Diagram) -> Vec<String> {
-    let mut groups: Vec<String> = vec![];
-    for block in diagram.blocks.iter().filter(|block| !block.group.is_empty()) {
-        if !groups.contains(&block.group) {
-            groups.push(block.group.clone());
+fn groups<'s>(ids: &[&'s String]) -> Vec<&'s str> {
+    let mut groups: Vec<&str> = vec![];
+    for (group, _) in ids.iter().filter_map(|id| id.rsplit_once('.')) {
+        if !groups.contains(&group) {
+            groups.push(group);
         }
     }
-    groups.insert(groups.len() / 2, String::new());
+    groups.insert(groups.len() / 2, "");
     groups
 }
 
-/// Gives every block its row: the distance from the sources through oil and mechanics. A block that only signals
-/// reach stands below its nearest neighbor, and an input stands above what it drives.
-fn place_rows(network: &Network, diagram: &mut Diagram) {
-    let place: BTreeMap<String, usize> =
-        diagram.blocks.iter().enumerate().map(|(place, block)| (block.id.clone(), place)).collect();
-    let count = diagram.blocks.len();
-    let neighbours = |is_wanted: &dyn Fn(&Wire) -> bool| {
-        let mut neighbours = vec![Vec::new(); count];
-        for wire in diagram.wires.iter().filter(|wire| is_wanted(wire)) {
-            let (from, to) = (place[&wire.from], place[&wire.to]);
-            neighbours[from].push(to);
-            neighbours[to].push(from);
+/// The connections, then what inputs drive. A net begins with the port that sets its potential or signal.
+fn nets(network: &Network) -> Vec<Net> {
+    let end = |port: &PortOf| {
+        let spec = network.components[port.component].component.spec().ports[port.port];
+        let arrow = matches!(spec.kind, PortKind::SignalIn { .. });
+        (spec.kind, NetEnd { part: port.component, port: spec.name.into(), arrow })
+    };
+    let connections = network.connections.iter().map(|ports| {
+        let mut ends: Vec<(PortKind, NetEnd)> = ports.iter().map(end).collect();
+        ends.sort_by_key(|(kind, _)| !kind.sets());
+        let kind = ends.first().map_or(SIGNAL, |(kind, _)| medium(*kind));
+        Net { kind, ends: ends.into_iter().map(|(_, end)| end).collect() }
+    });
+    let inputs = network.inputs.iter().enumerate().map(|(place, input)| {
+        let from =
+            NetEnd { part: network.components.len() + place, port: String::new(), arrow: false };
+        let targets = input.targets.iter().map(|target| end(target).1);
+        Net { kind: SIGNAL, ends: [from].into_iter().chain(targets).collect() }
+    });
+    let mut nets: Vec<Net> = vec![];
+    for net in connections.chain(inputs) {
+        // A signal that is connected twice is one line.
+        match nets.iter_mut().find(|known| known.ends.first() == net.ends.first()) {
+            Some(known) => known.ends.extend(net.ends.into_iter().skip(1)),
+            None => nets.push(net),
         }
-        neighbours
-    };
-    let is_signal = |wire: &Wire| wire.kind == "signal";
-    let is_input = |wire: &Wire| wire.from.starts_with("input ");
-    let mut rows: Vec<Option<usize>> = vec![None; count];
-    for (place, instance) in network.components.iter().enumerate() {
-        let kind = instance.component.spec().kind;
-        rows[place] = SOURCES.contains(&kind).then_some(0);
     }
-    spread(&mut rows, &neighbours(&|wire| !is_signal(wire)));
-    if rows.iter().all(Option::is_none) {
-        // A system without sources starts from its first component.
-        rows[..1.min(count)].fill(Some(0));
-    }
-    spread(&mut rows, &neighbours(&|wire| !is_signal(wire)));
-    lower_what_moves(network, &mut rows);
-    spread(&mut rows, &neighbours(&|wire| !is_input(wire)));
-    let driven = neighbours(&is_input);
-    for input in network.components.len()..count {
-        let first = driven[input].iter().filter_map(|&target| rows[target]).min();
-        rows[input] = Some(first.unwrap_or(0).saturating_sub(1));
-    }
-    let lines = neighbours(&|_| true).iter().map(Vec::len).collect::<Vec<_>>();
-    divide(diagram, &rows, &lines);
+    nets
 }
 
-/// Moves mechanical parts below everything that oil flows through, e.g. a cylinder below its valves.
-fn lower_what_moves(network: &Network, rows: &mut [Option<usize>]) {
-    let ports = |place: usize, wanted: fn(PortKind) -> bool| {
-        let ports = network.components[place].component.spec().ports;
-        ports.iter().filter(|port| wanted(port.kind)).count()
+/// The column of each component and input: its distance from the sources through oil and motion, with the mechanical
+/// parts right of all valves. What only signals reach stands right of its nearest neighbor. Tanks and inputs stand
+/// left of theirs.
+fn columns(network: &Network, nets: &[Net]) -> Vec<usize> {
+    let specs: Vec<&Spec> = network.components.iter().map(|one| one.component.spec()).collect();
+    let is_left = |part: usize| specs.get(part).is_none_or(|spec| spec.kind == "tank");
+    let joined = |with_signals: bool| -> Vec<Vec<usize>> {
+        let nets = nets.iter().filter(|net| with_signals || net.kind != SIGNAL);
+        let parts =
+            nets.map(|net| net.ends.iter().map(|end| end.part).filter(|part| !is_left(*part)));
+        parts.map(Iterator::collect).collect()
     };
-    let oil = |place: usize| ports(place, |kind| matches!(kind, PortKind::Hydraulic { .. }));
-    let motion = |place: usize| {
-        ports(place, |kind| {
-            matches!(kind, PortKind::Translational { .. } | PortKind::Rotational { .. })
-        })
-    };
-    let places = || 0..network.components.len();
-    let moved: Vec<usize> = places().filter(|&place| motion(place) > 0).collect();
-    let valves = places().filter(|&place| motion(place) == 0 && oil(place) > 1);
-    let lowest = valves.filter_map(|place| rows[place]).max();
-    let highest = moved.iter().filter_map(|&place| rows[place]).min();
-    let Some((lowest, highest)) = lowest.zip(highest) else { return };
-    let by = (lowest + 1).saturating_sub(highest);
-    for place in moved {
-        rows[place] = rows[place].map(|row| row + by);
+    let mut columns = vec![None; specs.len() + network.inputs.len()];
+    for (column, spec) in columns.iter_mut().zip(&specs) {
+        *column = SOURCES.contains(&spec.kind).then_some(1);
     }
+    spread(&mut columns, &joined(false));
+    shift_mechanics(&specs, &mut columns);
+    spread(&mut columns, &joined(true));
+    // What no source reaches starts from its first component.
+    for part in (0..specs.len()).filter(|part| !is_left(*part)) {
+        columns[part].get_or_insert(1);
+        spread(&mut columns, &joined(true));
+    }
+    for part in (0..columns.len()).filter(|part| is_left(*part)) {
+        let own = nets.iter().filter(|net| net.ends.iter().any(|end| end.part == part));
+        let others = own.flat_map(|net| &net.ends).filter(|end| !is_left(end.part));
+        let nearest = others.filter_map(|end| columns[end.part]).min();
+        columns[part] = Some(nearest.unwrap_or(2) - 1);
+    }
+    columns.into_iter().map(Option::unwrap_or_default).collect()
 }
 
-fn spread(rows: &mut [Option<usize>], neighbours: &[Vec<usize>]) {
-    // Start from the upper rows, so that each distance is the shortest.
-    let mut start: Vec<usize> = (0..rows.len()).filter(|&place| rows[place].is_some()).collect();
-    start.sort_by_key(|&place| (rows[place], place));
-    let mut queue: VecDeque<usize> = start.into();
-    while let Some(place) = queue.pop_front() {
-        for &next in &neighbours[place] {
-            let row = rows[place].map(|row| row + 1);
-            if rows[next].is_none() {
-                rows[next] = row;
-                queue.push_back(next);
+/// Puts the parts that nets reach one column right of those that reach them.
+fn spread(columns: &mut [Option<usize>], nets: &[Vec<usize>]) {
+    for column in 0..2 * columns.len() {
+        for net in nets {
+            if net.iter().any(|&part| columns[part] == Some(column)) {
+                net.iter().for_each(|&part| _ = columns[part].get_or_insert(column + 1));
             }
         }
     }
 }
 
-/// Splits a row with too many blocks of one actuator. Blocks with a single line come first.
-fn divide(diagram: &mut Diagram, rows: &[Option<usize>], lines: &[usize]) {
-    let last = rows.iter().flatten().max().copied().unwrap_or(0);
-    let mut above = 0;
-    for row in 0..=last {
-        let mut by_group: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-        for (place, own) in rows.iter().enumerate() {
-            // An unconnected block stands at the top.
-            if own.unwrap_or(0) == row {
-                by_group.entry(diagram.blocks[place].group.clone()).or_default().push(place);
+/// Moves mechanical parts right of everything that oil flows through, e.g. a cylinder right of its valves.
+fn shift_mechanics(specs: &[&Spec], columns: &mut [Option<usize>]) {
+    let is_oil = |kind: PortKind| matches!(kind, PortKind::Hydraulic { .. });
+    let is_motion = |kind: PortKind| !is_oil(kind) && medium(kind) != SIGNAL;
+    let count = |part: usize, wanted: &dyn Fn(PortKind) -> bool| {
+        specs[part].ports.iter().filter(|port| wanted(port.kind)).count()
+    };
+    let (moved, others): (Vec<usize>, Vec<usize>) =
+        (0..specs.len()).partition(|&part| count(part, &is_motion) > 0);
+    let valves = others.into_iter().filter(|&part| count(part, &is_oil) > 1);
+    let last_valve = valves.filter_map(|part| columns[part]).max();
+    let first = moved.iter().filter_map(|&part| columns[part]).min();
+    let Some((last_valve, first)) = last_valve.zip(first) else { return };
+    for part in moved {
+        columns[part] = columns[part].map(|column| column + (last_valve + 1).saturating_sub(first));
+    }
+}
+
+/// Splits a column with too many parts of one actuator. Parts with a single connection come first, except for
+/// inputs, which stand beside what they drive.
+fn split_columns(schematic: &mut Schematic) {
+    let last = schematic.parts.iter().map(|part| part.column).max().unwrap_or(0);
+    let ends = schematic.nets.iter().flat_map(|net| &net.ends);
+    let mut counts = vec![0; schematic.parts.len()];
+    ends.for_each(|end| counts[end.part] += 1);
+    let mut stacks: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+    for (place, part) in schematic.parts.iter().enumerate() {
+        stacks.entry((part.column, part.group)).or_default().push(place);
+    }
+    let is_input: Vec<bool> =
+        schematic.parts.iter().map(|part| part.id.starts_with("input ")).collect();
+    let mut left = 0;
+    for column in 0..=last {
+        let own = || stacks.iter().filter(|((other, _), _)| *other == column).map(|(_, own)| own);
+        let splits = own().map(Vec::len).max().unwrap_or(0).div_ceil(IN_A_COLUMN);
+        for stack in own() {
+            let mut stack = stack.clone();
+            stack.sort_by_key(|&place| counts[place] > 1 || is_input[place]);
+            let each = stack.len().div_ceil(splits);
+            for (rank, place) in stack.into_iter().enumerate() {
+                schematic.parts[place].column = left + rank / each;
             }
         }
-        let fullest = by_group.values().map(Vec::len).max().unwrap_or(0);
-        let parts = fullest.div_ceil(IN_A_ROW).max(1);
-        for mut places in by_group.into_values() {
-            places.sort_by_key(|&place| (lines[place] > 1, place));
-            let each = places.len().div_ceil(parts).max(1);
-            for (rank, &place) in places.iter().enumerate() {
-                diagram.blocks[place].layer = Some(above + rank / each);
-            }
-        }
-        above += parts;
+        left += splits;
     }
 }
 
@@ -192,26 +193,20 @@ fn divide(diagram: &mut Diagram, rows: &[Option<usize>], lines: &[usize]) {
 mod tests {
     use super::*;
 
-    fn layer(diagram: &Diagram, id: &str) -> usize {
-        diagram.blocks.iter().find(|block| block.id == id).and_then(|block| block.layer).unwrap()
-    }
-
     #[test]
-    fn oil_comes_from_the_top_and_the_load_hangs_at_the_bottom() {
-        let study = servotwin::study::Study::default();
-        let diagram = of(&study.system);
+    fn oil_comes_from_the_left_and_the_load_stands_at_the_right() {
+        let schematic = of(&servotwin::study::Study::default().system);
+        let column =
+            |id: &str| schematic.parts.iter().find(|part| part.id == id).map(|part| part.column);
         let chain = ["supply", "supply_valve", "servo_valve", "cylinder", "attachment"];
-        let layers = chain.map(|name| layer(&diagram, &format!("actuator_1.{name}")));
-        assert!(layers.is_sorted_by(|a, b| a < b), "{layers:?}");
-        assert!(layer(&diagram, "aileron") > layers[4]);
-        assert_eq!(diagram.groups, ["actuator_1", "", "actuator_2"]);
-        let figure = diagram.draw();
-        // Components with one port are included.
-        for name in [">p<", ">t<", ">rod<", ">port<"] {
-            assert!(figure.svg.contains(name), "no port {name}");
+        let columns = chain.map(|name| column(&format!("actuator_1.{name}")));
+        assert!(columns.is_sorted_by(|a, b| a < b), "{columns:?}");
+        assert!(column("aileron") > columns[4]);
+        assert_eq!(schematic.groups, ["actuator_1", "", "actuator_2"]);
+        let figure = schematic.draw();
+        for name in [">p<", ">t<", ">rod<", "data-component=\"actuator_2.leakage_a\""] {
+            assert!(figure.svg.contains(name), "no {name}");
         }
-        // Supply, lines and sensors share one line. A dot marks where it branches.
-        assert!(figure.svg.contains("<circle"));
         // The legend lists every medium once.
         for medium in MEDIA {
             assert_eq!(figure.svg.matches(&format!(">{medium}<")).count(), 1, "{medium}");

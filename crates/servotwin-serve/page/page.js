@@ -271,124 +271,45 @@ function compare(from) {
 
 // ---------------------------------------------------------------- schematic
 
-const SVG = "http://www.w3.org/2000/svg";
-
-function element(name, attributes, ...children) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
-}
-
-/** The parts of a hydraulic actuator, each at its place: x, y, width, height and words. */
-const PARTS = [
-  ["supply_valve", 10, 22, 100, 34, "supply valve"],
-  ["tank_valve", 190, 22, 100, 34, "tank valve"],
-  ["leakage_supply", 10, 60, 100, 20, "leakage supply"],
-  ["leakage_tank", 190, 60, 100, 20, "leakage tank"],
-  ["servo_valve", 60, 92, 180, 34, "servo valve"],
-  ["mode_valve", 60, 134, 180, 22, "mode valve"],
-  ["leakage_a", 10, 166, 70, 20, "leakage a"],
-  ["leakage_b", 220, 166, 70, 20, "leakage b"],
-  ["cylinder", 40, 194, 220, 46, ""],
-  ["sensor_pressure_a", 10, 248, 90, 20, "p_A sensor"],
-  ["sensor_pressure_b", 105, 248, 90, 20, "p_B sensor"],
-  ["sensor_ram", 200, 248, 90, 20, "ram sensor"],
-  ["sensor_spool", 10, 272, 90, 20, "spool sensor"],
-  ["sensor_supply", 105, 272, 90, 20, "supply sensor"],
-  ["sensor_tank", 200, 272, 90, 20, "tank sensor"],
-];
-
+/** The drawing of the system. The server draws it, and the page colors its parts by their names. */
 const schematic = {
-  views: [],
+  parts: [],
 
   build() {
-    this.views = [];
-    $("schematic").replaceChildren();
-    about.actuators.forEach((name, actuator) => {
-      const view = this.actuator(name, actuator);
-      if (view) this.views.push(view);
-    });
-    this.walk(this.views.flatMap(({ parts }) => parts));
+    const drawn = new DOMParser().parseFromString(about.schematic || "", "image/svg+xml").documentElement;
+    $("schematic").replaceChildren(...(drawn.nodeName === "svg" ? [drawn] : []));
+    this.parts = [...$("schematic").querySelectorAll("[data-component]")];
+    const takesFaults = (part) => about.components.some(({ id, faults }) => id === part.dataset.component && faults.length);
+    this.walk(this.parts.filter(takesFaults));
   },
 
-  /** The drawing is one stop of the Tab key; arrows lead from part to part. */
+  /** The drawing is one stop of the Tab key; arrows lead from part to part, and Enter or a click chooses one. */
   walk(parts) {
     const steps = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1, Home: -Infinity, End: Infinity };
     parts.forEach((part, place) => {
-      part.setAttribute("tabindex", place ? -1 : 0);
+      const id = part.dataset.component;
+      const given = { class: "touch", role: "button", "aria-label": words(id), tabindex: place ? -1 : 0 };
+      for (const [key, value] of Object.entries(given)) part.setAttribute(key, value);
+      part.addEventListener("click", () => chooseComponent(id));
       part.addEventListener("focus", () => parts.forEach((one) => one.setAttribute("tabindex", one === part ? 0 : -1)));
       part.addEventListener("keydown", (event) => {
-        if (!(event.key in steps)) return;
+        const isChosen = event.key === "Enter" || event.key === " ";
+        if (!isChosen && !(event.key in steps)) return;
         event.preventDefault();
-        parts[Math.max(0, Math.min(parts.length - 1, place + steps[event.key]))].focus();
+        if (isChosen) chooseComponent(id);
+        else parts[Math.max(0, Math.min(parts.length - 1, place + steps[event.key]))].focus();
       });
     });
-  },
-
-  actuator(name, actuator) {
-    const id = (part) => (name ? `${name}.${part}` : part);
-    const known = PARTS.filter(([part]) => about.components.some((component) => component.id === id(part)));
-    if (!known.length) return null;
-    const svg = element("svg", { viewBox: "0 0 300 300", role: "group", "aria-label": name || "actuator" });
-    svg.append(element("text", { x: 10, y: 16, "font-weight": 700 }, name.replace("_", " ") || "actuator"));
-    svg.append(element("path", { class: "pipe", d: "M60 56V92M240 56V92M90 126V194M210 126V194" }));
-    const parts = known.map(([part, x, y, width, height, words]) => {
-      const touch = element("g", { class: "touch", role: "button", "data-component": id(part),
-        "aria-label": `${name} ${part}`.replaceAll("_", " ") });
-      touch.append(element("rect", { class: "part", x, y, width, height, rx: 3 }));
-      touch.append(element("text", { x: x + 5, y: y + 14 }, words));
-      const choose = () => chooseComponent(id(part));
-      touch.addEventListener("click", choose);
-      touch.addEventListener("keydown", (event) => {
-        if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(); }
-      });
-      svg.append(touch);
-      return touch;
-    });
-    const ram = element("rect", { x: 146, y: 196, width: 8, height: 42, fill: "currentColor" });
-    const spool = element("rect", { x: 142, y: 113, width: 16, height: 10, fill: "currentColor" });
-    svg.append(ram, spool);
-    const readings = {};
-    const place = { pressure_a: [46, 222], pressure_b: [200, 222], supply: [15, 50], return: [195, 50], ram: [112, 207], spool: [160, 107] };
-    for (const [quantity, [x, y]] of Object.entries(place)) {
-      const signal = this.signal(actuator, quantity);
-      if (signal === null) continue;
-      const text = element("text", { x, y });
-      svg.append(text);
-      readings[quantity] = { signal, text };
-    }
-    const mode = about.signals.findIndex((signal) => signal.group === "mode" && signal.actuator === actuator);
-    const modeText = element("text", { x: 150, y: 149 });
-    svg.append(modeText);
-    $("schematic").append(svg);
-    return { svg, parts, ram, spool, readings, mode, modeText };
-  },
-
-  signal(actuator, quantity) {
-    const found = about.signals.findIndex((signal) =>
-      signal.group === "reading" && signal.actuator === actuator && signal.quantity === quantity);
-    return found < 0 ? null : found;
   },
 
   update() {
     const faulty = new Set((state.injected || []).map((one) => one.fault.slice(0, one.fault.lastIndexOf("."))));
-    for (const { parts, ram, spool, readings, mode, modeText, svg } of this.views) {
-      for (const part of parts) part.classList.toggle("faulty", faulty.has(part.dataset.component));
-      for (const { signal, text } of Object.values(readings)) {
-        const value = data.last(signal);
-        text.textContent = value === null ? "—" : `${value.toFixed(1)} ${about.signals[signal].unit}`;
-      }
-      const share = (name) => {
-        const reading = readings[name];
-        const value = reading ? data.last(reading.signal) : null;
-        return value === null ? 0 : Math.max(-1, Math.min(1, value / about.signals[reading.signal].scale));
-      };
-      ram.setAttribute("x", 146 + 90 * share("ram"));
-      spool.setAttribute("x", 142 + 60 * share("spool"));
-      const isOn = mode < 0 ? null : data.last(mode);
-      modeText.textContent = isOn === null ? "" : isOn > 0.5 ? "active" : "off, damped";
-      svg.querySelectorAll("rect").forEach((rect) => rect.classList.toggle("off", isOn !== null && isOn < 0.5));
+    const isOff = (k) => (data.last(k) ?? 1) < 0.5;
+    const names = indices("mode").filter(isOff).map((k) => about.actuators[about.signals[k].actuator]);
+    const off = names.map((name) => (name ? `${name}.` : ""));
+    for (const { classList, dataset } of this.parts) {
+      classList.toggle("faulty", faulty.has(dataset.component));
+      classList.toggle("off", off.some((name) => dataset.component.startsWith(name)));
     }
   },
 };

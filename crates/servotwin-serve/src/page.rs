@@ -2,7 +2,8 @@
 //!
 //! The file plays its session in any browser without a server: `saved.js` stands in for it. Its content security policy
 //! allows no request to anywhere and no script but those of this page. Nothing of the session is HTML: all of it is
-//! base64, and the page shows names and titles as text.
+//! base64, and the page shows names and titles as text. The drawing of the system is SVG, in which the policy allows no
+//! script.
 //!
 //! The session in the file is gzip of: the length of a header in bytes (u32), the header as JSON, and the samples. The
 //! header holds `about`, the number of samples of each frame, and events and states, each with the number of the frame

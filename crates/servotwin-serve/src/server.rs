@@ -3,7 +3,7 @@
 //! | path | gives |
 //! |---|---|
 //! | `/` | the page, with everything that it needs beside it |
-//! | `/about` | what the flight is: signals, components, faults |
+//! | `/about` | what the flight is: signals, components, faults, and the drawing of the system |
 //! | `/live` | the WebSocket: frames and events to the viewer, requests from it |
 //! | `/events` | all events so far |
 //! | `/session` | the present flight as a Parquet file, to be saved |

@@ -8,6 +8,7 @@ use servotwin::study::Study;
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Outcome, Raised, Session, UnjudgedCounts};
 use servotwin_diagnosis::hierarchy::Stage;
+use servotwin_report::schematic;
 
 /// Where the samples come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -49,6 +50,7 @@ pub fn about(
         "actuators": diagnoser.names().actuators,
         "signals": list,
         "components": components.collect::<Vec<_>>(),
+        "schematic": schematic::of(system).draw().svg,
         "effects": effects(kind, study, diagnoser),
         "version": env!("CARGO_PKG_VERSION"),
     })

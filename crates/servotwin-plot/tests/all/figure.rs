@@ -6,13 +6,13 @@ use proptest::prelude::*;
 use roxmltree::Document;
 use servotwin_plot::bars::{Bar, Bars};
 use servotwin_plot::decimate::decimate;
-use servotwin_plot::diagram::{Block, Diagram, Wire};
 use servotwin_plot::heatmap::ConfusionMatrix;
 use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_plot::lines::{Curve, Lines};
+use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
 use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
 use servotwin_plot::tree::{Node, TreeFigure};
-use servotwin_plot::{Figure, FigureError};
+use servotwin_plot::{Figure, FigureError, Look};
 
 use crate::folder::Folder;
 
@@ -77,21 +77,32 @@ fn tree(depth: usize) -> Figure {
     .draw()
 }
 
-fn diagram(count: usize) -> Figure {
-    let mut diagram = Diagram { title: NAME.to_owned(), ..Diagram::default() };
-    for number in 0..count {
-        let id = format!("block_{number}");
-        let group = format!("Group {}", number % 3);
-        diagram.blocks.push(Block::new(&id, "title\nsecond line", NAME, &group));
-        let wire = Wire::new(&format!("block_{}", number / 2), &id, "oil");
-        diagram.wires.push(Wire { label: "p".to_owned(), arrow: true, ..wire });
-        diagram.wires.push(Wire::new(&id, &format!("block_{}", number * 7 % count), NAME));
+fn schematic(count: usize) -> Figure {
+    let part = |number: usize| Part {
+        id: format!("part_{number} {NAME}"),
+        text: "title\nsecond line".to_owned(),
+        kind: number % 2,
+        group: number % 3,
+        column: number * number % 7,
+    };
+    let end = |part: usize| NetEnd {
+        part,
+        port: format!("{NAME} {part}"),
+        arrow: part.is_multiple_of(2),
+    };
+    let net = |number: usize| Net {
+        kind: 1,
+        ends: [number, number / 2, number * 7 % count].map(end).to_vec(),
+    };
+    let kinds = ["oil", NAME].iter().enumerate();
+    Schematic {
+        title: NAME.to_owned(),
+        groups: ["", NAME, "third"].map(str::to_owned).to_vec(),
+        kinds: kinds.map(|(place, kind)| ((*kind).to_owned(), Look::nth(place))).collect(),
+        parts: (0..count).map(part).collect(),
+        nets: (0..count).map(net).collect(),
     }
-    diagram.wires.push(Wire::new("block_0", "nowhere", "oil"));
-    if let Some(last) = diagram.blocks.last_mut() {
-        last.layer = Some(5);
-    }
-    diagram.draw()
+    .draw()
 }
 
 fn gallery() -> Vec<(&'static str, Figure)> {
@@ -104,7 +115,7 @@ fn gallery() -> Vec<(&'static str, Figure)> {
         ("lines", lines(3.0, false)),
         ("logarithmic lines", lines(3.0, true)),
         ("tree", tree(6)),
-        ("diagram", diagram(60)),
+        ("schematic", schematic(60)),
     ]
 }
 
@@ -158,8 +169,8 @@ fn nothing_to_draw_is_drawn_as_nothing() {
         lines(0.0, false),
         Lines::new("", "", "").draw(),
         tree(0),
-        diagram(1),
-        Diagram::default().draw(),
+        schematic(1),
+        Schematic::default().draw(),
     ];
     for figure in empty {
         assert_well_formed("empty", &figure);

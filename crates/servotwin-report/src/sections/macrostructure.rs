@@ -7,7 +7,7 @@ use crate::{Material, stages};
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage, StagePlace};
 use servotwin_plot::SemanticColor;
-use servotwin_plot::diagram::{Block, Diagram, Wire};
+use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -31,7 +31,7 @@ pub fn write(material: &Material, page: &mut Page) {
         ),
         false => String::new(),
     };
-    page.figure("macrostructure", diagram(hierarchy, judged, &material.looks()).draw(), &format!(
+    page.figure("macrostructure", schematic(hierarchy, judged, &material.looks()).draw(), &format!(
             "Scenario: {}. From residuals to the failure{}, with the accuracy of each tree on variants it has not seen ({}).{remark}",
             result.title,
             words.paper(" (figure 10 of the seed paper)"),
@@ -39,75 +39,87 @@ pub fn write(material: &Material, page: &mut Page) {
         ));
 }
 
-fn diagram(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks) -> Diagram {
+/// The drawing: residuals, the tree of actuators, then a band for each actuator with its trees and their classes.
+fn schematic(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks) -> Schematic {
     let names = &hierarchy.names;
-    // Blocks of an action have the color of that action.
+    // Parts of an action have the color of that action.
     let commands =
         names.actions.iter().map(|name| (spoken(name), looks.class(Question::Action, name)));
-    let plain = [("decision", 0), ("residuals", 1), ("tree", 0)];
+    let plain = [("tree", 0), ("residuals", 1)];
     let plain = plain.map(|(kind, place)| (kind.to_owned(), SemanticColor::Plain(place).look()));
-    let (kinds, looks) = plain.into_iter().chain(commands).unzip();
-    let mut diagram = Diagram { kinds, looks, ..Diagram::default() };
-    let sensors = Block::new("residuals", "features of\nresiduals", "residuals", "");
-    diagram.blocks.push(Block { layer: Some(0), ..sensors });
+    let kinds = plain.into_iter().chain(commands).collect();
+    let actuators = names.actuators.iter().map(|name| spoken(name));
+    let groups = [String::new()].into_iter().chain(actuators).collect();
+    let mut drawn = Schematic { kinds, groups, ..Schematic::default() };
+    let mut first = add(&mut drawn, ("residuals", "features of\nresiduals"), 1, (0, 0));
     let is_first = |stage: &&Stage| stage.place.question == Question::Actuator;
     let asked = hierarchy.stages.iter().find(is_first).is_some_and(stages::decides);
-    let first = match (asked, names.actuators.len()) {
-        (false, 0 | 1) => "residuals",
-        (_, units) => {
-            let asks = if units > 1 { "which one" } else { "faulty?" };
-            let text = format!("A  {asks}\n{}", accuracy(judged, "A"));
-            diagram.blocks.push(Block { layer: Some(1), ..Block::new("A", &text, "tree", "") });
-            diagram.wires.push(arrow("residuals", "A"));
-            "A"
-        }
-    };
-    for (actuator, name) in names.actuators.iter().enumerate() {
-        add_actuator(&mut diagram, hierarchy, judged, first, (actuator as u32, name));
+    if asked || names.actuators.len() > 1 {
+        let asks = if names.actuators.len() > 1 { "which one" } else { "faulty?" };
+        let tree =
+            add(&mut drawn, ("A", &format!("A  {asks}\n{}", accuracy(judged, "A"))), 0, (0, 1));
+        join(&mut drawn, first, &[tree]);
+        first = tree;
     }
-    diagram
+    let actuators = 0..names.actuators.len();
+    let trees: Vec<usize> =
+        actuators.map(|actuator| add_actuator(&mut drawn, hierarchy, judged, actuator)).collect();
+    join(&mut drawn, first, &trees);
+    drawn
 }
 
+/// Adds the trees of an actuator, and returns the one of its actions.
 fn add_actuator(
-    diagram: &mut Diagram,
+    drawn: &mut Schematic,
     hierarchy: &Hierarchy,
     judged: Option<&ProtocolResult>,
-    first: &str,
-    (actuator, name): (u32, &str),
-) {
-    let group = spoken(name);
-    let own = |question, command| {
+    actuator: usize,
+) -> usize {
+    let id = |question, action| {
         let several = hierarchy.names.actuators.len() > 1;
-        StagePlace { question, actuator: several.then_some(actuator), action: command }.id()
+        StagePlace { question, actuator: several.then_some(actuator as u32), action }.id()
     };
-    let command_id = own(Question::Action, None);
-    let text = format!("{command_id}  command\n{}", accuracy(judged, &command_id));
-    diagram.blocks.push(Block { layer: Some(2), ..Block::new(&command_id, &text, "tree", &group) });
-    diagram.wires.push(arrow(first, &command_id));
-    for (command, title) in hierarchy.names.actions.iter().enumerate() {
-        let Some(stage) = hierarchy.stage(Question::Detail, actuator, command as u32) else {
+    let own = id(Question::Action, None);
+    let text = format!("{own}  command\n{}", accuracy(judged, &own));
+    let tree = add(drawn, (&own, &text), 0, (actuator + 1, 2));
+    let mut below = vec![];
+    for (action, title) in hierarchy.names.actions.iter().enumerate() {
+        let Some(stage) = hierarchy.stage(Question::Detail, actuator as u32, action as u32) else {
             continue;
         };
-        let id = own(Question::Detail, Some(command as u32));
+        let id = id(Question::Detail, Some(action as u32));
         let text = format!("{id}  {}\n{}", spoken(title), accuracy(judged, &id));
-        diagram
-            .blocks
-            .push(Block { layer: Some(3), ..Block::new(&id, &text, &spoken(title), &group) });
-        diagram.wires.push(arrow(&command_id, &id));
-        let leaves = format!("{id} details");
-        let block = Block::new(&leaves, &details(hierarchy, stage), &spoken(title), &group);
-        diagram.blocks.push(Block { layer: Some(4), ..block });
-        diagram.wires.push(arrow(&id, &leaves));
+        let causes = add(drawn, (&id, &text), 2 + action, (actuator + 1, 3));
+        let leaves = (format!("{id} details"), details(hierarchy, stage));
+        let leaves = add(drawn, (&leaves.0, &leaves.1), 2 + action, (actuator + 1, 4));
+        join(drawn, causes, &[leaves]);
+        below.push(causes);
     }
+    join(drawn, tree, &below);
+    tree
+}
+
+/// Adds a part, and returns its index.
+fn add(
+    drawn: &mut Schematic,
+    (id, text): (&str, &str),
+    kind: usize,
+    (group, column): (usize, usize),
+) -> usize {
+    drawn.parts.push(Part { id: id.into(), text: text.into(), kind, group, column });
+    drawn.parts.len() - 1
+}
+
+/// Leads arrows from a part to others.
+fn join(drawn: &mut Schematic, from: usize, to: &[usize]) {
+    let end = |part: usize| NetEnd { part, port: String::new(), arrow: part != from };
+    let ends: Vec<NetEnd> = [from].iter().chain(to).map(|part| end(*part)).collect();
+    drawn.nets.extend((!to.is_empty()).then_some(Net { kind: 0, ends }));
 }
 
 fn details(hierarchy: &Hierarchy, stage: &Stage) -> String {
     let name = |&class: &u32| spoken(&hierarchy.names.details[class as usize]);
     stage.classes.iter().map(name).collect::<Vec<_>>().join("\n")
-}
-
-fn arrow(from: &str, to: &str) -> Wire {
-    Wire { arrow: true, ..Wire::new(from, to, "decision") }
 }
 
 fn accuracy(judged: Option<&ProtocolResult>, id: &str) -> String {

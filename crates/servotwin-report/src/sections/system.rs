@@ -11,8 +11,8 @@ pub fn write(material: &Material, page: &mut Page) {
     page.figure(
             "schematic",
             schematic::of(system).draw(),
-            "The simulated system: what supplies at the top, what is moved at the bottom. Lines run from \
-             the port that sets pressure, motion or signal, and branch to all that it is joined with.",
+            "The simulated system: what supplies at the left, what is moved at the right. A line joins ports, \
+             and a dot marks where it branches.",
         );
     let mut grid = HtmlTable::new([
         ("sensor", Alignment::Left),

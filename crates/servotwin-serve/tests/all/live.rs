@@ -32,6 +32,12 @@ fn the_page_and_everything_beside_it_are_in_the_server() {
         let faults: Vec<&Value> =
             faults.flat_map(|one| one["faults"].as_array().unwrap()).collect();
         assert!(faults.iter().any(|fault| fault["id"] == FAULT));
+        // Each component is in the drawing, where the page finds it by its name.
+        let drawing = about["schematic"].as_str().unwrap();
+        for component in about["components"].as_array().unwrap() {
+            let id = component["id"].as_str().unwrap();
+            assert!(drawing.contains(&format!("data-component=\"{id}\"")), "{id} is not drawn");
+        }
     });
 }
 
