@@ -35,6 +35,7 @@ __all__ = [
     "join_flights",
     "join_study",
     "learn_from_flights",
+    "learn_spreads",
     "make_features",
     "merge_parts",
     "read_trees",
@@ -397,14 +398,16 @@ def fly_piece(
     scenario: str,
     suite: str,
     environment: int,
-    diagnoser: Optional[str] = None,
+    known: str,
     threads: Optional[int] = None,
 ) -> str: ...
+def learn_spreads(study: Study, full: bool, scenario: str, threads: Optional[int] = None) -> str: ...
 def learn_from_flights(
     study: Study,
     out: Path,
     full: bool,
     scenario: str,
+    spreads: str,
     flown: Sequence[str],
     threads: Optional[int] = None,
 ) -> None: ...

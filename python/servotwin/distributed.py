@@ -180,12 +180,12 @@ def flights(
     watched: list[tuple[str, str, list[str]]] = []
     sent: list[Any] = []
 
-    def flown(scenario: str, suite: str, runs: list[int], diagnoser: Optional[tuple[str, str]]) -> list[Any]:
-        """What came of every environment of a suite."""
+    def flown(scenario: str, suite: str, runs: list[int], known: Union[str, tuple[str, str]]) -> list[Any]:
+        """What came of every environment of a suite, with the spreads to learn with or the file of the diagnoser."""
         futures = []
         for environment in range(len(runs)):
-            key = _key(f"{study.name} {scenario} {suite} {environment}", where[:2], full, diagnoser)
-            about = (full, scenario, suite, environment, diagnoser, threads or 1)
+            key = _key(f"{study.name} {scenario} {suite} {environment}", where[:2], full, known)
+            about = (full, scenario, suite, environment, known, threads or 1)
             futures.append(client.submit(_flown, where, *about, key=key, pure=False, retries=3))
         sent.extend(futures)
         return _watched(f"{scenario}: {suite}", futures, runs, show)
@@ -199,8 +199,9 @@ def flights(
                     texts = flown(scenario, suite, runs, diagnosers[scenario])
                     watched.append((scenario, suite, texts))
                     continue
-                texts = flown(scenario, suite, runs, None)
-                _native.learn_from_flights(study, folder, full, scenario, texts, threads)
+                spreads = _native.learn_spreads(study, full, scenario, threads)
+                texts = flown(scenario, suite, runs, spreads)
+                _native.learn_from_flights(study, folder, full, scenario, spreads, texts, threads)
                 file = f"diagnoser-{scenario}.json"
                 store.put_all(folder, [file])
                 diagnosers[scenario] = (file, _mark((folder / file).read_bytes()))
@@ -364,15 +365,15 @@ def _flown(
     scenario: str,
     suite: str,
     environment: int,
-    about: Optional[tuple[str, str]],
+    about: Union[str, tuple[str, str]],
     threads: int,
 ) -> str:
-    """Fly one environment of a suite in a worker, watched by a diagnoser or to learn from."""
+    """Fly one environment of a suite in a worker, to learn from with spreads or watched by a diagnoser."""
     mark, out, options = where
     store = _Store(out, options)
-    diagnoser = None if about is None else _diagnoser(store, about)
+    known = about if isinstance(about, str) else _diagnoser(store, about)
     study = _study(store, mark)
-    return _native.fly_piece(study, full, scenario, suite, environment, diagnoser, threads)
+    return _native.fly_piece(study, full, scenario, suite, environment, known, threads)
 
 
 def _piece(

@@ -60,6 +60,7 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pieces::fly_all, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::flight_pieces, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::fly_piece, module)?)?;
+    module.add_function(wrap_pyfunction!(pieces::learn_spreads, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::learn_from_flights, module)?)?;
     module.add_function(wrap_pyfunction!(pieces::join_flights, module)?)?;
     module.add_function(wrap_pyfunction!(model::fit, module)?)?;

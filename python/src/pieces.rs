@@ -11,6 +11,7 @@ use servotwin::campaign::CampaignError;
 use servotwin::evaluation::model_file;
 use servotwin::flight::outcome::FlightOutcome;
 use servotwin::flight::training_windows::{self, TrainingWindows};
+use servotwin::flight::windows::WindowDesign;
 use servotwin::job::flights::{self, Crew};
 use servotwin::job::{self, Among, Folder, JobError, Subject, manifest, outcomes};
 use servotwin::run::{Runner, plan};
@@ -135,9 +136,39 @@ pub fn flight_pieces(study: &Study, full: bool) -> Vec<(&'static str, String, Ve
     pieces
 }
 
-/// Flies an environment of a suite, to learn from or watched by a diagnoser (its JSON); what came of it.
+/// How the spreads of healthy residuals grow in a scenario, as JSON for [`fly_piece`] and [`learn_from_flights`].
 #[pyfunction]
-#[pyo3(signature = (study, full, scenario, suite, environment, diagnoser = None, threads = None))]
+#[pyo3(signature = (study, full, scenario, threads = None))]
+pub fn learn_spreads(
+    py: Python<'_>,
+    study: &Study,
+    full: bool,
+    scenario: &str,
+    threads: Option<usize>,
+) -> PyResult<String> {
+    let study = &*study.inner;
+    let scenario = self::scenario(study, scenario)?;
+    let result = long(py, None, |watch| -> Result<String, Failure> {
+        let design = flights::design((study, full), scenario, watch.workers(threads))?;
+        Ok(to_text(&design.spreads))
+    })?;
+    Ok(result?)
+}
+
+/// The windows of a scenario with spreads from [`learn_spreads`].
+fn design<'s>(
+    study: &'s Inner,
+    scenario: Scenario,
+    spreads: &str,
+) -> Result<WindowDesign<'s>, Failure> {
+    let flights = study.flights.as_ref().ok_or(JobError::NoFlights)?;
+    Ok(WindowDesign { study, flights, scenario, spreads: from_text(spreads)? })
+}
+
+/// Flies an environment of a suite; what came of it. `known` is the JSON of the spreads for a suite to learn from, and
+/// that of the diagnoser that watches for others.
+#[pyfunction]
+#[pyo3(signature = (study, full, scenario, suite, environment, known, threads = None))]
 #[expect(clippy::too_many_arguments, reason = "they are Python's")]
 pub fn fly_piece(
     py: Python<'_>,
@@ -146,22 +177,22 @@ pub fn fly_piece(
     scenario: &str,
     suite: &str,
     environment: usize,
-    diagnoser: Option<&str>,
+    known: &str,
     threads: Option<usize>,
 ) -> PyResult<String> {
     let study = &*study.inner;
     let (scenario, suite) = (self::scenario(study, scenario)?, self::suite(study, full, suite)?);
-    let diagnoser: Option<Diagnoser> = diagnoser.map(from_text).transpose()?;
     let result = long(py, None, |watch| -> Result<String, Failure> {
         let workers = watch.workers(threads);
-        let Some(diagnoser) = diagnoser else {
-            let flights = study.flights.as_ref().ok_or(JobError::NoFlights)?;
+        if suite.purpose == Purpose::Train {
+            let design = design(study, scenario, known)?;
             let own = environment..environment + 1;
             let runner = Runner::new(study, suite, (scenario, None), own, workers)?;
-            let taken = to_text(&training_windows::of_runs(flights, &runner));
+            let taken = to_text(&training_windows::of_runs(&design, &runner));
             check(watch)?;
             return Ok(taken);
-        };
+        }
+        let diagnoser: Diagnoser = from_text(known)?;
         let place = (study, suite, scenario);
         Ok(to_text(&outcomes::fly_environment(place, environment, &Arc::new(diagnoser), workers)?))
     })?;
@@ -170,13 +201,15 @@ pub fn fly_piece(
 
 /// Learns from what was flown in all environments and writes the diagnoser of a scenario.
 #[pyfunction]
-#[pyo3(signature = (study, out, full, scenario, flown, threads = None))]
+#[pyo3(signature = (study, out, full, scenario, spreads, flown, threads = None))]
+#[expect(clippy::too_many_arguments, reason = "they are Python's")]
 pub fn learn_from_flights(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
     full: bool,
     scenario: &str,
+    spreads: &str,
     flown: Vec<String>,
     threads: Option<usize>,
 ) -> PyResult<()> {
@@ -184,12 +217,13 @@ pub fn learn_from_flights(
     let scenario = self::scenario(study, scenario)?;
     let result = long(py, None, |watch| -> Result<(), Failure> {
         let _hold = folder.hold(Among::Nobody)?;
+        let design = design(study, scenario, spreads)?;
         let mut taken = TrainingWindows::default();
         for text in &flown {
             taken.add(from_text(text)?);
         }
         let crew = Crew { workers: watch.workers(threads), progress: &|_, _| () };
-        flights::learn_from(&folder, (study, full), scenario, taken, &crew)?;
+        flights::learn_from(&folder, &design, full, taken, &crew)?;
         Ok(())
     })?;
     Ok(result?)

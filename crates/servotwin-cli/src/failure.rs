@@ -7,7 +7,6 @@ use servotwin::evaluation::EvaluationError;
 use servotwin::figure::FigureError;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
-use servotwin::flight::band::BandError;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
@@ -178,9 +177,6 @@ pub enum Failure {
     /// A fit failed.
     #[error("error: {0}")]
     Fit(FitError),
-    /// A band could not be learned.
-    #[error("error: {0}")]
-    Band(BandError),
     /// A fitted system cannot be written.
     #[error("error: {0}")]
     Rewrite(#[from] RewriteError),
@@ -289,7 +285,6 @@ impl Failure {
             | Failure::Figure(_)
             | Failure::Runtime(_)
             | Failure::Fit(_)
-            | Failure::Band(_)
             | Failure::File(_)
             | Failure::NoUpdate { .. }
             | Failure::Alarm { .. }
@@ -438,16 +433,6 @@ impl From<CampaignError> for Failure {
         match error {
             CampaignError::Cancelled => Failure::Stopped,
             error => Failure::Campaign(error),
-        }
-    }
-}
-
-impl From<BandError> for Failure {
-    fn from(error: BandError) -> Self {
-        match error {
-            BandError::Flights(CampaignError::Cancelled) => Failure::Stopped,
-            BandError::Flights(error) => Failure::Campaign(error),
-            error @ BandError::TooFew { .. } => Failure::Band(error),
         }
     }
 }

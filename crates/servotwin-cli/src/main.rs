@@ -23,9 +23,9 @@ mod stop;
 
 use clap::{Parser, Subcommand};
 use commands::{
-    band, cache, campaign, check, completions, components, describe, evaluate, explain, export,
-    faults, faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge,
-    prove, report, results, schema, sensors, serve, simulate, study, train, watch, worst_case,
+    cache, campaign, check, completions, components, describe, evaluate, explain, export, faults,
+    faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge, prove,
+    report, results, schema, sensors, serve, simulate, study, train, watch, worst_case,
 };
 use failure::Failure;
 use paths::Paths;
@@ -112,7 +112,6 @@ enum Command {
     Evaluate(evaluate::Options),
     Fit(fit::Options),
     History(history::Options),
-    Band(band::Options),
     Flights(flights::Options),
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
@@ -146,7 +145,6 @@ impl Command {
             Command::Features(options) => options.paths(),
             Command::Fit(options) => options.paths(),
             Command::History(options) => options.paths(),
-            Command::Band(options) => options.paths(),
             Command::Watch(options) => options.paths(),
             Command::Serve(options) => options.paths(),
             Command::Fmea(options) => options.paths(),
@@ -175,7 +173,6 @@ impl Command {
             Command::Explain(options) => explain::run(options, global),
             Command::Fit(options) => fit::run(options, global),
             Command::History(options) => history::run(options, global),
-            Command::Band(options) => band::run(options, global),
             Command::Flights(options) => flights::run(options, global),
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),

@@ -200,35 +200,19 @@ impl Sliding {
             require(whole, "pane_samples", length, "a multiple of the shortest pane")?;
             require(span.panes != 0, "panes", 0.0, "at least 1")?;
         }
-        Ok(Self::of(Window::watching(sensors, watched), base_samples, spans))
-    }
-
-    /// Creates the same, empty windows that also compare residuals with a conditional band.
-    pub fn within_a_conditional_band(self) -> Self {
-        let spans: Vec<WindowSpan> = self.rings.iter().map(|ring| ring.span).collect();
-        Self::of(self.base.within_a_conditional_band(), self.base_samples, &spans)
-    }
-
-    fn of(empty: Window, base_samples: u32, spans: &[WindowSpan]) -> Self {
+        let empty = Window::watching(sensors, watched);
         let rings = spans.iter().map(|&span| Ring::new(span, &empty)).collect();
         let (full, turn, ended) = (empty.clone(), spans.len(), vec![false; spans.len()]);
-        Sliding { base_samples, base: empty, full, turn, rings, ended }
+        Ok(Sliding { base_samples, base: empty, full, turn, rings, ended })
     }
 
-    /// Adds one sample as [`Window::add_within`] does; `half_widths` is empty without a conditional band. Returns
-    /// whether it completed a window of any span. Does not allocate.
+    /// Adds one sample as [`Window::add`] does. Returns whether it completed a window of any span. Does not allocate.
     ///
     /// # Panics
     /// As [`Window::add`].
-    pub fn add(
-        &mut self,
-        measured: &[f64],
-        twin: &[f64],
-        scales: &[f64],
-        half_widths: &[f64],
-    ) -> bool {
+    pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> bool {
         self.ended.fill(false);
-        self.base.add_within(measured, twin, scales, half_widths);
+        self.base.add(measured, twin, scales);
         if self.base.count() >= u64::from(self.base_samples) {
             // With more spans than samples in a pane, the remaining spans cannot wait any longer.
             (self.turn..self.rings.len()).for_each(|_| self.take_turn());
@@ -362,7 +346,7 @@ mod tests {
         let mut checks = 0;
         for k in 0..DAY + TURNS {
             let (measured, twin) = sample(&mut random, k);
-            sliding.add(&measured, &twin, &[2.0], &[]);
+            sliding.add(&measured, &twin, &[2.0]);
             recent.push_back((measured, twin));
             if recent.len() > 1003 {
                 recent.pop_front();
@@ -389,7 +373,7 @@ mod tests {
         let mut came = [0; 4];
         for k in 0..2003 {
             let (measured, twin) = sample(&mut random, k);
-            let any = sliding.add(&measured, &twin, &[2.0], &[]);
+            let any = sliding.add(&measured, &twin, &[2.0]);
             let ended: Vec<usize> = (0..4).filter(|&span| sliding.has_ended(span)).collect();
             assert_eq!(any, !ended.is_empty());
             assert!(ended.len() <= 1, "{ended:?} at {k}");
@@ -405,7 +389,7 @@ mod tests {
         let mut random = Random::new(4);
         let samples: Vec<_> = (0..41).map(|k| sample(&mut random, k)).collect();
         for (measured, twin) in &samples {
-            sliding.add(measured, twin, &[2.0], &[]);
+            sliding.add(measured, twin, &[2.0]);
         }
         for (span, part) in [(0, 39..41), (1, 38..40), (2, 36..40)] {
             assert_same(sliding.window(span), &exact(&samples[part]), 1e-14, span as u64);
@@ -418,7 +402,7 @@ mod tests {
         let mut random = Random::new(1);
         let samples: Vec<_> = (0..30).map(|k| sample(&mut random, k)).collect();
         for (k, (measured, twin)) in samples.iter().enumerate() {
-            let ended = sliding.add(measured, twin, &[2.0], &[]);
+            let ended = sliding.add(measured, twin, &[2.0]);
             assert_eq!(ended, (k + 1) % 10 == 0);
             assert!(!sliding.has_ended(1));
         }
@@ -435,7 +419,7 @@ mod tests {
         let run = |sliding: &mut Sliding, random: &mut Random, from: u64| {
             for k in from..from + 777 {
                 let (measured, twin) = sample(random, k);
-                sliding.add(&measured, &twin, &[2.0], &[]);
+                sliding.add(&measured, &twin, &[2.0]);
             }
         };
         // 777 is no multiple of a pane: the ten rounds stop within every turn.

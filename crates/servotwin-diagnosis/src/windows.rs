@@ -9,6 +9,7 @@ use crate::baseline::{self, Baseline, BaselineSettings};
 use crate::error::Error;
 use crate::residual::Window;
 use crate::sliding::{self, Sliding, WindowSpan};
+use crate::spread::Spreads;
 
 /// A kind of window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,8 +29,6 @@ pub struct WindowSample<'s> {
     pub twin: &'s [f64],
     /// The scale of each sensor.
     pub scales: &'s [f64],
-    /// The half widths of the conditional band, in parts of scale; empty without one.
-    pub half_widths: &'s [f64],
     /// Sensors with a stand-in value that looks healthy.
     pub stands_in: &'s [bool],
     /// Whether there is no suspicion, so that the baseline may follow.
@@ -50,29 +49,42 @@ struct BaselineCorrected {
 pub struct Windows {
     /// For each kind, whether it is baseline-corrected, and its index among those that are or are not.
     places: Vec<(bool, usize)>,
+    spreads: Spreads,
     absolute: Sliding,
     baseline_corrected: Option<BaselineCorrected>,
+}
+
+/// Stored [`Windows`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stored {
+    /// As [`Spreads::store`].
+    twin: Vec<f64>,
+    absolute: sliding::Stored,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    baseline_corrected: Option<StoredBaselineCorrected>,
 }
 
 /// The stored baseline-corrected part of [`Windows`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StoredBaselineCorrected {
+struct StoredBaselineCorrected {
     baseline: baseline::Stored,
     windows: sliding::Stored,
 }
 
 impl Windows {
-    /// Empty windows of `sensors` sensors, of which the first `watched` decide whether something deviates.
+    /// Empty windows of the sensors with these spreads. The first `watched` decide whether something deviates.
     ///
     /// # Errors
     /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] for baseline-corrected kinds without a
     /// baseline, or vice versa.
     pub fn new(
-        (sensors, watched): (usize, usize),
+        (spreads, watched): (Spreads, usize),
         kinds: &[WindowKind],
         baseline: Option<BaselineSettings>,
     ) -> Result<Self, Error> {
+        let sensors = spreads.sensors();
         let spans = |is_baseline_corrected: bool| -> Vec<WindowSpan> {
             let own =
                 kinds.iter().filter(|kind| kind.is_baseline_corrected == is_baseline_corrected);
@@ -98,13 +110,7 @@ impl Windows {
             (kind.is_baseline_corrected, *count - 1)
         };
         let places = kinds.iter().map(place).collect();
-        Ok(Windows { places, absolute, baseline_corrected })
-    }
-
-    /// The same, empty windows; those of uncorrected residuals also compare them with a conditional band.
-    #[must_use]
-    pub fn within_a_conditional_band(self) -> Self {
-        Windows { absolute: self.absolute.within_a_conditional_band(), ..self }
+        Ok(Windows { places, spreads, absolute, baseline_corrected })
     }
 
     /// Takes a sample; returns whether it completed a window of any kind. Does not allocate.
@@ -112,13 +118,20 @@ impl Windows {
     /// # Panics
     /// As [`Window::add`].
     pub fn add(&mut self, sample: &WindowSample) -> bool {
-        let WindowSample { measured, twin, scales, half_widths, .. } = *sample;
-        let has_absolute = self.absolute.add(measured, twin, scales, half_widths);
+        let WindowSample { measured, twin, scales, .. } = *sample;
+        let measured = self.spreads.divide(measured, twin, scales);
+        let sample = &WindowSample { measured, ..*sample };
+        let has_absolute = self.absolute.add(measured, twin, scales);
         let has_relative = self
             .baseline_corrected
             .as_mut()
             .is_some_and(|baseline_corrected| baseline_corrected.add(sample));
         has_absolute || has_relative
+    }
+
+    /// As [`Spreads::factor`].
+    pub fn spread(&self, sensor: usize) -> f64 {
+        self.spreads.factor(sensor)
     }
 
     fn of(&self, kind: usize) -> (&Sliding, usize) {
@@ -160,6 +173,7 @@ impl Windows {
 
     /// Clears all samples and the baseline, for another mode or specimen.
     pub fn clear(&mut self) {
+        self.spreads.clear();
         self.absolute.clear();
         if let Some(baseline_corrected) = &mut self.baseline_corrected {
             baseline_corrected.baseline.clear();
@@ -168,26 +182,24 @@ impl Windows {
     }
 
     /// Returns the complete state.
-    pub fn store(&self) -> (sliding::Stored, Option<StoredBaselineCorrected>) {
+    pub fn store(&self) -> Stored {
         let baseline_corrected =
             self.baseline_corrected.as_ref().map(|baseline_corrected| StoredBaselineCorrected {
                 baseline: baseline_corrected.baseline.store(),
                 windows: baseline_corrected.sliding.store(),
             });
-        (self.absolute.store(), baseline_corrected)
+        let (twin, absolute) = (self.spreads.store(), self.absolute.store());
+        Stored { twin, absolute, baseline_corrected }
     }
 
     /// Restores the state of the same kinds.
     ///
     /// # Errors
-    /// As [`Sliding::restore`] and [`Baseline::restore`].
-    pub fn restore(
-        &mut self,
-        absolute: &sliding::Stored,
-        baseline_corrected: Option<&StoredBaselineCorrected>,
-    ) -> Result<(), Error> {
-        self.absolute.restore(absolute)?;
-        match (&mut self.baseline_corrected, baseline_corrected) {
+    /// As [`Spreads::restore`], [`Sliding::restore`] and [`Baseline::restore`].
+    pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
+        self.spreads.restore(&stored.twin)?;
+        self.absolute.restore(&stored.absolute)?;
+        match (&mut self.baseline_corrected, &stored.baseline_corrected) {
             (None, None) => Ok(()),
             (Some(own), Some(stored)) => {
                 own.baseline.restore(&stored.baseline)?;
@@ -208,6 +220,6 @@ impl BaselineCorrected {
             return false;
         }
         self.baseline.subtract(sample.measured, sample.stands_in, &mut self.measured);
-        self.sliding.add(&self.measured, sample.twin, sample.scales, &[])
+        self.sliding.add(&self.measured, sample.twin, sample.scales)
     }
 }

@@ -230,6 +230,7 @@ static void clear_windows(servotwin_session *session)
         servotwin_stream_clear(&session->streams[stream], session->rings, &servotwin_stream_plans[stream]);
     }
     servotwin_baseline_clear(&session->baseline);
+    session->reach.has_last = false;
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
         servotwin_evidence_clear(&session->evidence[length]);
         servotwin_forget(&session->judgements[length]);
@@ -861,17 +862,19 @@ static void judge_windows(servotwin_session *session)
 static bool add_to_windows(servotwin_session *session, const servotwin_real *twin)
 {
     const bool is_trusted = (session->outcome.alarm == SERVOTWIN_NORMAL);
+    servotwin_reach_take(&session->reach, twin);
+    servotwin_divide_by_spread(&session->reach, session->measured, twin, session->divided);
     bool has_new = servotwin_stream_add(
-        &session->streams[0], session->rings, &servotwin_stream_plans[0], session->measured, twin);
+        &session->streams[0], session->rings, &servotwin_stream_plans[0], session->divided, twin);
     if (servotwin_stream_plans[1].lengths > 0) {
         const bool is_settled = servotwin_baseline_is_settled(&session->baseline);
         if (!is_settled || is_trusted) {
-            servotwin_baseline_learn(&session->baseline, session->measured, twin);
+            servotwin_baseline_learn(&session->baseline, session->divided, twin);
         }
         if (is_settled) {
             for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
                 const servotwin_real mean = session->stands_in[sensor] ? 0.0 : session->baseline.means[sensor];
-                session->corrected[sensor] = session->measured[sensor] - mean;
+                session->corrected[sensor] = session->divided[sensor] - mean;
             }
             const bool has_corrected = servotwin_stream_add(
                 &session->streams[1], session->rings, &servotwin_stream_plans[1], session->corrected, twin);

@@ -88,8 +88,10 @@ typedef struct {
     uint32_t against[SERVOTWIN_SENSORS]; /* consecutive samples that contradict is_lost */
     bool stands_in[SERVOTWIN_SENSORS];
     servotwin_real measured[SERVOTWIN_SENSORS]; /* with stand-ins, SI */
+    servotwin_real divided[SERVOTWIN_SENSORS]; /* the measured values by the spreads of their residuals */
     servotwin_real corrected[SERVOTWIN_SENSORS]; /* less the baseline, SI */
     /* Windows. */
+    servotwin_reach reach;
     servotwin_stream streams[2]; /* of residuals as they are, and beyond the baseline */
     servotwin_ring rings[SERVOTWIN_LENGTHS];
     servotwin_baseline baseline;

@@ -14,7 +14,9 @@ typedef struct {
     servotwin_real scale; /* of its residual, SI */
     servotwin_real noise; /* standard deviation of a sample, parts of scale */
     servotwin_real stand_in_noise; /* that of a value that stands in for it */
+    servotwin_real growth; /* of its spread until the spool is displaced by its scale */
     int32_t actuator; /* or SERVOTWIN_NONE */
+    int32_t spool; /* the sensor that its spread grows with, or SERVOTWIN_NONE */
 } servotwin_sensor;
 
 typedef struct {
@@ -112,6 +114,7 @@ extern const uint8_t servotwin_orders[SERVOTWIN_VIEWS][SERVOTWIN_SENSORS];
 extern const uint8_t servotwin_switches_off[SERVOTWIN_ACTIONS];
 extern const int32_t servotwin_baseline_settle_samples;
 extern const int32_t servotwin_baseline_memory_samples;
+extern const servotwin_real servotwin_delay_samples; /* of sensors */
 extern const servotwin_constants servotwin_tuning;
 /* Of the start test: plausible inputs, and the mixture of the answers. */
 extern const servotwin_real servotwin_known_inputs[];

@@ -168,6 +168,34 @@ static void take_turn(servotwin_stream *stream, servotwin_ring *rings, const ser
     stream->turn++;
 }
 
+void servotwin_reach_take(servotwin_reach *reach, const servotwin_real *twin)
+{
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        const servotwin_real x = twin[i] / servotwin_sensors[i].scale;
+        const servotwin_real difference = reach->has_last ? (x - reach->last[i]) : 0.0;
+        const servotwin_real travel = SERVOTWIN_ABS(difference) * servotwin_delay_samples;
+        reach->values[i] = SERVOTWIN_ABS(x) + travel;
+        reach->last[i] = x;
+    }
+    reach->has_last = true;
+}
+
+void servotwin_divide_by_spread(const servotwin_reach *reach, const servotwin_real *measured,
+    const servotwin_real *twin, servotwin_real *divided)
+{
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        const int32_t spool = servotwin_sensors[i].spool;
+        divided[i] = measured[i];
+        if (spool != SERVOTWIN_NONE) {
+            const servotwin_real growth = servotwin_sensors[i].growth * reach->values[spool];
+            const servotwin_real factor = 1.0 + growth;
+            const servotwin_real difference = measured[i] - twin[i];
+            const servotwin_real part = difference / factor;
+            divided[i] = twin[i] + part;
+        }
+    }
+}
+
 bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,
     const servotwin_real *measured, const servotwin_real *twin)
 {

@@ -57,6 +57,13 @@ typedef struct {
     const uint8_t *places; /* of its lengths among all */
 } servotwin_stream_plan;
 
+/* How far the twin's signals reach within a delay of sensors, parts of scale. */
+typedef struct {
+    bool has_last;
+    servotwin_real last[SERVOTWIN_SENSORS];
+    servotwin_real values[SERVOTWIN_SENSORS];
+} servotwin_reach;
+
 /* The mean residuals of this specimen. */
 typedef struct {
     int32_t samples; /* at most one more than the settling time */
@@ -71,6 +78,13 @@ void servotwin_window_reorder(const servotwin_window *window, const uint8_t *ord
 servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b);
 
 void servotwin_stream_clear(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan);
+
+/* Takes the twin's values of a sample, SI. */
+void servotwin_reach_take(servotwin_reach *reach, const servotwin_real *twin);
+
+/* The measured values whose residuals are those of the sample in parts of their spread. */
+void servotwin_divide_by_spread(const servotwin_reach *reach, const servotwin_real *measured,
+    const servotwin_real *twin, servotwin_real *divided);
 
 /* Adds a sample in SI units; says whether it completed a window. */
 bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,

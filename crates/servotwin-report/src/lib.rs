@@ -25,7 +25,6 @@ use looks::Looks;
 use page::{ContentsEntry, Page};
 use sections::*;
 use servotwin::campaign::Comparison;
-use servotwin::flight::band::BandMerit;
 use servotwin::job::flights::{FlightResults, SealedResults};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::outcomes::FlownSuite;
@@ -54,8 +53,6 @@ pub struct Material<'a> {
     pub healthy: &'a [FlownSuite],
     /// The constants of the stored diagnosers, by scenario.
     pub constants: &'a [(Scenario, Vec<Constant>)],
-    /// The learned conditional bands and their figures of merit.
-    pub bands: &'a [BandMerit],
     /// True and fitted parameters of the specimens in the fitted scenario.
     pub calibrations: &'a [Comparison],
     /// Simulated example faults.

@@ -4,7 +4,6 @@ use crate::{self as report, Material, examples};
 use serde::Deserialize;
 use servotwin::campaign;
 use servotwin::evaluation::model_file;
-use servotwin::flight::band::BandMerit;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, manifest, outcomes, panel};
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
@@ -31,7 +30,6 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let sealed = flights::sealed_results(folder)?;
     let healthy = outcomes::healthy(folder)?;
     let constants = constants(folder)?;
-    let bands = bands(folder)?;
     let calibrations =
         Purpose::OF_RECORDS.map(|purpose| campaign::calibrations(folder.path(), purpose));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
@@ -43,7 +41,6 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
         sealed: sealed.as_ref(),
         healthy: &healthy,
         constants: &constants,
-        bands: &bands,
         calibrations: &calibrations,
         examples: &examples::simulate(study)?,
         manifest: &manifest,
@@ -58,16 +55,6 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     drawn.sort();
     write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
     manifest::write_with(folder, study, &drawn).map(drop)
-}
-
-/// Reads the learned bands.
-///
-/// # Errors
-/// A file cannot be read.
-fn bands(folder: &Folder) -> Result<Vec<BandMerit>, JobError> {
-    let files = Scenario::ALL.map(|scenario| folder.band(scenario));
-    let there = files.into_iter().filter(|file| file.exists());
-    there.map(|file| Ok(model_file::read(file)?)).collect()
 }
 
 /// The constants of a stored diagnoser, without its models.

@@ -156,7 +156,6 @@ pub struct Signals {
     sources: Vec<Source>,
     /// The rod forces of all actuators; empty if one has no rod.
     rods: Vec<Slot>,
-    scales: Vec<f64>,
     lengths: usize,
 }
 
@@ -185,8 +184,8 @@ impl Signals {
     }
 
     fn empty(diagnoser: &Diagnoser) -> Self {
-        let (scales, lengths) = (diagnoser.scales(), diagnoser.lengths.len());
-        Signals { list: vec![], sources: vec![], rods: vec![], scales, lengths }
+        let lengths = diagnoser.lengths.len();
+        Signals { list: vec![], sources: vec![], rods: vec![], lengths }
     }
 
     fn push(&mut self, signal: Signal, source: Source) {
@@ -303,8 +302,8 @@ impl Signals {
             Source::GhostFight => fight_kn(&|slot| sample.ghost(slot)),
             Source::Reading(sensor, unit) => unit.to_shown(sample.measured[sensor]),
             Source::Residual(sensor) => {
-                let left = sample.measured[sensor] - sample.expected[sensor];
-                100.0 * left / self.scales[sensor]
+                let (measured, twin) = (sample.measured[sensor], sample.expected[sensor]);
+                100.0 * sample.session.residual(sensor, measured, twin)
             }
             Source::Evidence(actuator, action) => {
                 let of = |length| sample.session.evidence(length, actuator, action);

@@ -6,7 +6,7 @@
 
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::runtime::Runtime;
-use servotwin::flight::{train, training_windows};
+use servotwin::flight::{spreads, train, training_windows};
 use servotwin::job;
 use servotwin::parallel::Workers;
 use servotwin::study::{Scenario, Study};
@@ -22,12 +22,12 @@ const DURATION_S: f64 = 120.0;
 fn main() {
     let study = Study::default();
     let flights = study.flights.as_ref().expect("the paper's study has flights");
-    let (scenario, sized) = (Scenario::Realistic, (&study, false));
-    let taken = training_windows::learn(sized, flights, scenario, Workers::all()).expect("a twin");
-    let tables = training_windows::tables(sized, flights, scenario, taken, Workers::all());
-    let tables = tables.expect("windows");
-    let pools = job::pools(&study);
-    let diagnoser = train::diagnoser(&study, flights, scenario, tables, &pools, Workers::all());
+    let (scenario, workers, pools) = (Scenario::Realistic, Workers::all(), job::pools(&study));
+    let design = spreads::learn((&study, flights), false, scenario, &pools, workers);
+    let design = design.expect("a twin");
+    let taken = training_windows::learn(&design, false, workers).expect("a twin");
+    let tables = training_windows::tables(&design, false, taken, workers).expect("windows");
+    let diagnoser = train::diagnoser(&design, tables, &pools, workers);
     let diagnoser = Arc::new(diagnoser.expect("a diagnoser"));
     let network = study.system.network();
     let mut inputs: Vec<Piecewise> = network

@@ -35,7 +35,7 @@ pub trait Observer {
 pub struct Observation<'o> {
     /// The twin's sensor values, SI.
     pub twin: &'o [f64],
-    /// Measured minus twin, divided by the sensors' scales.
+    /// Measured minus twin, divided by the sensors' scales and, where the diagnoser knows it, their spread.
     pub residuals: &'o [f64],
     /// Half width of each residual's band; NaN for none.
     pub bands: &'o [f64],
@@ -162,9 +162,6 @@ pub struct Finding {
     pub confidence: f64,
     /// The reasons as text, such as the worst residual or missing sensors.
     pub evidence: Vec<String>,
-    /// Whether the operating point is, or recently was, outside the training range of the band, where its guarantee
-    /// does not hold.
-    pub is_outside: bool,
     /// The shutdowns that were raised and not reset since, as text.
     pub stands: Vec<String>,
 }
@@ -187,7 +184,7 @@ impl Finding {
             DiagnosisState::Undecided => DiagnosisState::Healthy,
             state => state,
         };
-        let said = |f: &Finding| (state(f), f.phase, f.actuator, f.is_outside);
+        let said = |f: &Finding| (state(f), f.phase, f.actuator);
         said(self) == said(other)
             && (&self.command, &self.detail, &self.stands)
                 == (&other.command, &other.detail, &other.stands)
@@ -212,9 +209,8 @@ impl Finding {
 
     /// The finding as text: `isolated, raised: actuator 1, shutdown, supply valve`.
     pub fn words(&self) -> String {
-        let outside =
-            if self.is_outside { " (outside of what the band was learned from)" } else { "" };
-        self.said() + outside
+        let (state, action) = (self.state_in_words(), self.action_in_words());
+        if action.is_empty() { state } else { format!("{state}: {action}") }
     }
 
     /// Sets the confidence, which decides between healthy and undecided.
@@ -252,10 +248,5 @@ impl Finding {
     pub fn action_in_words(&self) -> String {
         let parts = [self.unit_in_words(), spoken(&self.command), spoken(&self.detail)];
         parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
-    }
-
-    fn said(&self) -> String {
-        let (state, action) = (self.state_in_words(), self.action_in_words());
-        if action.is_empty() { state } else { format!("{state}: {action}") }
     }
 }

@@ -41,11 +41,11 @@ pub struct Options {
     #[arg(long, value_name = "SUITES", value_delimiter = ',')]
     suite: Vec<String>,
     /// Another number of environments of these suites.
-    #[arg(long, value_name = "COUNT", requires = "suite",
+    #[arg(long, value_name = "COUNT", requires = "suite", conflicts_with = "run",
           value_parser = clap::value_parser!(u32).range(1..=MAX_ENVIRONMENTS as i64))]
     environments: Option<u32>,
     /// Another seed of these suites, 0 to 999.
-    #[arg(long, value_name = "SEED", requires = "suite",
+    #[arg(long, value_name = "SEED", requires = "suite", conflicts_with = "run",
           value_parser = clap::value_parser!(u64).range(0..=999))]
     seed: Option<u64>,
     /// Only fly one run, such as judge#17@realistic, with the diagnoser in the folder, to the bit as among all others of its

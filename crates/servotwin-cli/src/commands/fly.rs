@@ -307,12 +307,11 @@ impl Flown<'_> {
         marks
     }
 
-    /// The largest absolute residual of all sensors, in percent of scale.
+    /// The largest absolute residual of all sensors, in percent of scale and spread.
     fn largest_residual(&self, record: &FlightRecord) -> Vec<f64> {
-        let scales = self.diagnoser.scales();
         let of = |k: usize| {
-            let sensors = record.measured.iter().zip(&record.twin).zip(&scales);
-            sensors.fold(0.0, |largest: f64, ((m, t), s)| largest.max(((m[k] - t[k]) / s).abs()))
+            let sizes = record.residuals.iter().map(|residual| residual[k].abs());
+            sizes.fold(0.0, f64::max)
         };
         (0..record.time_s.len()).map(|k| 100.0 * of(k)).collect()
     }

@@ -1,6 +1,5 @@
 //! One file for each command, and their shared code.
 
-pub mod band;
 pub mod cache;
 pub mod campaign;
 pub mod check;

@@ -41,7 +41,7 @@ pub struct Options {
     #[arg(long, value_name = "SIGNAL")]
     command: Option<Signal>,
     /// Replay a session that was saved on the page, instead of a flight.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen", "model", "band", "map"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen", "model", "map"])]
     replay: Option<PathBuf>,
     /// Write the replayed session as one page that any browser plays without a server, instead of serving it.
     #[arg(long, value_name = "FILE", requires = "replay")]
@@ -67,13 +67,12 @@ pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
 impl Options {
     /// The files that the command reads and writes.
     pub fn paths(&self) -> Paths {
-        let InputOptions { model, band, map, .. } = &self.input;
+        let InputOptions { model, map, .. } = &self.input;
         let logs = self.source.iter().filter_map(|source| log_of(source));
         Paths::default()
             .read("the session", &self.replay)
             .read("the log", logs)
             .read("the diagnoser", model)
-            .read("--band", band)
             .read("--map", map)
             .write("--html", Format::HTML, &self.html)
     }
@@ -167,14 +166,12 @@ fn diagnoser(
     global: Global,
 ) -> Result<std::sync::Arc<servotwin_diagnosis::diagnoser::Diagnoser>, Failure> {
     use super::note;
-    use super::watch::input::{read_diagnoser, with_band};
     use servotwin::study::Scenario;
     use servotwin_watch::shipped;
     use std::sync::Arc;
 
-    let band = options.input.band.as_deref();
     if let Some(path) = &options.input.model {
-        return Ok(Arc::new(read_diagnoser(path, band)?));
+        return Ok(Arc::new(servotwin::evaluation::model_file::read_diagnoser(path)?));
     }
     let folder = servotwin::job::Folder::new(&options.study.out);
     let is_first_look = scenario == Scenario::Noise && !folder.diagnoser(scenario).exists();
@@ -183,10 +180,9 @@ fn diagnoser(
         let text =
             "the diagnosis comes with the program; servotwin fly --out FOLDER learns one anew";
         note(global, text);
-        return Ok(Arc::new(with_band(shipped, band)?));
+        return Ok(Arc::new(shipped));
     }
-    let diagnoser = super::fly::diagnoser(&options.study, &folder, study, scenario, global)?;
-    Ok(Arc::new(with_band(Arc::unwrap_or_clone(diagnoser), band)?))
+    super::fly::diagnoser(&options.study, &folder, study, scenario, global)
 }
 
 /// The flight of a study.

@@ -89,7 +89,6 @@ impl Options {
             .read("the log", log_of(&self.source))
             .read_study(self.study.as_ref())
             .read("the diagnoser", [self.input.model.clone().unwrap_or_else(usual_diagnoser)])
-            .read("--band", &self.input.band)
             .read("--map", &self.input.map)
             .write("--make-map", Format::TOML, &self.make_map)
             .write("--html", Format::HTML, &self.html)

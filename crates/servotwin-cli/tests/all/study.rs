@@ -476,7 +476,7 @@ fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
     let before = contents(Path::new(&out));
     let part = ["campaign", &study, "--out", &out, "--scenario", "ideal", "--share", "1/1"];
     let busy = "out: another servotwin is working in this folder";
-    for command in ["study", "campaign", "flights", "fly", "band"] {
+    for command in ["study", "campaign", "flights", "fly"] {
         fails(&[command, &study, "--out", &out], 1, busy);
     }
     for command in ["train", "evaluate", "report", "features", "merge"] {

@@ -14,12 +14,12 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::baseline;
-use crate::conditional_band::ConditionalBand;
 use crate::error::{Error, require};
 use crate::features::{self, Quantity, Sensors};
 use crate::hierarchy::Names;
 use crate::panel::Panel;
 use crate::sliding::WindowSpan;
+use crate::spread::{Spread, Spreads};
 use crate::windows::{WindowKind, Windows};
 
 mod alarm;
@@ -70,6 +70,9 @@ pub struct DiagnosedSensor {
     /// The sensors that it follows by a law: their indices, and its change for each, in parts of scale.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub follows: Vec<(u32, f64)>,
+    /// How the spread of its healthy residual grows; `None` if it does not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spread: Option<Spread>,
 }
 
 /// Bands, models and allowances for windows of one length.
@@ -107,9 +110,6 @@ pub struct Diagnoser {
     /// Settings of the baseline for lengths with baseline-corrected residuals.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baseline: Option<baseline::BaselineSettings>,
-    /// A band that depends on the operating point, in place of the bands of lengths with uncorrected residuals.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub conditional_band: Option<ConditionalBand>,
     /// All constants.
     pub tuning: Tuning,
     /// The scatter of the specimens in training; `None` if training flights give too few.
@@ -257,9 +257,9 @@ impl Diagnoser {
             is_baseline_corrected: length.baseline_corrected.is_some(),
         };
         let kinds: Vec<WindowKind> = self.lengths.iter().map(kind).collect();
-        let windows = Windows::new((self.sensors.len(), self.watched()), &kinds, self.baseline)?;
-        let is_conditional = self.conditional_band.is_some();
-        Ok(if is_conditional { windows.within_a_conditional_band() } else { windows })
+        let spreads = self.sensors.iter().map(|sensor| sensor.spread).collect();
+        let spreads = Spreads::new(spreads, self.period_s);
+        Windows::new((spreads, self.watched()), &kinds, self.baseline)
     }
 
     /// Checks that the parts of a loaded diagnoser fit together.
@@ -276,9 +276,6 @@ impl Diagnoser {
         self.boundaries.iter().try_for_each(|known| known.check(inputs, self.watched()))?;
         self.lengths.iter().try_for_each(|length| self.check_length(length))?;
         self.check_sensors()?;
-        if let Some(band) = &self.conditional_band {
-            band.check(self.watched(), self.sensors.len(), self.environment.inputs.len())?;
-        }
         self.tuning.check(self.names())?;
         self.scatter.iter().try_for_each(Scatter::check)?;
         self.healthy_evidence.iter().try_for_each(HealthyEvidence::check)?;
@@ -304,6 +301,7 @@ impl Diagnoser {
             let follows = &sensor.follows;
             let fits = follows.len() <= features::MAX_FOLLOWED && follows.iter().all(is_sound);
             holds(fits, "a sensor follows one that is not there, or too many")?;
+            sensor.spread.iter().try_for_each(|spread| spread.check(self.sensors.len()))?;
         }
         Ok(())
     }

@@ -196,9 +196,6 @@ pub struct Outcome {
     pub worst_sensor: Option<u32>,
     /// That residual, in parts of its band.
     pub excess: f64,
-    /// Distance of the sample from the training range of the conditional band, in parts of the ranges; 0 inside, and
-    /// without such a band.
-    pub outside: f64,
     /// Number of sensors that have been missing for so long that the diagnosis continues without them. Meanwhile only
     /// their own actuator can be named or newly raised.
     pub lost: u32,
@@ -238,7 +235,6 @@ impl Outcome {
             && self.length.is_none_or(|length| (length as usize) < places.lengths)
             && self.worst_sensor.is_none_or(|sensor| (sensor as usize) < places.sensors)
             && self.excess.is_finite()
-            && self.outside.is_finite()
             && self.lost as usize <= places.sensors
             && self.counts.fits()
     }
@@ -254,7 +250,6 @@ impl Outcome {
             length: None,
             worst_sensor: None,
             excess: 0.0,
-            outside: 0.0,
             lost: 0,
             counts: UnjudgedCounts::default(),
         }

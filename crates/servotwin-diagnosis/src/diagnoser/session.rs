@@ -15,13 +15,11 @@ use super::sensor_health::{Patience, SensorHealth};
 use super::tuning::Tuning;
 use super::window_classifier::{self, WindowClassifier};
 use super::{Boundary, Diagnoser, LARGEST_COUNT, Length};
-use crate::conditional_band::{self, Here};
 use crate::error::{Error, same_length};
 use crate::hierarchy::Stage;
 use crate::random::Random;
 use crate::residual::Window;
-use crate::sliding;
-use crate::windows::{StoredBaselineCorrected, WindowSample, Windows};
+use crate::windows::{self, WindowSample, Windows};
 
 /// The format name at the start of a stored state.
 const FORMAT: &str = "servotwin session 1";
@@ -44,8 +42,6 @@ struct Memory {
     is_taken_out: Vec<bool>,
     /// Health of each sensor.
     sensor_health: Vec<SensorHealth>,
-    /// Raw value of each covariate of the conditional band in the last usable sample.
-    asked: Vec<Option<f64>>,
     alarm: alarm::AlarmMemory,
     /// One for each boundary of the diagnoser.
     doubts: Vec<Doubt>,
@@ -63,9 +59,7 @@ pub struct StoredSession {
     format: String,
     memory: Memory,
     environment: environment::InputMemory,
-    windows: sliding::Stored,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    baseline_corrected: Option<StoredBaselineCorrected>,
+    windows: windows::Stored,
 }
 
 /// A running diagnosis of one system.
@@ -83,8 +77,6 @@ pub struct Session {
     limits: Vec<DecisionLimits>,
     guard: Guard,
     windows: Windows,
-    /// Operating point and band at the newest sample.
-    here: Option<Here>,
     memory: Memory,
     /// The measured values, with stand-ins for masked and lost sensors.
     measured: Vec<f64>,
@@ -126,10 +118,6 @@ impl Session {
             has_judged: false,
             is_taken_out: vec![false; diagnoser.sensors.len()],
             sensor_health: vec![SensorHealth::default(); diagnoser.sensors.len()],
-            asked: vec![
-                None;
-                diagnoser.conditional_band.as_ref().map_or(0, |band| band.covariates.len())
-            ],
             alarm: alarm::AlarmMemory::new(actuators),
             doubts: vec![Doubt::default(); doubts_of(&diagnoser)],
             evidence: vec![Evidence::new(hypotheses); classifiers.len()],
@@ -150,7 +138,6 @@ impl Session {
             limits: diagnoser.lengths.iter().map(|length| diagnoser.limits_of(length)).collect(),
             guard: Guard::new(&diagnoser.environment, diagnoser.period_s),
             windows: diagnoser.windows()?,
-            here: diagnoser.conditional_band.as_ref().map(Here::new),
             memory,
             measured: vec![0.0; diagnoser.sensors.len()],
             stands_in: vec![false; diagnoser.sensors.len()],
@@ -171,7 +158,6 @@ impl Session {
     /// them instead.
     pub fn push(&mut self, inputs: &[f64], measured: &[f64], twin: &[f64]) -> &Outcome {
         self.memory.outcome.sample = self.memory.samples;
-        self.memory.outcome.outside = 0.0;
         let diagnoser = self.diagnoser.clone();
         if let Some(invalid) = self.guard.look(&diagnoser.environment, inputs) {
             self.distrust(invalid);
@@ -180,7 +166,7 @@ impl Session {
             let is_settled = self.memory.settling == 0;
             self.memory.settling = self.memory.settling.saturating_sub(1);
             match self.usable(measured, twin) {
-                Usable::Yes => self.take(&diagnoser, inputs, twin, is_settled),
+                Usable::Yes => self.take(&diagnoser, twin, is_settled),
                 Usable::Missing => self.lack(Alarm::NoData),
                 Usable::Wrong => self.lack(Alarm::Error),
             }
@@ -192,7 +178,6 @@ impl Session {
     /// Takes a sample for which the twin could not be simulated. The next one needs a twin that settles again.
     pub fn push_without_twin(&mut self) -> &Outcome {
         self.memory.outcome.sample = self.memory.samples;
-        self.memory.outcome.outside = 0.0;
         self.memory.outcome.counts.errors += 1;
         self.restart();
         self.say(IndexedFinding::Unjudged, Alarm::Error);
@@ -220,18 +205,6 @@ impl Session {
     /// The result after the last sample.
     pub fn outcome(&self) -> &Outcome {
         &self.memory.outcome
-    }
-
-    /// Half width of the conditional band of each watched sensor at the last usable sample, in parts of scale; `None`
-    /// without a conditional band.
-    pub fn half_widths(&self) -> Option<&[f64]> {
-        self.here.as_ref().map(|here| here.half_widths.as_slice())
-    }
-
-    /// Name of the covariate that lies farthest outside the training range; `None` inside.
-    pub fn farthest(&self) -> Option<&str> {
-        let (band, here) = (self.diagnoser.conditional_band.as_ref()?, self.here.as_ref()?);
-        Some(&band.farthest(&here.point)?.name)
     }
 
     /// The shared diagnoser.
@@ -338,6 +311,15 @@ impl Session {
         self.windows.window(length)
     }
 
+    /// A residual in parts of the sensor's scale and of its spread at the last sample that was taken, as bands limit it.
+    /// Values are in the sensor's SI unit.
+    ///
+    /// # Panics
+    /// There is no such sensor.
+    pub fn residual(&self, sensor: usize, measured: f64, twin: f64) -> f64 {
+        (measured - twin) / self.scales[sensor] / self.windows.spread(sensor)
+    }
+
     /// Whether a length's window is full, so that it is judged.
     pub fn is_full(&self, length: usize) -> bool {
         self.windows.is_full(length)
@@ -424,14 +406,12 @@ impl Session {
 
     /// Returns the complete state for storing.
     pub fn save(&self) -> StoredSession {
-        let (windows, baseline_corrected) = self.windows.store();
         let judged = self.classifiers.iter().map(|classifier| classifier.memory.clone()).collect();
         StoredSession {
             format: FORMAT.into(),
             memory: Memory { judged, ..self.memory.clone() },
             environment: self.guard.memory.clone(),
-            windows,
-            baseline_corrected,
+            windows: self.windows.store(),
         }
     }
 
@@ -450,7 +430,7 @@ impl Session {
     }
 
     fn try_restore(&mut self, state: &StoredSession) -> Result<(), Error> {
-        let StoredSession { format, memory, environment, windows, baseline_corrected } = state;
+        let StoredSession { format, memory, environment, windows } = state;
         let places = Places::of(&self.diagnoser);
         let fits = format == FORMAT
             && memory.evidence.len() == self.classifiers.len()
@@ -462,7 +442,6 @@ impl Session {
                 .zip(&self.classifiers)
                 .all(|(judged, own)| own.fits(judged, &places))
             && memory.is_taken_out.len() == self.scales.len()
-            && memory.asked.len() == self.memory.asked.len()
             && memory.alarm.fits(&places, memory.samples)
             && self.guard.fits(environment);
         if !fits {
@@ -472,7 +451,7 @@ impl Session {
             let broken = "a number of the state is none that a diagnosis can have";
             return Err(Error::CorruptModel { broken });
         }
-        self.windows.restore(windows, baseline_corrected.as_ref())?;
+        self.windows.restore(windows)?;
         self.memory = memory.clone();
         self.guard.memory = environment.clone();
         for (classifier, judged) in
@@ -490,7 +469,6 @@ impl Session {
             && memory.settling <= settling
             && memory.sensor_health.len() == self.scales.len()
             && memory.sensor_health.iter().all(|sensor_health| sensor_health.fits(self.patience))
-            && memory.asked.iter().flatten().all(|asked| asked.is_finite())
             && memory.doubts.len() == doubts_of(&self.diagnoser)
             && memory.doubts.iter().all(Doubt::fits)
             && memory.outcome.fits(places, memory.samples)
@@ -511,7 +489,6 @@ impl Session {
 
     fn clear_windows(&mut self) {
         self.windows.clear();
-        self.memory.asked.fill(None);
         self.memory.evidence.iter_mut().for_each(Evidence::clear);
         self.memory.doubts.iter_mut().for_each(Doubt::clear);
         self.classifiers.iter_mut().for_each(WindowClassifier::forget);
@@ -623,7 +600,6 @@ impl Session {
             _ => counts.errors += 1,
         }
         self.memory.gap += 1;
-        self.memory.asked.fill(None);
         let limit = self.patience.until_lost;
         if self.memory.gap < limit {
             return;
@@ -635,21 +611,18 @@ impl Session {
     }
 
     /// Handles a usable sample.
-    fn take(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64], is_settled: bool) {
+    fn take(&mut self, diagnoser: &Diagnoser, twin: &[f64], is_settled: bool) {
         self.memory.gap = 0;
-        self.ask(diagnoser, inputs, twin);
         let is_lacking = matches!(self.memory.outcome.alarm, Alarm::NoData | Alarm::Error);
         if !is_settled {
             self.memory.outcome.counts.settling += 1;
             self.say(IndexedFinding::Unjudged, self.standing_alarm());
             return;
         }
-        let half_widths = self.here.as_ref().map_or(&[][..], |here| &here.half_widths);
         let has_new = self.windows.add(&WindowSample {
             measured: &self.measured,
             twin,
             scales: &self.scales,
-            half_widths,
             stands_in: &self.stands_in,
             is_trusted: self.memory.outcome.alarm == Alarm::Normal,
         });
@@ -661,18 +634,6 @@ impl Session {
         } else if is_lacking || !self.memory.has_judged {
             self.say(IndexedFinding::Unjudged, self.standing_alarm());
         }
-    }
-
-    /// Updates the operating point, and its distance from the training range.
-    fn ask(&mut self, diagnoser: &Diagnoser, inputs: &[f64], twin: &[f64]) {
-        let (Some(band), Some(here)) = (&diagnoser.conditional_band, &mut self.here) else {
-            return;
-        };
-        let period_s = diagnoser.period_s;
-        let sample =
-            conditional_band::CovariateSample { inputs, twin, scales: &self.scales, period_s };
-        here.go(band, &mut self.memory.asked, &sample);
-        self.memory.outcome.outside = band.outside(&here.point);
     }
 
     /// Judges the new window of every length whose window is full.

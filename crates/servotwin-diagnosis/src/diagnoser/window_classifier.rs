@@ -198,18 +198,15 @@ fn place(hypotheses: Hypotheses, said: Diagnosis) -> usize {
     fault.map_or(0, |(actuator, action)| hypotheses.place(actuator as usize, action as usize))
 }
 
-/// The sensor with the largest residual in parts of its band, and that residual. A conditional band takes precedence.
-/// Any residual leaves a band of zero width.
+/// The sensor with the largest residual in parts of its band, and that residual. Any residual leaves a
+/// band of zero width.
 fn worst(window: &Window, bands: &[SensorBand]) -> (usize, f64) {
     const LEAST_BAND: f64 = 1e-12;
     let size = |(sensor, band): (usize, &SensorBand)| {
         (sensor, window.largest(sensor) / band.half_width.max(LEAST_BAND))
     };
     let larger = |a: (usize, f64), b: (usize, f64)| if b.1 > a.1 { b } else { a };
-    match window.excess() {
-        Some(excess) => excess.iter().copied().enumerate().fold((0, 0.0), larger),
-        None => bands.iter().enumerate().map(size).fold((0, 0.0), larger),
-    }
+    bands.iter().enumerate().map(size).fold((0, 0.0), larger)
 }
 
 /// Removes masked actuators from the probabilities.

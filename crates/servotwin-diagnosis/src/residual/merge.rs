@@ -32,9 +32,6 @@ impl Window {
         for (largest, &other) in self.largest.iter_mut().zip(&later.largest) {
             *largest = if other > *largest { other } else { *largest };
         }
-        for (excess, &other) in self.excess.iter_mut().zip(&later.excess) {
-            *excess = if other > *excess { other } else { *excess };
-        }
         let shifted = later.first_excursion.map(|sample| sample + self.count);
         self.first_excursion = self.first_excursion.or(shifted);
         self.count = count;

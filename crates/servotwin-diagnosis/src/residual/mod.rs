@@ -41,8 +41,6 @@ pub struct Window {
     /// the compiler vectorizes.
     moments: Vec<f64>,
     largest: Vec<f64>,
-    /// The largest |r'| of each watched residual in parts of a conditional band; empty without one.
-    excess: Vec<f64>,
     first_excursion: Option<u64>,
     /// Scratch: the current sample's deviations from the previous mean, zero-padded like a row of the co-moments.
     deviation: Vec<f64>,
@@ -56,7 +54,6 @@ impl PartialEq for Window {
             && self.mean == other.mean
             && self.moments == other.moments
             && self.largest == other.largest
-            && self.excess == other.excess
     }
 }
 
@@ -92,32 +89,8 @@ impl Window {
             mean: vec![0.0; channels],
             moments: vec![0.0; row_start(channels)],
             largest: vec![0.0; sensors],
-            excess: vec![],
             first_excursion: None,
             deviation: vec![0.0; channels.next_multiple_of(GROUP)],
-        }
-    }
-
-    /// Also compares residuals with a conditional band.
-    pub fn within_a_conditional_band(self) -> Self {
-        Self { excess: vec![0.0; self.watched], ..self }
-    }
-
-    /// Adds one sample as [`Window::add`], with the half width of the conditional band of each watched residual.
-    ///
-    /// # Panics
-    /// As [`Window::add`].
-    pub fn add_within(
-        &mut self,
-        measured: &[f64],
-        twin: &[f64],
-        scales: &[f64],
-        half_widths: &[f64],
-    ) {
-        self.add(measured, twin, scales);
-        for (i, (excess, half_width)) in self.excess.iter_mut().zip(half_widths).enumerate() {
-            let size = ((measured[i] - twin[i]) / scales[i]).abs() / half_width;
-            *excess = if size > *excess { size } else { *excess };
         }
     }
 
@@ -210,11 +183,6 @@ impl Window {
         self.largest[sensor]
     }
 
-    /// The largest |r'| of each watched residual in parts of the conditional band at that sample; `None` without one.
-    pub fn excess(&self) -> Option<&[f64]> {
-        (!self.excess.is_empty()).then_some(self.excess.as_slice())
-    }
-
     /// The number of the first sample outside the band of equation (4).
     pub fn first_excursion(&self) -> Option<u64> {
         self.first_excursion
@@ -238,8 +206,7 @@ impl Window {
         result
     }
 
-    /// As [`Window::reordered`], into a window with the same number of sensors. Does not allocate. Leaves the excess
-    /// over a conditional band as it was, because no feature reads it.
+    /// As [`Window::reordered`], into a window with the same number of sensors. Does not allocate.
     ///
     /// # Panics
     /// If `result` has another number of sensors.
@@ -262,12 +229,11 @@ impl Window {
     }
 
     /// The statistics as a flat list for storing: number of samples, first excursion (−1 for none), largest magnitudes,
-    /// means, co-moments, excesses.
+    /// means, co-moments.
     pub fn to_values(&self) -> Vec<f64> {
         let first = self.first_excursion.map_or(-1.0, |sample| sample as f64);
         let head = [self.count as f64, first];
-        let lists = [&head[..], &self.largest, &self.mean, &self.moments, &self.excess];
-        lists.concat()
+        [&head[..], &self.largest, &self.mean, &self.moments].concat()
     }
 
     /// The window of a stored list; `None` if its length does not fit the number of sensors.
@@ -280,19 +246,17 @@ impl Window {
     /// not allocate.
     pub fn set_values(&mut self, values: &[f64]) -> bool {
         let [count, first, rest @ ..] = values else { return false };
-        let lengths = [&self.largest, &self.mean, &self.moments, &self.excess].map(Vec::len);
+        let lengths = [&self.largest, &self.mean, &self.moments].map(Vec::len);
         if rest.len() != lengths.iter().sum::<usize>() {
             return false;
         }
         let (largest, rest) = rest.split_at(self.largest.len());
-        let (mean, rest) = rest.split_at(self.mean.len());
-        let (moments, excess) = rest.split_at(self.moments.len());
+        let (mean, moments) = rest.split_at(self.mean.len());
         self.count = *count as u64;
         self.first_excursion = (*first >= 0.0).then_some(*first as u64);
         self.largest.copy_from_slice(largest);
         self.mean.copy_from_slice(mean);
         self.moments.copy_from_slice(moments);
-        self.excess.copy_from_slice(excess);
         true
     }
 
@@ -315,7 +279,7 @@ impl Window {
     pub fn clear(&mut self) {
         self.count = 0;
         self.first_excursion = None;
-        for list in [&mut self.mean, &mut self.moments, &mut self.largest, &mut self.excess] {
+        for list in [&mut self.mean, &mut self.moments, &mut self.largest] {
             list.fill(0.0);
         }
     }

@@ -2,12 +2,13 @@
 
 use crate::toy::{self, Fault, Flight, KINDS, Kind, SENSORS};
 use proptest::prelude::*;
-use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
 use servotwin_diagnosis::diagnoser::{
-    Alarm, Boundary, Diagnoser, IndexedFinding, Invalid, Outcome, Raised, Session, StoredSession,
-    Why,
+    Alarm, Boundary, DiagnosedSensor, Diagnoser, IndexedFinding, Invalid, Outcome, Raised, Session,
+    StoredSession, Why,
 };
+use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::random::Random;
+use servotwin_diagnosis::spread::Spread;
 use std::sync::{Arc, OnceLock};
 
 fn session() -> Session {
@@ -664,77 +665,51 @@ fn every_fault_of_three_actuators_raises_its_command_in_its_actuator() {
     }
 }
 
-/// A field that is as wide as the bands, times some factor, and that the temperature makes wider.
-fn conditional_band(width: f64, when_hot: f64) -> ConditionalBand {
-    let diagnoser = toy::diagnoser();
-    let bands = &diagnoser.lengths[0].panel.bands;
-    let covariates = vec![Covariate {
-        name: "temperature".into(),
-        source: CovariateSource::Input { input: 2 },
-        edges: vec![310.0],
-        range: (270.0, 320.0),
-    }];
-    ConditionalBand {
-        covariates,
-        base: bands.iter().map(|band| band.half_width).collect(),
-        factors: vec![vec![vec![1.0, when_hot]]; bands.len()],
-        scale: width,
-        share: 0.05,
-        calibrated_on: 19,
+/// The toy's diagnoser whose spreads grow with the spool of each sensor's actuator.
+fn with_growth(growth: f64) -> Diagnoser {
+    let mut diagnoser = (*toy::diagnoser()).clone();
+    let sensors = diagnoser.sensors.clone();
+    for sensor in &mut diagnoser.sensors {
+        let is_spool = |other: &DiagnosedSensor| {
+            other.actuator == sensor.actuator && other.quantity == Quantity::Spool
+        };
+        let spool = sensors.iter().position(is_spool);
+        sensor.spread = spool.map(|spool| Spread { spool: spool as u32, growth });
     }
-}
-
-fn session_in(band: ConditionalBand) -> Session {
-    let diagnoser = Diagnoser { conditional_band: Some(band), ..(*toy::diagnoser()).clone() };
-    Session::new(Arc::new(diagnoser)).unwrap().at_rest()
+    diagnoser
 }
 
 #[test]
-fn a_field_as_wide_as_the_bands_says_the_same_and_a_wide_one_hides_a_fault() {
+fn a_spread_that_does_not_grow_says_the_same_and_one_that_grows_hides_what_departs_in_motion() {
     let fault = Fault { actuator: 1, kind: Kind::Bias, size: 0.9 };
-    let mut banded = session();
-    let (mut same, mut wide) =
-        (session_in(conditional_band(1.0, 1.0)), session_in(conditional_band(1e3, 1.0)));
+    let [mut plain, mut same, mut wide] = [session(), with(0.0), with(1e3)];
     let mut flights = [Flight::new(6300), Flight::new(6300), Flight::new(6300)];
     for k in 0..1200 {
         let fault = (k >= 600).then_some(fault);
-        let expected = fly(&mut banded, &mut flights[0], fault, 1);
-        assert_eq!(fly(&mut same, &mut flights[1], fault, 1), expected, "sample {k}");
+        let expected = fly(&mut plain, &mut flights[0], fault, 1);
+        let found = fly(&mut same, &mut flights[1], fault, 1);
+        assert_eq!((found.finding, found.raised), (expected.finding, expected.raised), "{k}");
         assert_eq!(fly(&mut wide, &mut flights[2], fault, 1).raised, None);
     }
-    assert!(banded.outcome().raised.is_some());
+    assert!(plain.outcome().raised.is_some());
     assert_eq!(wide.outcome().finding, IndexedFinding::Healthy);
-    let narrow = &same.half_widths().unwrap()[0];
-    assert!((wide.half_widths().unwrap()[0] / narrow - 1e3).abs() < 1e-9);
+}
+
+fn with(growth: f64) -> Session {
+    Session::new(Arc::new(with_growth(growth))).unwrap().at_rest()
 }
 
 #[test]
-fn outside_of_what_the_field_was_learned_from_outcomes_are_marked() {
-    let mut session = session_in(conditional_band(1.0, 2.0));
-    let mut flight = Flight::new(6400);
-    let mut push = |session: &mut Session, temperature: f64| {
-        let (mut inputs, measured, twin) = flight.next(None);
-        inputs[2] = temperature;
-        *session.push(&inputs, &measured, &twin)
-    };
-    for _ in 0..300 {
-        assert_eq!(push(&mut session, 300.0).outside, 0.0);
-    }
-    let width = session.half_widths().unwrap()[0];
-    assert!((push(&mut session, 325.0).outside - 0.1).abs() < 1e-12);
-    assert_eq!(session.farthest(), Some("temperature"));
-    assert_eq!(session.half_widths().unwrap()[0], 2.0 * width);
-    // Stored and restored it goes on to the bit.
-    let text = serde_json::to_string(&session.save()).unwrap();
-    let mut other = session_in(conditional_band(1.0, 2.0));
-    other.restore(&serde_json::from_str::<StoredSession>(&text).unwrap()).unwrap();
-    for _ in 0..200 {
-        let (inputs, measured, twin) = flight.next(None);
-        let outcome = *session.push(&inputs, &measured, &twin);
-        assert_eq!(*other.push(&inputs, &measured, &twin), outcome);
-    }
-    assert_eq!(session.save(), other.save());
-    assert!(self::session().restore(&session.save()).is_err(), "of a diagnoser without a field");
+fn a_spread_is_checked_and_a_residual_is_told_in_parts_of_it() {
+    let mut diagnoser = with_growth(10.0);
+    let place = diagnoser.sensors.iter().position(|sensor| sensor.spread.is_some()).unwrap();
+    let mut session = Session::new(Arc::new(diagnoser.clone())).unwrap().at_rest();
+    let (inputs, measured, mut twin) = Flight::new(6400).next(None);
+    twin[diagnoser.sensors[place].spread.unwrap().spool as usize] = -0.9;
+    session.push(&inputs, &measured, &twin);
+    assert_eq!(session.residual(place, 3.0, 1.0), 0.2);
+    diagnoser.sensors[place].spread = Some(Spread { spool: 99, growth: 1.0 });
+    assert!(Session::new(Arc::new(diagnoser)).is_err());
 }
 
 #[test]

@@ -11,6 +11,7 @@ use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::sliding::{Sliding, WindowSpan};
+use servotwin_diagnosis::spread::Spread;
 use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::{HierarchySettings, Label};
 use std::sync::{Arc, OnceLock};
@@ -145,11 +146,17 @@ fn sensors(actuators: usize) -> Vec<DiagnosedSensor> {
         noise: NOISE,
         is_noisy: true,
         follows: vec![],
+        spread: None,
     };
     let mut sensors = vec![];
     for actuator in 0..actuators as u32 {
         for (place, &quantity) in quantities.iter().enumerate() {
-            sensors.push(sensor(format!("s{place}_{}", actuator + 1), quantity, Some(actuator)));
+            let name = format!("s{place}_{}", actuator + 1);
+            // So little that training need not know of it.
+            let spool = quantities.len() as u32 * actuator + 1;
+            let spread =
+                (quantity == Quantity::PressureB).then_some(Spread { spool, growth: 0.01 });
+            sensors.push(DiagnosedSensor { spread, ..sensor(name, quantity, Some(actuator)) });
         }
     }
     sensors.push(sensor("surface".into(), Quantity::Surface, None));
@@ -204,7 +211,7 @@ fn lessons<const S: usize>(empty: &Diagnoser, actuators: usize) -> Vec<Lessons> 
         for k in 0..600 {
             let fault = fault_of(group).filter(|_| k >= ONSET);
             let (_, measured, twin) = flight.next(fault);
-            sliding.add(&measured, &twin, &[1.0; S], &[]);
+            sliding.add(&measured, &twin, &[1.0; S]);
             for (length, lessons) in lessons.iter_mut().enumerate() {
                 let is_thin = length == 1 || k / 10 % 3 == 0;
                 let window = sliding.window(length);
@@ -270,7 +277,6 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
         boundaries: vec![],
         lengths: vec![],
         baseline: None,
-        conditional_band: None,
         scatter: None,
         healthy_evidence: None,
         tuning: Tuning {

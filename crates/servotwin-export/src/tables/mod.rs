@@ -26,10 +26,6 @@ const HEAD: &str = "/* Trained by servotwin; do not edit. */\n";
 /// The errors of [`Diagnoser::check`]; [`ExportError::Unsupported`] for what the exported code does not know.
 pub(crate) fn check(diagnoser: &Diagnoser) -> Result<(), ExportError> {
     diagnoser.check()?;
-    if diagnoser.conditional_band.is_some() {
-        let why = "a band that depends on the operating point has no counterpart in an export yet";
-        return Err(ExportError::Unsupported(why));
-    }
     let differs = |length: &Length| length.panel.trees.names.features != diagnoser.names().features;
     if diagnoser.lengths.iter().any(differs) {
         let why = "window lengths with different features cannot be exported";

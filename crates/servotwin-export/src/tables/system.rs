@@ -4,6 +4,7 @@ use crate::notation::{
     place, quoted, record, write_array, write_list, write_numbers, write_public,
 };
 use servotwin_diagnosis::diagnoser::{Diagnoser, common_mode};
+use servotwin_diagnosis::spread::DELAY_S;
 use servotwin_model::c_source::hexadecimal;
 
 /// Writes all tables of the system.
@@ -21,13 +22,15 @@ pub(super) fn write(text: &mut String, diagnoser: &Diagnoser) {
 fn sensors(text: &mut String, diagnoser: &Diagnoser) {
     let entry = |sensor: &servotwin_diagnosis::diagnoser::DiagnosedSensor| {
         let stand_in_noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
-        let [scale, noise, stand_in_noise] =
-            [sensor.scale, sensor.noise, stand_in_noise].map(hexadecimal);
+        let growth = sensor.spread.map_or(0.0, |spread| spread.growth);
+        let [scale, noise, stand_in_noise, growth] =
+            [sensor.scale, sensor.noise, stand_in_noise, growth].map(hexadecimal);
         let actuator = place(sensor.actuator.map(|actuator| actuator as usize));
-        record(&[scale, noise, stand_in_noise, actuator])
+        let spool = place(sensor.spread.map(|spread| spread.spool as usize));
+        record(&[scale, noise, stand_in_noise, growth, actuator, spool])
     };
     let entries: Vec<String> = diagnoser.sensors.iter().map(entry).collect();
-    let empty = "{ 0x1p+0, 0x0p+0, 0x0p+0, -1 }";
+    let empty = "{ 0x1p+0, 0x0p+0, 0x0p+0, 0x0p+0, -1, -1 }";
     write_list(text, "servotwin_sensor", "sensors", &entries, empty);
 }
 
@@ -124,6 +127,8 @@ fn streams(text: &mut String, diagnoser: &Diagnoser) {
     {
         write_public(text, "int32_t", name, &samples.to_string());
     }
+    let delay_samples = hexadecimal(DELAY_S / diagnoser.period_s);
+    write_public(text, "servotwin_real", "delay_samples", &delay_samples);
 }
 
 fn constants(text: &mut String, diagnoser: &Diagnoser) {

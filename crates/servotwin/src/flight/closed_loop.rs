@@ -65,6 +65,8 @@ pub struct FlightRecord {
     pub measured: Vec<Vec<f64>>,
     /// The values that the twin expected, one list each.
     pub twin: Vec<Vec<f64>>,
+    /// The residuals in parts of scale and spread, one list for each sensor of the diagnoser.
+    pub residuals: Vec<Vec<f64>>,
     /// The fluid left in each of the system's reservoirs, m³, one list each.
     pub fluid_m3: Vec<Vec<f64>>,
     /// The changes in the output of the diagnosis.
@@ -90,6 +92,7 @@ pub fn fly(
         inputs: count(plan.inputs.len()),
         measured: count(sensors),
         twin: count(sensors),
+        residuals: count(sensors),
         fluid_m3: count(flight.reservoirs.len()),
         ..FlightRecord::default()
     };
@@ -101,6 +104,7 @@ pub fn fly(
         push(&mut record.inputs, flight.inputs.iter().copied());
         push(&mut record.measured, flight.measured.iter().copied());
         push(&mut record.twin, flight.expected().iter().copied());
+        push(&mut record.residuals, flight.residuals());
         push(&mut record.fluid_m3, flight.fluid_m3());
         record.changes.extend(change);
         if plan.reacts {
@@ -210,6 +214,12 @@ impl<'f> ClosedLoopFlight<'f> {
     /// The sensor values that the twin expected at the last sample, SI.
     pub fn expected(&self) -> &[f64] {
         self.runtime.expected()
+    }
+
+    /// The residuals at the last sample, as [`Session::residual`].
+    pub fn residuals(&self) -> impl Iterator<Item = f64> {
+        let pairs = self.measured.iter().zip(self.expected()).enumerate();
+        pairs.map(|(sensor, (&value, &twin))| self.session().residual(sensor, value, twin))
     }
 
     /// The fluid left in each of the system's reservoirs, m³.

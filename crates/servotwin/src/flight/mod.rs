@@ -2,6 +2,7 @@
 //! diagnosis.
 //!
 //! - [`windows`]: the windows that a diagnosis examines
+//! - [`spreads`]: learns how the spread of healthy residuals grows with the flow
 //! - [`training_windows`]: the training windows taken out of flights, one table for each kind
 //! - [`train`]: trains a diagnoser: bands, trees and committee for each kind
 //! - [`boundaries`]: what a wrong reading of a boundary value does
@@ -13,10 +14,8 @@
 //! - [`outcome`]: what was flown and what a diagnosis did, a row for each flight; `watched` fills it
 //! - [`judge`]: latency, certainty and errors of the diagnosis, counted from outcomes
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
-//! - [`band`]: the conditional band, with a guaranteed rate of false alarms
 //! - [`unseen_faults`]: the response to faults outside the training data
 
-pub mod band;
 pub mod boundaries;
 pub mod closed_loop;
 pub mod cost;
@@ -25,6 +24,7 @@ pub mod judge;
 pub mod measure;
 pub mod outcome;
 pub mod runtime;
+pub mod spreads;
 pub mod tracking;
 pub mod train;
 pub mod training_windows;

@@ -1,6 +1,6 @@
 //! Trains trees, committee and bands for each kind of window from flights.
 
-use super::windows;
+use super::windows::WindowDesign;
 use crate::evaluation::data_set::DataRow;
 use crate::evaluation::{
     self, DataSet, EvaluationError, EvaluationSettings, FeatureInfo, bands, committee, run,
@@ -9,7 +9,7 @@ use crate::parallel::{self, Workers};
 use crate::run::runner::batches;
 use crate::run::{CampaignError, ensemble};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Flights, Purpose, Scenario, Study};
+use crate::study::{Purpose, Scenario, Study};
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::decision::{Allowances, Costs};
 use servotwin_diagnosis::diagnoser::environment::{InputChecks, InputRange};
@@ -66,14 +66,12 @@ pub fn settings() -> EvaluationSettings {
 /// # Errors
 /// Training fails.
 pub fn diagnoser(
-    study: &Study,
-    flights: &Flights,
-    scenario: Scenario,
+    design: &WindowDesign,
     tables: Vec<Table>,
     pools: &[usize],
     workers: Workers,
 ) -> Result<Diagnoser, EvaluationError> {
-    let kinds = windows::kinds(flights, scenario, study.sample_period_s);
+    let (study, scenario, kinds) = (design.study, design.scenario, design.kinds());
     let tables = tables.into_iter().map(|table| [(Purpose::Train, table)]);
     let pairs: Vec<_> = kinds.iter().zip(tables).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
@@ -102,10 +100,12 @@ pub fn diagnoser(
         ..length
     };
     let lengths: Vec<Length> = kinds.iter().zip(lengths).map(of).collect();
-    let baseline = windows::baseline(flights, scenario, study.sample_period_s);
-    let sensors = study.base_sensors();
-    let diagnoser = assembled((study, scenario, sensors), lengths, evidence_quantile);
-    let diagnoser = Diagnoser { baseline, scatter, ..diagnoser };
+    let of_sensors = (study, scenario, study.base_sensors());
+    let mut diagnoser = assembled(of_sensors, lengths, evidence_quantile);
+    for (sensor, spread) in diagnoser.sensors.iter_mut().zip(&design.spreads) {
+        sensor.spread = *spread;
+    }
+    let diagnoser = Diagnoser { baseline: design.baseline(), scatter, ..diagnoser };
     diagnoser.check()?;
     Ok(diagnoser)
 }
@@ -163,7 +163,6 @@ fn assembled(
         },
         lengths,
         baseline: None,
-        conditional_band: None,
         scatter: None,
         healthy_evidence: None,
     }
@@ -295,6 +294,7 @@ fn diagnosed(study: &Study, scenario: Scenario, count: usize) -> Vec<diagnoser::
         noise: seen.noise,
         is_noisy: seen.is_noisy,
         follows: seen.follows.into_iter().map(|(other, weight)| (other as u32, weight)).collect(),
+        spread: None,
     };
     sensors.take(count).map(sensor).collect()
 }

@@ -9,7 +9,7 @@
 //! The tables have the columns of a campaign's data set ([`crate::evaluation::DataSet`] reads them). Every environment
 //! counts as a separate command.
 
-use super::windows;
+use super::windows::WindowDesign;
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
 use crate::parallel::{self, Workers};
@@ -17,7 +17,7 @@ use crate::run::runner::in_batches;
 use crate::run::{CampaignError, Observer, Run, Runner, plan};
 
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Flights, Scenario, Stream, Study, Suite};
+use crate::study::{Stream, Study, Suite};
 use crate::table::{Column, Table, Values};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{self, Sensors};
@@ -126,10 +126,10 @@ impl TrainingWindows {
     fn take<'p>(
         &mut self,
         flown: &Runner,
-        flights: &Flights,
+        design: &WindowDesign,
         pick: impl Fn(&Run) -> Pick<'p> + Sync,
     ) {
-        let empty = windows(flown.study(), flights, flown.scenario());
+        let empty = design.empty();
         flown.fly(
             |flight| Collector::new(flown, empty.clone(), *flight, pick(flight)),
             |flight, collector, outcome| match outcome {
@@ -216,7 +216,6 @@ impl Observer for Collector<'_> {
             measured,
             twin,
             scales: &self.scales,
-            half_widths: &[],
             stands_in: &self.stands_in,
             is_trusted: index < self.onset,
         });
@@ -249,40 +248,30 @@ impl Observer for Collector<'_> {
     }
 }
 
-/// Empty windows of a study's flights.
-fn windows(study: &Study, flights: &Flights, scenario: Scenario) -> Windows {
-    let (sensors, period_s) = (study.base_sensors(), study.sample_period_s);
-    let kinds = windows::kinds(flights, scenario, period_s);
-    let baseline = windows::baseline(flights, scenario, period_s);
-    Windows::new((sensors, sensors), &kinds, baseline).expect("usual settings")
-}
-
 /// Takes training windows out of runs of [`LEARN`].
-pub fn of_runs(flights: &Flights, flown: &Runner) -> TrainingWindows {
-    let period_s = flown.period_s();
-    let kinds = windows::kinds(flights, flown.scenario(), period_s);
+pub fn of_runs(design: &WindowDesign, flown: &Runner) -> TrainingWindows {
+    let kinds = design.kinds();
     let mut taken = TrainingWindows::default();
-    taken.take(flown, flights, |run| {
+    taken.take(flown, design, |run| {
         let random = flown.suite().seed_of(run.number).choices(Stream::Windows);
-        Pick::Newest(planned(&kinds, run, period_s, random))
+        Pick::Newest(planned(&kinds, run, flown.period_s(), random))
     });
     taken
 }
 
-/// Takes training windows out of all runs of [`LEARN`] in a scenario.
+/// Takes training windows out of all runs of [`LEARN`].
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
 pub fn learn(
-    (study, is_full): (&Study, bool),
-    flights: &Flights,
-    scenario: Scenario,
+    design: &WindowDesign,
+    is_full: bool,
     workers: Workers,
 ) -> Result<TrainingWindows, CampaignError> {
     let mut taken = TrainingWindows::default();
-    if let Some(suite) = study.suite(LEARN, is_full) {
-        in_batches(study, suite, scenario, 0, workers, |flown, _| {
-            taken.add(of_runs(flights, flown));
+    if let Some(suite) = design.study.suite(LEARN, is_full) {
+        in_batches(design.study, suite, design.scenario, 0, workers, |flown, _| {
+            taken.add(of_runs(design, flown));
             Ok::<_, CampaignError>(())
         })?;
     }
@@ -294,21 +283,19 @@ pub fn learn(
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
 pub fn add_hard_negatives(
-    (study, is_full): (&Study, bool),
-    flights: &Flights,
-    scenario: Scenario,
+    design: &WindowDesign,
+    is_full: bool,
     taken: &mut TrainingWindows,
     pools: &[usize],
     workers: Workers,
 ) -> Result<(), CampaignError> {
-    let kinds = windows::kinds(flights, scenario, study.sample_period_s).len();
     taken.sort();
-    let bands = (0..kinds).map(|kind| taken.bands(kind, pools));
+    let bands = (0..design.kinds().len()).map(|kind| taken.bands(kind, pools));
     let bands = bands.collect::<Option<Vec<Vec<f64>>>>();
-    let suite = study.suite(HARD_NEGATIVES, is_full);
+    let suite = design.study.suite(HARD_NEGATIVES, is_full);
     let (Some(bands), Some(suite)) = (bands, suite) else { return Ok(()) };
-    in_batches(study, suite, scenario, 0, workers, |flown, _| {
-        taken.take(flown, flights, |_| Pick::Outside(&bands));
+    in_batches(design.study, suite, design.scenario, 0, workers, |flown, _| {
+        taken.take(flown, design, |_| Pick::Outside(&bands));
         Ok(())
     })
 }
@@ -318,17 +305,17 @@ pub fn add_hard_negatives(
 /// # Errors
 /// The run was cancelled.
 pub fn tables(
-    (study, is_full): (&Study, bool),
-    flights: &Flights,
-    scenario: Scenario,
+    design: &WindowDesign,
+    is_full: bool,
     mut taken: TrainingWindows,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
     taken.sort();
-    let sensors = Sensors(study.sensors_in(scenario).0[..study.base_sensors()].to_vec());
+    let study = design.study;
+    let sensors = Sensors(study.sensors_in(design.scenario).0[..study.base_sensors()].to_vec());
     let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name, is_full));
     let mut tables = vec![];
-    for kind in 0..windows::kinds(flights, scenario, study.sample_period_s).len() {
+    for kind in 0..design.kinds().len() {
         let of: Vec<&TrainingWindow> = taken.list.iter().filter(|l| l.kind == kind).collect();
         tables.push(Maker { study, sensors: &sensors, suites }.table(&of, workers)?);
     }

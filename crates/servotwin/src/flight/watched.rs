@@ -476,13 +476,9 @@ impl OutOfBands {
                 continue;
             }
             let (window, length) = (session.window(place), &diagnoser.lengths[place]);
-            let bands = length.panel.bands.iter().enumerate();
             let is_out =
                 |(sensor, band): (usize, &SensorBand)| window.largest(sensor) > band.half_width;
-            let has_left = match window.excess() {
-                Some(excess) => excess.iter().any(|excess| *excess > 1.0),
-                None => bands.into_iter().any(is_out),
-            };
+            let has_left = length.panel.bands.iter().enumerate().any(is_out);
             let Some(first) = out_of_band.take(index, has_left, length.span.panes) else {
                 continue;
             };

@@ -29,10 +29,6 @@ pub struct Watcher<'s> {
     twin: Vec<f64>,
     residuals: Vec<f64>,
     bands: Vec<f64>,
-    /// Number of samples in the longest window.
-    longest: u64,
-    /// Number of further samples during which a window contains a sample outside the conditional band's learned range.
-    outside_for: u64,
     /// The windows of healthy-looking stretches, compared with the scatter that the diagnoser was trained for.
     scatter: ScatterTest,
     /// Number of panes since the last window of the comparison.
@@ -51,7 +47,6 @@ struct Stored {
     is_seen_off: Vec<bool>,
     /// The last finding; `None` if there was none.
     finding: Option<Finding>,
-    outside_for: u64,
     scatter: ScatterTest,
     panes: u32,
 }
@@ -105,8 +100,6 @@ impl<'s> Watcher<'s> {
             twin: vec![f64::NAN; sensors.len()],
             residuals: vec![f64::NAN; sensors.len()],
             bands,
-            longest: diagnoser.lengths.iter().map(|l| l.span.samples()).max().unwrap_or(0),
-            outside_for: 0,
             scatter: ScatterTest::default(),
             panes: 0,
             finding: Finding::default(),
@@ -179,7 +172,7 @@ impl<'s> Watcher<'s> {
         let Some(scatter) = &self.diagnoser.scatter else { return };
         let is_quiet = matches!(outcome.alarm, Alarm::Normal | Alarm::Pending);
         let session = self.runtime.session();
-        if self.diagnoser.conditional_band.is_some() || !session.has_new_window(0) {
+        if !session.has_new_window(0) {
             return;
         }
         self.panes = self.panes.saturating_add(1);
@@ -224,19 +217,14 @@ impl<'s> Watcher<'s> {
         for (residual, ((measured, twin), scale)) in self.residuals.iter_mut().zip(pairs) {
             *residual = (measured - twin) / scale;
         }
-        let half_widths = self.runtime.session().half_widths().unwrap_or_default();
-        for (&place, &half_width) in self.places.iter().zip(half_widths) {
-            self.bands[place] = half_width;
+        for (sensor, &place) in self.places.iter().enumerate() {
+            let session = self.runtime.session();
+            self.residuals[place] = session.residual(sensor, measured[place], self.twin[place]);
         }
-        let was_outside = self.outside_for > 0;
-        let is_outside = outcome.outside > 0.0;
-        self.outside_for =
-            if is_outside { self.longest } else { self.outside_for.saturating_sub(1) };
         let said = |o: &Outcome| {
             (o.finding, o.alarm, o.raised.map(|r| (r.actuator, r.action, r.detail)), o.lost)
         };
-        let is_new = was_outside != (self.outside_for > 0);
-        if is_new || self.last.as_ref().map(said) != Some(said(&outcome)) {
+        if self.last.as_ref().map(said) != Some(said(&outcome)) {
             self.say(&outcome);
         }
         self.finding.be_sure(outcome.confidence);
@@ -268,7 +256,6 @@ impl<'s> Watcher<'s> {
         let raised = outcome.raised.or(self.stands().next()).filter(|_| !is_open);
         let words = |raised| self.named(Some(parts(&raised))).action_in_words();
         self.finding = Finding {
-            is_outside: self.outside_for > 0,
             state,
             phase: self.phase(outcome.alarm),
             confidence: outcome.confidence,
@@ -338,12 +325,6 @@ impl<'s> Watcher<'s> {
         if !lost.is_empty() {
             evidence.push(format!("judged without {}: no value comes", lost.join(", ")));
         }
-        if let Some(name) = session.farthest().filter(|_| outcome.outside > 0.0) {
-            evidence.push(format!(
-                "{name} is {:.0} % of its range outside of what the band was learned from",
-                (100.0 * outcome.outside).ceil()
-            ));
-        }
         evidence
     }
 
@@ -374,7 +355,6 @@ impl Observer for Watcher<'_> {
 
     fn restart(&mut self) {
         self.runtime.restart();
-        self.outside_for = 0;
         self.panes = 0;
         self.last = None;
     }
@@ -403,7 +383,6 @@ impl Observer for Watcher<'_> {
             reactions,
             is_seen_off: self.is_seen_off.clone(),
             finding,
-            outside_for: self.outside_for,
             scatter: self.scatter,
             panes: self.panes,
         };
@@ -414,9 +393,6 @@ impl Observer for Watcher<'_> {
         let stored: Stored = serde_json::from_slice(saved).map_err(|error| error.to_string())?;
         if stored.is_seen_off.len() != self.off.len() {
             return Err("it is of another number of actuators".into());
-        }
-        if stored.outside_for > self.longest {
-            return Err("it was outside of the band for longer than a window".into());
         }
         if !stored.scatter.is_possible() {
             return Err("its windows are counted wrongly".into());
@@ -442,7 +418,6 @@ impl Observer for Watcher<'_> {
             .map_err(|error| error.to_string())?;
         self.runtime = runtime;
         self.is_seen_off = stored.is_seen_off;
-        self.outside_for = stored.outside_for;
         (self.scatter, self.panes) = (stored.scatter, stored.panes);
         self.last = stored.finding.as_ref().map(|_| *self.runtime.session().outcome());
         self.finding = stored.finding.unwrap_or_default();

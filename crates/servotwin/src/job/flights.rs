@@ -9,9 +9,10 @@ use crate::flight::boundaries::boundaries;
 use crate::flight::judge::{FlightGroup, FlightMetrics};
 use crate::flight::measure;
 use crate::flight::outcome::FlightOutcome;
-use crate::flight::train;
 use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
 use crate::flight::unseen_faults::UnseenFaultMetrics;
+use crate::flight::windows::WindowDesign;
+use crate::flight::{spreads, train};
 use crate::manifest::sha256_of_text;
 use crate::parallel::Workers;
 use crate::study::flights::Limits;
@@ -197,9 +198,22 @@ pub fn learn(
     scenario: Scenario,
     crew: &Crew,
 ) -> Result<Diagnoser, JobError> {
-    let flights = flights(study)?;
-    let taken = training_windows::learn((study, is_full), flights, scenario, crew.workers)?;
-    learn_from(folder, (study, is_full), scenario, taken, crew)
+    let design = design((study, is_full), scenario, crew.workers)?;
+    let taken = training_windows::learn(&design, is_full, crew.workers)?;
+    learn_from(folder, &design, is_full, taken, crew)
+}
+
+/// The windows of a scenario's diagnosis, with the spreads of healthy flights.
+///
+/// # Errors
+/// The study has no flights, or a twin cannot be simulated.
+pub fn design<'s>(
+    (study, is_full): (&'s Study, bool),
+    scenario: Scenario,
+    workers: Workers,
+) -> Result<WindowDesign<'s>, JobError> {
+    let with_flights = (study, flights(study)?);
+    Ok(spreads::learn(with_flights, is_full, scenario, &pools(study), workers)?)
 }
 
 /// Trains the diagnoser of a scenario and writes it. The windows come from runs that may have been flown on other
@@ -209,22 +223,22 @@ pub fn learn(
 /// Training fails; the diagnoser is unsafe in health; the file cannot be written.
 pub fn learn_from(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
-    scenario: Scenario,
+    design: &WindowDesign,
+    is_full: bool,
     mut taken: TrainingWindows,
     crew: &Crew,
 ) -> Result<Diagnoser, JobError> {
-    let (sized, flights) = ((study, is_full), flights(study)?);
+    let (study, scenario) = (design.study, design.scenario);
     let (pools, workers) = (pools(study), crew.workers);
-    training_windows::add_hard_negatives(sized, flights, scenario, &mut taken, &pools, workers)?;
+    training_windows::add_hard_negatives(design, is_full, &mut taken, &pools, workers)?;
     crew.check()?;
     let left_out = taken.left_out();
-    let tables = training_windows::tables(sized, flights, scenario, taken, workers)?;
+    let tables = training_windows::tables(design, is_full, taken, workers)?;
     let environment = train::environment(study, is_full)?;
-    let trained = train::diagnoser(study, flights, scenario, tables, &pools, workers)?;
+    let trained = train::diagnoser(design, tables, &pools, workers)?;
     let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
     let diagnoser = Diagnoser { boundaries, environment, ..trained };
-    let diagnoser = held_out::with_margin(sized, scenario, diagnoser, workers)?;
+    let diagnoser = held_out::with_margin((study, is_full), scenario, diagnoser, workers)?;
     model_file::write(folder.left_out(scenario), &left_out)?;
     model_file::write_model(folder.diagnoser(scenario), &diagnoser)?;
     Ok(diagnoser)

@@ -14,7 +14,6 @@
 //! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
 //! | `outcomes-<suite>-<scenario>.parquet` | flights: what was flown and what a diagnosis did, a row for each flight |
 //! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
-//! | `band-<scenario>.json` | band: the conditional band and its figures of merit |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `windows.parquet`, `outcomes.parquet`, `model.json`, `recordings.json` | a study of recordings |
@@ -81,11 +80,6 @@ impl Folder {
         self.0.join(format!("diagnoser-{}.json", scenario.name()))
     }
 
-    /// The file of the conditional band learned in a scenario.
-    pub fn band(&self, scenario: Scenario) -> PathBuf {
-        self.0.join(format!("band-{}.json", scenario.name()))
-    }
-
     /// The file with the results of the flights.
     pub fn flights(&self) -> PathBuf {
         self.0.join("flights.json")
@@ -135,7 +129,6 @@ impl Folder {
         let mut files: Vec<PathBuf> = Scenario::ALL.into_iter().flat_map(both).collect();
         files.extend(Subject::ALL.map(|subject| self.records(subject)));
         files.extend(Scenario::ALL.map(|scenario| self.diagnoser(scenario)));
-        files.extend(Scenario::ALL.map(|scenario| self.band(scenario)));
         files.extend(Scenario::ALL.map(|scenario| self.left_out(scenario)));
         files.extend(self.all_outcomes()?);
         files.extend(Purpose::OF_RECORDS.map(|purpose| calibration_file(&self.0, purpose)));

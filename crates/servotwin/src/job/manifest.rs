@@ -370,7 +370,7 @@ mod tests {
         files.extend(KNOWN.map(|(suite, ..)| folder.outcomes(suite, "noise")));
         for scenario in Scenario::ALL {
             files.extend(Purpose::OF_RECORDS.map(|purpose| folder.data_set(scenario, purpose)));
-            files.extend([folder.diagnoser(scenario), folder.band(scenario)]);
+            files.push(folder.diagnoser(scenario));
             files.push(folder.left_out(scenario));
         }
         files.extend(Purpose::OF_RECORDS.map(|purpose| calibration_file(folder.path(), purpose)));

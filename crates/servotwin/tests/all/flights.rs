@@ -9,7 +9,7 @@ use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
 use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
 use servotwin::flight::watched::fly_suite;
 use servotwin::job::Folder;
-use servotwin::job::flights::{Crew, fly_all, learn, learn_from};
+use servotwin::job::flights::{Crew, design, fly_all, learn, learn_from};
 use servotwin::job::outcomes::{fly_environment, watching};
 use servotwin::parallel::Workers;
 use servotwin::run::other_plant::OtherPlants;
@@ -17,7 +17,7 @@ use servotwin::run::{CampaignError, Observer, Runner, plan};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::suites::{JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN};
-use servotwin::study::{Flights, Scenario, Study, Suite};
+use servotwin::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -79,10 +79,6 @@ pub fn diagnoser() -> &'static Arc<Diagnoser> {
 
 fn suite(name: &str) -> &'static Suite {
     study().suite(name, false).unwrap()
-}
-
-fn flights() -> &'static Flights {
-    study().flights.as_ref().unwrap()
 }
 
 /// The outcomes of a suite, watched by the diagnoser.
@@ -181,6 +177,7 @@ impl Observer for Seen {
 fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
     for scenario in [Scenario::Noise, Scenario::Realistic] {
         let diagnoser = Arc::new(learned(scenario, 2));
+        let design = design((study(), false), scenario, Workers::new(1)).unwrap();
         let (suite, plants) = (suite(LEARN), (scenario, None));
         let all = 0..suite.environments;
         let flown = Runner::new(study(), suite, plants, all, Workers::new(2)).unwrap();
@@ -195,7 +192,7 @@ fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
                 seen.insert(flight.number as u64, own.windows);
             },
         );
-        let taken = serde_json::to_value(training_windows::of_runs(flights(), &flown)).unwrap();
+        let taken = serde_json::to_value(training_windows::of_runs(&design, &flown)).unwrap();
         let mut compared = vec![0; diagnoser.lengths.len()];
         for window in taken["list"].as_array().unwrap() {
             let number = |field: &str| window[field].as_u64().unwrap();
@@ -230,18 +227,19 @@ fn hard_negatives_change_what_health_looks_like_and_no_band() {
 fn environments_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
     let workers = Workers::new(1);
     // Through a text, as it comes from another machine.
+    let design = design((study(), false), Scenario::Noise, workers).unwrap();
     let mut taken = TrainingWindows::default();
     for environment in (0..suite(LEARN).environments).rev() {
         let (plants, own) = ((Scenario::Noise, None), environment..environment + 1);
         let flown = Runner::new(study(), suite(LEARN), plants, own, workers).unwrap();
-        let sent = text(&training_windows::of_runs(flights(), &flown));
+        let sent = text(&training_windows::of_runs(&design, &flown));
         taken.add(serde_json::from_str(&sent).unwrap());
     }
     let folder =
         Folder::new(std::env::temp_dir().join(format!("servotwin-apart-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let found = learn_from(&folder, (study(), false), Scenario::Noise, taken, &crew).unwrap();
+    let found = learn_from(&folder, &design, false, taken, &crew).unwrap();
     let left_out = std::fs::read_to_string(folder.left_out(Scenario::Noise)).unwrap();
     assert_eq!(serde_json::from_str::<LeftOut>(&left_out).unwrap(), LeftOut::default());
     assert!(text(&found) == text(&**diagnoser()));

@@ -13,7 +13,6 @@ use servotwin::signal::bus::as_sent;
 use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
 use servotwin::study::{Reaction, Study};
-use servotwin_diagnosis::conditional_band::{ConditionalBand, Covariate, CovariateSource};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Scatter};
 use servotwin_diagnosis::random::Random;
 use servotwin_model::lanes::Level;
@@ -353,51 +352,6 @@ fn a_twin_that_fails_leaves_no_old_outcome_and_settles_again() {
 }
 
 #[test]
-fn outside_of_what_its_band_was_learned_from_a_watch_is_marked_until_no_window_shows_it() {
-    let load = study().system.network().inputs.iter().position(|i| i.id == "load_factor").unwrap();
-    let bands = &diagnoser().lengths[0].panel.bands;
-    let field = ConditionalBand {
-        covariates: vec![Covariate {
-            name: "load_factor".into(),
-            source: CovariateSource::Input { input: load as u32 },
-            edges: vec![],
-            range: (0.6, 0.9),
-        }],
-        base: bands.iter().map(|band| band.half_width).collect(),
-        factors: vec![vec![vec![1.0]]; bands.len()],
-        scale: 1.0,
-        share: 0.05,
-        calibrated_on: 19,
-    };
-    let diagnoser =
-        Arc::new(Diagnoser { conditional_band: Some(field), ..(**diagnoser()).clone() });
-    let mut watcher = Watcher::new(study(), diagnoser).unwrap();
-    let mut inputs: Vec<f64> =
-        study().system.network().inputs.iter().map(|input| input.default).collect();
-    let sensors = study().system.sensors.len();
-    let mut marked = vec![];
-    for k in 0..200 {
-        inputs[load] = if (50..60).contains(&k) { 0.95 } else { 0.8 };
-        let observation = watcher.push(f64::from(k) * 0.02, &inputs, &vec![0.0; sensors]);
-        marked.push(observation.finding.is_outside);
-        let finding = observation.finding;
-        assert_eq!(finding.words().contains("outside"), finding.is_outside);
-        if k == 55 {
-            let why = finding.evidence.iter().any(|why| why.contains("load_factor is 17 %"));
-            assert!(why, "{finding:?}");
-            let saved = watcher.save();
-            watcher.restart();
-            watcher.restore(&saved).unwrap();
-        }
-    }
-    // A window is 0.5 s, 25 samples.
-    let expected = |k: usize| (50..85).contains(&k);
-    let wrong: Vec<usize> = (0..200).filter(|&k| marked[k] != expected(k)).collect();
-    assert!(wrong.len() <= 1, "{wrong:?}");
-}
-
-/// A step of zero made the twin stand for ever, a length that there is not made the diagnosis panic.
-#[test]
 fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
     use serde_json::json;
     let record = fly(vec![(1.0, fault("actuator_1.servo_valve.bias_positive"))]);
@@ -448,9 +402,8 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
         ("/session/memory/settling", json!(1_u64 << 40)),
         ("/session/memory/outcome/length", json!(99)),
         ("/session/memory/outcome/finding", json!({ "actuator": { "actuator": 99 } })),
-        ("/session/windows/spans/0/ended", json!(u64::MAX)),
-        ("/session/windows/spans/0/open/0", json!(-3)),
-        ("/outside_for", json!(u64::MAX)),
+        ("/session/windows/absolute/spans/0/ended", json!(u64::MAX)),
+        ("/session/windows/absolute/spans/0/open/0", json!(-3)),
         ("/reactions", json!([])),
         ("/reactions/0/0", json!(1)),
         ("/reactions/0/0", json!(99)),

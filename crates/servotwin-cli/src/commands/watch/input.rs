@@ -3,8 +3,7 @@
 use crate::Global;
 use crate::commands::{note, warn};
 use crate::failure::Failure;
-use servotwin::evaluation::{EvaluationError, model_file};
-use servotwin::flight::band::BandMerit;
+use servotwin::evaluation::model_file;
 use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
 use servotwin::moment;
@@ -27,10 +26,6 @@ pub struct InputOptions {
     /// aileron the one that comes with the program].
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// A confidence band written by `servotwin band`, to use instead of the diagnoser's own. Outcomes outside the range
-    /// of its training are marked.
-    #[arg(long, value_name = "FILE")]
-    pub band: Option<PathBuf>,
     /// The map file, which assigns columns to signals.
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
@@ -201,11 +196,6 @@ pub fn usual_diagnoser() -> PathBuf {
     Folder::new("out").diagnoser(Scenario::Realistic)
 }
 
-/// Reads a diagnoser from a file, and replaces its band if one is named.
-pub fn read_diagnoser(model: &Path, band: Option<&Path>) -> Result<Diagnoser, Failure> {
-    with_band(model_file::read_diagnoser(model)?, band)
-}
-
 /// The diagnoser that the options name, or that of the default output folder. If it is missing, the built-in aileron has
 /// a shipped one.
 pub fn diagnoser(
@@ -213,23 +203,14 @@ pub fn diagnoser(
     study: &Study,
     global: Global,
 ) -> Result<Diagnoser, Failure> {
-    let band = input.band.as_deref();
     if let Some(path) = &input.model {
-        return read_diagnoser(path, band);
+        return Ok(model_file::read_diagnoser(path)?);
     }
     let shipped = (!usual_diagnoser().exists()).then(|| shipped::diagnoser(study)).flatten();
     if let Some(shipped) = shipped {
         let text = "the diagnosis comes with the program and allows for no tolerances; servotwin flights learns one that does";
         note(global, text);
-        return with_band(shipped, band);
+        return Ok(shipped);
     }
-    with_band(flights::diagnoser(&Folder::new("out"), Scenario::Realistic)?, band)
-}
-
-/// The diagnoser with the band of a file, if one is named, instead of its own.
-pub fn with_band(diagnoser: Diagnoser, band: Option<&Path>) -> Result<Diagnoser, Failure> {
-    let Some(path) = band else { return Ok(diagnoser) };
-    let band: BandMerit = model_file::read(path)?;
-    let corrupt = |source| EvaluationError::CorruptModel { path: path.into(), source };
-    Ok(band.put_into(diagnoser).map_err(corrupt)?)
+    Ok(flights::diagnoser(&Folder::new("out"), Scenario::Realistic)?)
 }
