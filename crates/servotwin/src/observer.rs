@@ -37,7 +37,7 @@ pub struct Observation<'o> {
     pub twin: &'o [f64],
     /// Measured minus twin, divided by the sensors' scales and, where the diagnoser knows it, their spread.
     pub residuals: &'o [f64],
-    /// Half width of each residual's band; NaN for none.
+    /// Half width of each residual's band, the same at every sample; NaN for none.
     pub bands: &'o [f64],
     /// Further values to show, named by [`Observer::features`].
     pub features: &'o [f64],

@@ -1,8 +1,8 @@
 //! Writes the watch as an MCAP file for Foxglove, Rerun and PlotJuggler.
 //!
-//! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`. `/bands` and `/decisions` have a
-//! message for each change of a band or of the finding. Messages are JSON with a schema. The name of a number ends with
-//! its unit, and a missing value is null. Notices of a live watch (no data, heartbeats) are on `/watch`; while the
+//! Every sample is a message on `/inputs`, `/measured`, `/twin` and `/residuals`. `/bands` has one
+//! message, and `/decisions` has one for each change of the finding. Messages are JSON with a schema. The name of a number
+//! ends with its unit, and a missing value is null. Notices of a live watch (no data, heartbeats) are on `/watch`; while the
 //! source is silent, `/decisions` has the state `no_data`.
 
 pub mod recording;
@@ -36,7 +36,7 @@ pub struct Mcap {
     notices: Option<Channel>,
     /// The last finding on `/decisions`, except silence.
     last_finding: Finding,
-    last_bands: Option<Vec<u64>>,
+    has_bands: bool,
     text: String,
 }
 
@@ -95,7 +95,7 @@ impl Mcap {
             decisions,
             notices: None,
             last_finding: Finding::default(),
-            last_bands: None,
+            has_bands: false,
             text: String::new(),
         })
     }
@@ -124,10 +124,9 @@ impl Mcap {
         if let Some(features) = &mut self.features {
             numbers(features, observation.features)?;
         }
-        let bits: Vec<u64> = observation.bands.iter().map(|band| band.to_bits()).collect();
-        if self.last_bands.as_ref() != Some(&bits) {
+        if !self.has_bands {
             numbers(&mut self.bands, observation.bands)?;
-            self.last_bands = Some(bits);
+            self.has_bands = true;
         }
         if sample.changed {
             self.last_finding.clone_from(observation.finding);

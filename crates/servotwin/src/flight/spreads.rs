@@ -18,7 +18,7 @@ use servotwin_diagnosis::features::{Quantity, Sensor};
 use servotwin_diagnosis::spread::{Reach, Spread};
 use std::collections::BTreeMap;
 
-/// Number of environments: the growths do not change with more of them.
+/// Number of environments: their flights of 20 s have 96,000 samples of each sensor, to rank seven growths.
 const ENVIRONMENTS: usize = 48;
 
 /// The growths to choose from.
@@ -26,9 +26,9 @@ const GROWTHS: [f64; 7] = [0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
 
 /// The gain in ln L per sample below which residuals do not grow enough, in nats. A spread narrows bands, so that what no
 /// twin models, such as other friction, leaves them: it must gain more than it costs. Pressures and rams of the aileron
-/// gain 0.01; with a spread of theirs, the diagnosis raised an action in 28 instead of 1 of 1,200 healthy flights of plants
+/// gain 0.01; with spreads for them too, the diagnosis raised an action in 28 instead of 1 of 1,200 healthy flights of plants
 /// with another structure. Spools gain 0.6.
-const LEAST_GAIN_NATS: f64 = 0.03;
+const MIN_GAIN_NATS: f64 = 0.03;
 
 /// The sums of a sensor for each growth, over samples: (r/d)² and ln d.
 type Sums = [[f64; 2]; GROWTHS.len()];
@@ -60,7 +60,7 @@ impl Observer for Summing<'_> {
 
 /// The spool sensor of each sensor's actuator; `None` without one. The sensors of supply and return lines have none: what a
 /// wrong boundary value explains is computed from their residuals as they are (`servotwin_diagnosis::diagnoser::Boundary`).
-/// With spreads of theirs, two of twenty wrong boundary values shut a healthy actuator down.
+/// With spreads for lines, two or three of twenty wrong boundary values shut a healthy actuator down.
 fn spools(study: &Study) -> Vec<Option<usize>> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let spool_of = |actuator: usize| {
@@ -152,7 +152,7 @@ fn most_likely(like: &[Sums], samples: usize) -> f64 {
     };
     let all: Vec<f64> = (0..GROWTHS.len()).map(likelihood).collect();
     let best = (0..all.len()).fold(0, |best, own| if all[own] > all[best] { own } else { best });
-    if all[best] - all[0] > LEAST_GAIN_NATS { GROWTHS[best] } else { 0.0 }
+    if all[best] - all[0] > MIN_GAIN_NATS { GROWTHS[best] } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -47,7 +47,8 @@ pub struct Timeline {
     left_out: usize,
     /// The notices of the watchdog, each with the time of the last sample, s.
     notices: Vec<(f64, String)>,
-    bands: Vec<(usize, Vec<f64>)>,
+    /// The half widths of the bands; empty before the first sample.
+    bands: Vec<f64>,
 }
 
 impl Timeline {
@@ -232,9 +233,7 @@ impl Timeline {
             "stretches": self.stretches.iter().map(|(s, t)| json!([at(s), t])).collect::<Vec<_>>(),
             "legend": legend.map(|state| [class_of(state), state.words()]).collect::<Vec<_>>(),
             "changes": self.changes.iter().map(change).collect::<Vec<_>>(),
-            "bands": self.bands.iter()
-                .map(|(s, bands)| json!([at(s), bands.iter().map(percent).collect::<Vec<_>>()]))
-                .collect::<Vec<_>>(),
+            "bands": self.bands.iter().map(percent).collect::<Vec<_>>(),
             "inputs": all(&self.scene.inputs, &self.inputs),
             "residuals": plain(labels, &self.residuals, "% of scale"),
             "measured": all(&self.scene.sensors, &self.measured),
@@ -284,10 +283,8 @@ impl Sink for Timeline {
         for (series, &feature) in self.features.iter_mut().zip(observation.features) {
             series.push(feature, begins);
         }
-        let bits = |bands: &[f64]| bands.iter().map(|band| band.to_bits()).collect::<Vec<_>>();
-        let same = |(_, last): &(usize, Vec<f64>)| bits(last) == bits(observation.bands);
-        if self.bands.len() < CHANGES && !self.bands.last().is_some_and(same) {
-            self.bands.push((self.samples, observation.bands.to_vec()));
+        if self.bands.is_empty() {
+            self.bands = observation.bands.to_vec();
         }
         match sample.changed {
             true if self.changes.len() < CHANGES => {

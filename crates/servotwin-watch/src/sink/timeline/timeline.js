@@ -33,11 +33,7 @@ const time = at => {
 // As moment::shown of the program has it: a time that counts from 1970 as a date.
 const moment = s => s > 1e8 ? new Date(Math.round(1e3 * s)).toISOString().replace("T", " ").replace("Z", "")
   : number(s) + " s";
-const bandOf = (k, at) => {
-  let found = null;
-  for (const [from, bands] of data.bands) if (from <= at + 1e-9) found = bands[k];
-  return found;
-};
+const bandOf = panel => data.bands[panel.band] ?? null;
 
 // Panels.
 const panels = [];
@@ -103,7 +99,7 @@ const curves = (g, w, h, panel) => {
       if (a !== undefined) { low = Math.min(low, a); high = Math.max(high, b); }
     }
   if (low > high) { low = 0; high = 1; }
-  const band = panel.band === undefined ? null : bandOf(panel.band, view.to);
+  const band = bandOf(panel);
   if (band) { low = Math.min(low, -1.2 * band); high = Math.max(high, 1.2 * band); }
   const margin = 0.06 * (high - low) || Math.abs(high) * 0.01 || 1;
   low -= margin; high += margin;
@@ -119,13 +115,11 @@ const curves = (g, w, h, panel) => {
   g.textAlign = "left";
   g.save();
   g.beginPath(); g.rect(LEFT, 0, w - LEFT - RIGHT, h); g.clip();
-  if (panel.band !== undefined) data.bands.forEach(([from, bands], k) => {
-    const next = data.bands[k + 1], b = bands[panel.band];
-    if (b === null) return;
-    const left = x(from, w), right = x(next ? next[0] : data.length, w);
+  if (band !== null) {
+    const left = x(0, w);
     g.fillStyle = colour("band");
-    g.fillRect(left, y(b), right - left, y(-b) - y(b));
-  });
+    g.fillRect(left, y(band), x(data.length, w) - left, y(-band) - y(band));
+  }
   // Several buckets in a pixel are drawn as one.
   const step = Math.max(1, Math.floor((last - first) / (w - LEFT - RIGHT)));
   panel.signals.forEach((s, k) => {
