@@ -14,7 +14,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, require, same_length};
-use crate::residual::Window;
+use crate::residual::{DividedSample, Window};
 
 /// Upper limit of stored counts.
 const LARGEST_COUNT: u64 = 1 << 53;
@@ -139,9 +139,9 @@ impl Ring {
     fn store(&self) -> StoredSpan {
         StoredSpan {
             ended: self.ended,
-            open: self.open.to_values(),
-            panes: self.panes.iter().map(Window::to_values).collect(),
-            window: self.window.to_values(),
+            open: self.open.state(),
+            panes: self.panes.iter().map(Window::state).collect(),
+            window: self.window.state(),
         }
     }
 
@@ -184,13 +184,12 @@ fn restore(window: &mut Window, values: &[f64], most_samples: u64) -> Result<(),
 }
 
 impl Sliding {
-    /// Creates windows over `spans`, whose panes are multiples of the shortest. The first `watched` of the sensors
-    /// decide whether something deviates.
+    /// Creates windows like the empty one over `spans`, whose panes are multiples of the shortest.
     ///
     /// # Errors
     /// [`Error::SettingOutOfRange`] for no span, an empty pane or window, or a pane that is no multiple of the
     /// shortest.
-    pub fn new(sensors: usize, watched: usize, spans: &[WindowSpan]) -> Result<Self, Error> {
+    pub fn new(empty: Window, spans: &[WindowSpan]) -> Result<Self, Error> {
         let lengths = || spans.iter().map(|span| span.pane_samples);
         let base_samples = lengths().min().unwrap_or(0);
         require(base_samples > 0, "pane_samples", 0.0, "at least 1, and at least one span")?;
@@ -200,19 +199,19 @@ impl Sliding {
             require(whole, "pane_samples", length, "a multiple of the shortest pane")?;
             require(span.panes != 0, "panes", 0.0, "at least 1")?;
         }
-        let empty = Window::watching(sensors, watched);
         let rings = spans.iter().map(|&span| Ring::new(span, &empty)).collect();
         let (full, turn, ended) = (empty.clone(), spans.len(), vec![false; spans.len()]);
         Ok(Sliding { base_samples, base: empty, full, turn, rings, ended })
     }
 
-    /// Adds one sample as [`Window::add`] does. Returns whether it completed a window of any span. Does not allocate.
+    /// Adds one sample as [`Window::add_divided`] does. Returns whether it completed a window of any span. Does not
+    /// allocate.
     ///
     /// # Panics
     /// As [`Window::add`].
-    pub fn add(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> bool {
+    pub fn add(&mut self, sample: &DividedSample) -> bool {
         self.ended.fill(false);
-        self.base.add(measured, twin, scales);
+        self.base.add_divided(sample);
         if self.base.count() >= u64::from(self.base_samples) {
             // With more spans than samples in a pane, the remaining spans cannot wait any longer.
             (self.turn..self.rings.len()).for_each(|_| self.take_turn());
@@ -270,8 +269,8 @@ impl Sliding {
     pub fn store(&self) -> Stored {
         let is_taken = self.turn >= self.rings.len();
         Stored {
-            base: self.base.to_values(),
-            full: if is_taken { Vec::new() } else { self.full.to_values() },
+            base: self.base.state(),
+            full: if is_taken { Vec::new() } else { self.full.state() },
             turn: if is_taken { 0 } else { self.turn },
             spans: self.rings.iter().map(Ring::store).collect(),
         }
@@ -311,6 +310,10 @@ mod tests {
         WindowSpan { pane_samples: 1000, panes: 1 },
     ];
 
+    fn plain<'s>(measured: &'s [f64; 1], twin: &'s [f64; 1]) -> DividedSample<'s> {
+        DividedSample { judged: measured, measured, twin, scales: &[2.0], spreads: &[1.0] }
+    }
+
     /// A slow oscillation, a fast one, noise and a rare spike, far from zero.
     fn sample(random: &mut Random, k: u64) -> ([f64; 1], [f64; 1]) {
         let t = k as f64 * 0.01;
@@ -340,13 +343,13 @@ mod tests {
     fn a_day_of_samples_gives_the_windows_of_exact_recomputation() {
         const DAY: u64 = 24 * 3600 * 100;
         const TURNS: u64 = 3;
-        let mut sliding = Sliding::new(1, 1, &SPANS).unwrap();
+        let mut sliding = Sliding::new(Window::new(1), &SPANS).unwrap();
         let mut random = Random::new(7);
         let mut recent = alloc::collections::VecDeque::new();
         let mut checks = 0;
         for k in 0..DAY + TURNS {
             let (measured, twin) = sample(&mut random, k);
-            sliding.add(&measured, &twin, &[2.0]);
+            sliding.add(&plain(&measured, &twin));
             recent.push_back((measured, twin));
             if recent.len() > 1003 {
                 recent.pop_front();
@@ -368,12 +371,12 @@ mod tests {
 
     #[test]
     fn no_sample_brings_two_windows_and_every_window_comes() {
-        let mut sliding = Sliding::new(1, 1, &SPANS).unwrap();
+        let mut sliding = Sliding::new(Window::new(1), &SPANS).unwrap();
         let mut random = Random::new(3);
         let mut came = [0; 4];
         for k in 0..2003 {
             let (measured, twin) = sample(&mut random, k);
-            let any = sliding.add(&measured, &twin, &[2.0]);
+            let any = sliding.add(&plain(&measured, &twin));
             let ended: Vec<usize> = (0..4).filter(|&span| sliding.has_ended(span)).collect();
             assert_eq!(any, !ended.is_empty());
             assert!(ended.len() <= 1, "{ended:?} at {k}");
@@ -385,11 +388,11 @@ mod tests {
     #[test]
     fn where_panes_are_shorter_than_there_are_spans_none_is_lost() {
         let spans = [1, 1, 2].map(|pane_samples| WindowSpan { pane_samples, panes: 2 });
-        let mut sliding = Sliding::new(1, 1, &spans).unwrap();
+        let mut sliding = Sliding::new(Window::new(1), &spans).unwrap();
         let mut random = Random::new(4);
         let samples: Vec<_> = (0..41).map(|k| sample(&mut random, k)).collect();
         for (measured, twin) in &samples {
-            sliding.add(measured, twin, &[2.0]);
+            sliding.add(&plain(measured, twin));
         }
         for (span, part) in [(0, 39..41), (1, 38..40), (2, 36..40)] {
             assert_same(sliding.window(span), &exact(&samples[part]), 1e-14, span as u64);
@@ -398,11 +401,11 @@ mod tests {
 
     #[test]
     fn a_window_that_is_not_full_is_over_what_there_is() {
-        let mut sliding = Sliding::new(1, 1, &SPANS[..2]).unwrap();
+        let mut sliding = Sliding::new(Window::new(1), &SPANS[..2]).unwrap();
         let mut random = Random::new(1);
         let samples: Vec<_> = (0..30).map(|k| sample(&mut random, k)).collect();
         for (k, (measured, twin)) in samples.iter().enumerate() {
-            let ended = sliding.add(measured, twin, &[2.0]);
+            let ended = sliding.add(&plain(measured, twin));
             assert_eq!(ended, (k + 1) % 10 == 0);
             assert!(!sliding.has_ended(1));
         }
@@ -415,33 +418,35 @@ mod tests {
     #[test]
     fn what_was_stored_goes_on_to_the_bit() {
         let mut random = Random::new(5);
-        let mut one = Sliding::new(1, 1, &SPANS).unwrap();
+        let mut one = Sliding::new(Window::new(1), &SPANS).unwrap();
         let run = |sliding: &mut Sliding, random: &mut Random, from: u64| {
             for k in from..from + 777 {
                 let (measured, twin) = sample(random, k);
-                sliding.add(&measured, &twin, &[2.0]);
+                sliding.add(&plain(&measured, &twin));
             }
         };
         // 777 is no multiple of a pane: the ten rounds stop within every turn.
         for round in 0..10 {
             run(&mut one, &mut random, 777 * round);
             let text = serde_json::to_string(&one.store()).unwrap();
-            let mut other = Sliding::new(1, 1, &SPANS).unwrap();
+            let mut other = Sliding::new(Window::new(1), &SPANS).unwrap();
             other.restore(&serde_json::from_str(&text).unwrap()).unwrap();
             let mut ahead = one.clone();
             run(&mut ahead, &mut random.clone(), 777 * (round + 1));
             run(&mut other, &mut random.clone(), 777 * (round + 1));
             assert_eq!(ahead.store(), other.store());
         }
-        let mut foreign = Sliding::new(2, 1, &SPANS).unwrap();
+        let mut foreign = Sliding::new(Window::watching(2, 1), &SPANS).unwrap();
         assert!(foreign.restore(&one.store()).is_err());
     }
 
     #[test]
     fn panes_that_do_not_fit_are_refused() {
         let odd = [SPANS[0], WindowSpan { pane_samples: 15, panes: 2 }];
-        assert!(Sliding::new(1, 1, &odd).is_err());
-        assert!(Sliding::new(1, 1, &[]).is_err());
-        assert!(Sliding::new(1, 1, &[WindowSpan { pane_samples: 10, panes: 0 }]).is_err());
+        assert!(Sliding::new(Window::new(1), &odd).is_err());
+        assert!(Sliding::new(Window::new(1), &[]).is_err());
+        assert!(
+            Sliding::new(Window::new(1), &[WindowSpan { pane_samples: 10, panes: 0 }]).is_err()
+        );
     }
 }

@@ -116,9 +116,9 @@ impl Spreads {
         self.factors[sensor]
     }
 
-    /// The measured values whose residuals are those of the sample in parts of their spread. A sensor without a spread
-    /// keeps its bits. Does not allocate.
-    pub fn divide(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> &[f64] {
+    /// The measured values whose residuals are those of the sample in parts of their spread, and d of each sensor. A
+    /// sensor without a spread keeps its bits. Does not allocate.
+    pub fn divide(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> [&[f64]; 2] {
         let reach = self.reach.take(twin, scales);
         self.measured.copy_from_slice(measured);
         for (i, spread) in self.of.iter().enumerate() {
@@ -127,7 +127,7 @@ impl Spreads {
                 self.measured[i] = twin[i] + (measured[i] - twin[i]) / self.factors[i];
             }
         }
-        &self.measured
+        [&self.measured, &self.factors]
     }
 
     /// Forgets the last sample.
@@ -165,11 +165,14 @@ mod tests {
         let of = vec![Some(Spread { spool: 1, growth: 30.0 }), None];
         let mut spreads = Spreads::new(of, DELAY_S / 5.0);
         let scales = [2.0, 1e-3];
-        assert_eq!(spreads.divide(&[5.0, 0.3], &[4.0, 0.0], &scales), [5.0, 0.3]);
+        assert_eq!(spreads.divide(&[5.0, 0.3], &[4.0, 0.0], &scales)[0], [5.0, 0.3]);
         // Displaced by its scale in one sample, five of which are the delay; then it stands there.
-        assert_eq!(spreads.divide(&[5.0, 0.3], &[4.0, -1e-3], &scales), [4.0 + 1.0 / 181.0, 0.3]);
+        assert_eq!(
+            spreads.divide(&[5.0, 0.3], &[4.0, -1e-3], &scales)[0],
+            [4.0 + 1.0 / 181.0, 0.3]
+        );
         let stored = spreads.store();
-        assert_eq!(spreads.divide(&[5.0, 0.3], &[4.0, -1e-3], &scales), [4.0 + 1.0 / 31.0, 0.3]);
+        assert_eq!(spreads.divide(&[5.0, 0.3], &[4.0, -1e-3], &scales)[0], [4.0 + 1.0 / 31.0, 0.3]);
         assert_eq!((spreads.factor(0), spreads.factor(1)), (31.0, 1.0));
         spreads.clear();
         assert!(spreads.store().is_empty());

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::baseline::{self, Baseline, BaselineSettings};
 use crate::error::Error;
-use crate::residual::Window;
+use crate::residual::{DividedSample, Window};
 use crate::sliding::{self, Sliding, WindowSpan};
 use crate::spread::Spreads;
 
@@ -40,8 +40,8 @@ pub struct WindowSample<'s> {
 struct BaselineCorrected {
     baseline: Baseline,
     sliding: Sliding,
-    /// The measured values minus the baseline.
-    measured: Vec<f64>,
+    /// The judged values minus the baseline.
+    judged: Vec<f64>,
 }
 
 /// The windows of all kinds.
@@ -90,13 +90,14 @@ impl Windows {
                 kinds.iter().filter(|kind| kind.is_baseline_corrected == is_baseline_corrected);
             own.map(|kind| kind.span).collect()
         };
-        let absolute = Sliding::new(sensors, watched, &spans(false))?;
+        let empty = Window::watching(sensors, watched).keeping_undivided();
+        let absolute = Sliding::new(empty.clone(), &spans(false))?;
         let baseline_corrected = match (baseline, &spans(true)[..]) {
             (None, []) => None,
             (Some(settings), spans @ [_, ..]) => Some(BaselineCorrected {
                 baseline: Baseline::new(settings, sensors)?,
-                sliding: Sliding::new(sensors, watched, spans)?,
-                measured: vec![0.0; sensors],
+                sliding: Sliding::new(empty, spans)?,
+                judged: vec![0.0; sensors],
             }),
             _ => {
                 let broken = "a reference and the window lengths beyond it need each other";
@@ -119,13 +120,13 @@ impl Windows {
     /// As [`Window::add`].
     pub fn add(&mut self, sample: &WindowSample) -> bool {
         let WindowSample { measured, twin, scales, .. } = *sample;
-        let measured = self.spreads.divide(measured, twin, scales);
-        let sample = &WindowSample { measured, ..*sample };
-        let has_absolute = self.absolute.add(measured, twin, scales);
+        let [judged, spreads] = self.spreads.divide(measured, twin, scales);
+        let divided = DividedSample { judged, measured, twin, scales, spreads };
+        let has_absolute = self.absolute.add(&divided);
         let has_relative = self
             .baseline_corrected
             .as_mut()
-            .is_some_and(|baseline_corrected| baseline_corrected.add(sample));
+            .is_some_and(|baseline_corrected| baseline_corrected.add(sample, divided));
         has_absolute || has_relative
     }
 
@@ -211,15 +212,15 @@ impl Windows {
 }
 
 impl BaselineCorrected {
-    fn add(&mut self, sample: &WindowSample) -> bool {
+    fn add(&mut self, sample: &WindowSample, divided: DividedSample) -> bool {
         let is_settled = self.baseline.is_settled();
         if !is_settled || sample.is_trusted {
-            self.baseline.learn(sample.measured, sample.twin, sample.scales);
+            self.baseline.learn(divided.judged, divided.twin, divided.scales);
         }
         if !is_settled {
             return false;
         }
-        self.baseline.subtract(sample.measured, sample.stands_in, &mut self.measured);
-        self.sliding.add(&self.measured, sample.twin, sample.scales)
+        self.baseline.subtract(divided.judged, sample.stands_in, &mut self.judged);
+        self.sliding.add(&DividedSample { judged: &self.judged, ..divided })
     }
 }

@@ -11,6 +11,9 @@
 
 #define LEAST_BAND 1e-12
 
+/* How far a wrong reading moves the sensor next to it, in parts of its band, before it explains anything. */
+#define LEAST_MOVE 0.5
+
 static void sums_clear(servotwin_sums *sums)
 {
     sums->samples = 0.0;
@@ -56,7 +59,7 @@ static servotwin_real band_of(int32_t length, int32_t sensor)
     return (band > LEAST_BAND) ? band : LEAST_BAND;
 }
 
-/* Whether one wrong reading moves the sensor out of its band, and leaves all other mean residuals within theirs. */
+/* Whether one wrong reading moves the sensor next to it enough, and leaves all other mean residuals within theirs. */
 static bool explains(const servotwin_boundary *boundary, int32_t length, const servotwin_window *window)
 {
     servotwin_real along = 0.0;
@@ -64,7 +67,8 @@ static bool explains(const servotwin_boundary *boundary, int32_t length, const s
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
         const servotwin_real band = band_of(length, sensor);
-        const servotwin_real weighed = boundary->changes[i] / band;
+        const servotwin_real change = boundary->changes[i] * window->inverse[sensor];
+        const servotwin_real weighed = change / band;
         const servotwin_real product = weighed * window->mean[sensor];
         const servotwin_real part = product / band;
         const servotwin_real square = weighed * weighed;
@@ -73,11 +77,14 @@ static bool explains(const servotwin_boundary *boundary, int32_t length, const s
     }
     const servotwin_real wrong_by = along / of;
     const servotwin_real own = wrong_by * boundary->own_change;
-    const servotwin_real moved = SERVOTWIN_ABS(own);
-    bool holds = (moved > band_of(length, boundary->sensor)) && (moved <= servotwin_tuning.largest_boundary_error);
+    const servotwin_real error = SERVOTWIN_ABS(own);
+    const servotwin_real moved = error * window->inverse[boundary->sensor];
+    const servotwin_real least = LEAST_MOVE * band_of(length, boundary->sensor);
+    bool holds = (moved > least) && (error <= servotwin_tuning.largest_boundary_error);
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
-        const servotwin_real expected = wrong_by * boundary->changes[i];
+        const servotwin_real change = boundary->changes[i] * window->inverse[sensor];
+        const servotwin_real expected = wrong_by * change;
         const servotwin_real left = window->mean[sensor] - expected;
         holds = holds && (SERVOTWIN_ABS(left) <= band_of(length, sensor));
     }
@@ -105,11 +112,14 @@ void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t leng
     const int32_t sensor = known->sensor;
     const int32_t twin = SERVOTWIN_SENSORS + sensor;
     const uint32_t panes = (uint32_t)servotwin_lengths[length].span.panes;
+    const servotwin_real count = (servotwin_real)window->samples;
+    const servotwin_real variance = window->own_moments[sensor] / count;
+    const servotwin_real covariance = window->cross_moments[sensor] / count;
     servotwin_sums fresh;
     fresh.windows = servotwin_lengths[length].share;
     fresh.samples = fresh.windows * (servotwin_real)window->samples;
-    fresh.moments[0] = fresh.samples * servotwin_covariance(window, sensor, sensor);
-    fresh.moments[1] = fresh.samples * servotwin_covariance(window, sensor, twin);
+    fresh.moments[0] = fresh.samples * variance;
+    fresh.moments[1] = fresh.samples * covariance;
     fresh.moments[2] = fresh.samples * servotwin_covariance(window, twin, twin);
     if (explains(known, length, window)) {
         doubt->explained = (doubt->deviating >= panes) ? panes : 1U;
@@ -198,7 +208,10 @@ servotwin_real servotwin_boundary_evidence(const servotwin_doubt *doubt, int32_t
     const servotwin_real change = now.slope - own;
     const servotwin_real square = change * change;
     const servotwin_real of_now = 1.0 / now.information;
-    const servotwin_real of_change = of_now + variance;
+    const servotwin_real motion = doubt->since.moments[2] / doubt->since.samples;
+    const servotwin_real of_flow = servotwin_tuning.line_variance / motion;
+    const servotwin_real of_slopes = of_now + variance;
+    const servotwin_real of_change = of_slopes + of_flow;
     const servotwin_real likelihood = square / of_change;
     const servotwin_real price = servotwin_log(now.independent);
     const servotwin_real twice = likelihood - price;

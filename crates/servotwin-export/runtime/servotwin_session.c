@@ -230,7 +230,7 @@ static void clear_windows(servotwin_session *session)
         servotwin_stream_clear(&session->streams[stream], session->rings, &servotwin_stream_plans[stream]);
     }
     servotwin_baseline_clear(&session->baseline);
-    session->reach.has_last = false;
+    session->spreads.has_last = false;
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
         servotwin_evidence_clear(&session->evidence[length]);
         servotwin_forget(&session->judgements[length]);
@@ -862,10 +862,11 @@ static void judge_windows(servotwin_session *session)
 static bool add_to_windows(servotwin_session *session, const servotwin_real *twin)
 {
     const bool is_trusted = (session->outcome.alarm == SERVOTWIN_NORMAL);
-    servotwin_reach_take(&session->reach, twin);
-    servotwin_divide_by_spread(&session->reach, session->measured, twin, session->divided);
-    bool has_new = servotwin_stream_add(
-        &session->streams[0], session->rings, &servotwin_stream_plans[0], session->divided, twin);
+    servotwin_divided_sample sample = { session->divided, session->measured, twin, session->spreads.spreads };
+    servotwin_spreads_take(&session->spreads, twin);
+    servotwin_divide_by_spread(&session->spreads, session->measured, twin, session->divided);
+    bool has_new =
+        servotwin_stream_add(&session->streams[0], session->rings, &servotwin_stream_plans[0], &sample);
     if (servotwin_stream_plans[1].lengths > 0) {
         const bool is_settled = servotwin_baseline_is_settled(&session->baseline);
         if (!is_settled || is_trusted) {
@@ -876,8 +877,9 @@ static bool add_to_windows(servotwin_session *session, const servotwin_real *twi
                 const servotwin_real mean = session->stands_in[sensor] ? 0.0 : session->baseline.means[sensor];
                 session->corrected[sensor] = session->divided[sensor] - mean;
             }
-            const bool has_corrected = servotwin_stream_add(
-                &session->streams[1], session->rings, &servotwin_stream_plans[1], session->corrected, twin);
+            sample.judged = session->corrected;
+            const bool has_corrected =
+                servotwin_stream_add(&session->streams[1], session->rings, &servotwin_stream_plans[1], &sample);
             has_new = has_new || has_corrected;
         }
     }

@@ -91,7 +91,7 @@ typedef struct {
     servotwin_real divided[SERVOTWIN_SENSORS]; /* the measured values by the spreads of their residuals */
     servotwin_real corrected[SERVOTWIN_SENSORS]; /* less the baseline, SI */
     /* Windows. */
-    servotwin_reach reach;
+    servotwin_spreads spreads;
     servotwin_stream streams[2]; /* of residuals as they are, and beyond the baseline */
     servotwin_ring rings[SERVOTWIN_LENGTHS];
     servotwin_baseline baseline;

@@ -23,8 +23,19 @@ void servotwin_window_clear(servotwin_window *window)
     }
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         window->largest[i] = 0.0;
+        window->inverse[i] = 0.0;
+        window->undivided[i] = 0.0;
+        window->own_moments[i] = 0.0;
+        window->cross_moments[i] = 0.0;
     }
 }
+
+/* Of a sample or a window: 1/d, the residual before its division, and how far the twin's signal is from its mean. */
+typedef struct {
+    servotwin_real inverse;
+    servotwin_real residual;
+    servotwin_real twin;
+} undivided_numbers;
 
 static int32_t place_of(int32_t a, int32_t b)
 {
@@ -38,15 +49,32 @@ servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, i
     return window->moments[place_of(a, b)] / (servotwin_real)window->samples;
 }
 
+/* Moves the means of undivided residuals towards a sample or a window by `share`; co-moments grow by `weight`. */
+static void take_undivided(servotwin_window *window, int32_t sensor, const undivided_numbers *numbers,
+    servotwin_real share, servotwin_real weight)
+{
+    const servotwin_real distance = numbers->residual - window->undivided[sensor];
+    const servotwin_real weighed = distance * weight;
+    const servotwin_real own = weighed * distance;
+    const servotwin_real cross = weighed * numbers->twin;
+    const servotwin_real change = numbers->inverse - window->inverse[sensor];
+    const servotwin_real inverse_step = change * share;
+    const servotwin_real step = distance * share;
+    window->own_moments[sensor] = window->own_moments[sensor] + own;
+    window->cross_moments[sensor] = window->cross_moments[sensor] + cross;
+    window->inverse[sensor] = window->inverse[sensor] + inverse_step;
+    window->undivided[sensor] = window->undivided[sensor] + step;
+}
+
 /* Adds one sample: Welford's update, extended to the matrix of co-moments. */
-static void add_sample(servotwin_window *window, const servotwin_real *measured, const servotwin_real *twin)
+static void add_sample(servotwin_window *window, const servotwin_divided_sample *sample)
 {
     servotwin_real deviation[SERVOTWIN_CHANNELS];
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         const servotwin_real scale = servotwin_sensors[i].scale;
-        const servotwin_real difference = measured[i] - twin[i];
+        const servotwin_real difference = sample->judged[i] - sample->twin[i];
         const servotwin_real residual = difference / scale;
-        const servotwin_real signal = twin[i] / scale;
+        const servotwin_real signal = sample->twin[i] / scale;
         const servotwin_real size = SERVOTWIN_ABS(residual);
         deviation[i] = residual - window->mean[i];
         deviation[SERVOTWIN_SENSORS + i] = signal - window->mean[SERVOTWIN_SENSORS + i];
@@ -70,6 +98,14 @@ static void add_sample(servotwin_window *window, const servotwin_real *measured,
     for (int32_t i = 0; i < SERVOTWIN_CHANNELS; i++) {
         const servotwin_real step = deviation[i] / count;
         window->mean[i] = window->mean[i] + step;
+    }
+    const servotwin_real share = 1.0 / count;
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        const servotwin_real inverse = 1.0 / sample->spreads[i];
+        const servotwin_real difference = sample->measured[i] - sample->twin[i];
+        const servotwin_real residual = difference / servotwin_sensors[i].scale;
+        const undivided_numbers numbers = { inverse, residual, deviation[SERVOTWIN_SENSORS + i] };
+        take_undivided(window, i, &numbers, share, weight);
     }
 }
 
@@ -99,6 +135,12 @@ static void merge(servotwin_window *window, const servotwin_window *later)
         if (later->largest[i] > window->largest[i]) {
             window->largest[i] = later->largest[i];
         }
+        const undivided_numbers numbers = {
+            later->inverse[i], later->undivided[i], difference[SERVOTWIN_SENSORS + i]
+        };
+        take_undivided(window, i, &numbers, share, weight);
+        window->own_moments[i] = window->own_moments[i] + later->own_moments[i];
+        window->cross_moments[i] = window->cross_moments[i] + later->cross_moments[i];
     }
     window->samples = samples;
 }
@@ -168,42 +210,47 @@ static void take_turn(servotwin_stream *stream, servotwin_ring *rings, const ser
     stream->turn++;
 }
 
-void servotwin_reach_take(servotwin_reach *reach, const servotwin_real *twin)
+void servotwin_spreads_take(servotwin_spreads *spreads, const servotwin_real *twin)
 {
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         const servotwin_real x = twin[i] / servotwin_sensors[i].scale;
-        const servotwin_real difference = reach->has_last ? (x - reach->last[i]) : 0.0;
+        const servotwin_real difference = spreads->has_last ? (x - spreads->last[i]) : 0.0;
         const servotwin_real travel = SERVOTWIN_ABS(difference) * servotwin_delay_samples;
-        reach->values[i] = SERVOTWIN_ABS(x) + travel;
-        reach->last[i] = x;
+        spreads->reach[i] = SERVOTWIN_ABS(x) + travel;
+        spreads->last[i] = x;
     }
-    reach->has_last = true;
+    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
+        const int32_t spool = servotwin_sensors[i].spool;
+        spreads->spreads[i] = 1.0;
+        if (spool != SERVOTWIN_NONE) {
+            const servotwin_real growth = servotwin_sensors[i].growth * spreads->reach[spool];
+            spreads->spreads[i] = 1.0 + growth;
+        }
+    }
+    spreads->has_last = true;
 }
 
-void servotwin_divide_by_spread(const servotwin_reach *reach, const servotwin_real *measured,
+void servotwin_divide_by_spread(const servotwin_spreads *spreads, const servotwin_real *measured,
     const servotwin_real *twin, servotwin_real *divided)
 {
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
-        const int32_t spool = servotwin_sensors[i].spool;
         divided[i] = measured[i];
-        if (spool != SERVOTWIN_NONE) {
-            const servotwin_real growth = servotwin_sensors[i].growth * reach->values[spool];
-            const servotwin_real factor = 1.0 + growth;
+        if (servotwin_sensors[i].spool != SERVOTWIN_NONE) {
             const servotwin_real difference = measured[i] - twin[i];
-            const servotwin_real part = difference / factor;
+            const servotwin_real part = difference / spreads->spreads[i];
             divided[i] = twin[i] + part;
         }
     }
 }
 
 bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,
-    const servotwin_real *measured, const servotwin_real *twin)
+    const servotwin_divided_sample *sample)
 {
     bool has_new = false;
     for (int32_t i = 0; i < plan->lengths; i++) {
         rings[plan->places[i]].has_ended = false;
     }
-    add_sample(&stream->base, measured, twin);
+    add_sample(&stream->base, sample);
     if (stream->base.samples >= plan->base_samples) {
         /* With more lengths than samples in a pane, the remaining lengths cannot wait any longer. */
         while (stream->turn < plan->lengths) {

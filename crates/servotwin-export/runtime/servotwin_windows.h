@@ -25,6 +25,12 @@ typedef struct {
     servotwin_real mean[SERVOTWIN_CHANNELS]; /* parts of scale */
     servotwin_real moments[SERVOTWIN_MOMENTS]; /* lower triangle, row by row */
     servotwin_real largest[SERVOTWIN_SENSORS]; /* |r'|, parts of scale */
+    /* Of residuals as measured, before their spread d divides them: mean of 1/d, mean, co-moments with themselves and with
+       the twin's signal of the same sensor. */
+    servotwin_real inverse[SERVOTWIN_SENSORS];
+    servotwin_real undivided[SERVOTWIN_SENSORS];
+    servotwin_real own_moments[SERVOTWIN_SENSORS];
+    servotwin_real cross_moments[SERVOTWIN_SENSORS];
 } servotwin_window;
 
 /* The length of a window. */
@@ -57,12 +63,13 @@ typedef struct {
     const uint8_t *places; /* of its lengths among all */
 } servotwin_stream_plan;
 
-/* How far the twin's signals reach within a delay of sensors, parts of scale. */
+/* The spreads of residuals, and how far the twin's signals reach within a delay of sensors, parts of scale. */
 typedef struct {
     bool has_last;
     servotwin_real last[SERVOTWIN_SENSORS];
-    servotwin_real values[SERVOTWIN_SENSORS];
-} servotwin_reach;
+    servotwin_real reach[SERVOTWIN_SENSORS];
+    servotwin_real spreads[SERVOTWIN_SENSORS]; /* d: in parts of the spread at rest */
+} servotwin_spreads;
 
 /* The mean residuals of this specimen. */
 typedef struct {
@@ -72,7 +79,7 @@ typedef struct {
 
 void servotwin_window_clear(servotwin_window *window);
 
-/* The window with its sensors in another order. */
+/* The window with its sensors in another order, for features: it has nothing of residuals before their division. */
 void servotwin_window_reorder(const servotwin_window *window, const uint8_t *order, servotwin_window *into);
 
 servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b);
@@ -80,15 +87,23 @@ servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, i
 void servotwin_stream_clear(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan);
 
 /* Takes the twin's values of a sample, SI. */
-void servotwin_reach_take(servotwin_reach *reach, const servotwin_real *twin);
+void servotwin_spreads_take(servotwin_spreads *spreads, const servotwin_real *twin);
 
 /* The measured values whose residuals are those of the sample in parts of their spread. */
-void servotwin_divide_by_spread(const servotwin_reach *reach, const servotwin_real *measured,
+void servotwin_divide_by_spread(const servotwin_spreads *spreads, const servotwin_real *measured,
     const servotwin_real *twin, servotwin_real *divided);
 
-/* Adds a sample in SI units; says whether it completed a window. */
+/* A sample whose residuals were divided by their spreads, SI. */
+typedef struct {
+    const servotwin_real *judged; /* the differences from the twin are the divided residuals */
+    const servotwin_real *measured;
+    const servotwin_real *twin;
+    const servotwin_real *spreads;
+} servotwin_divided_sample;
+
+/* Adds a sample; says whether it completed a window. */
 bool servotwin_stream_add(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan,
-    const servotwin_real *measured, const servotwin_real *twin);
+    const servotwin_divided_sample *sample);
 
 bool servotwin_is_full(const servotwin_ring *ring, int32_t length);
 

@@ -10,7 +10,7 @@
 //! wrong reading    r = δ + s₀ y
 //! fault            r = δ + s y,  s ≠ s₀
 //! s = Σry/Σy²,   information I = n Σy² / (Σr² − (Σry)²/Σy²)                                   (1)
-//! evidence         ½ (s − s₀)² / (1/I + V₀) − ½ ln n                                         (2)
+//! evidence         ½ (s − s₀)² / (1/I + V₀ + e²/⟨y²⟩) − ½ ln n                               (2)
 //! s₀ = V₀ I_h s_h,   V₀ = 1/(1/σ² + I_h)                                                     (3)
 //! ```
 //!
@@ -19,7 +19,12 @@
 //! deviations from the means of windows, so a drift of δ does no harm. (2) is the logarithm of a likelihood ratio less
 //! the price of a parameter by Schwarz, "Estimating the Dimension of a Model", Annals of Statistics 6, 1978. n counts
 //! independent samples. What is left of the residual beside the line is in part the white noise of the sensor, which is
-//! new in every sample. The other part is an error of the model, which is new in every window only.
+//! new in every sample. The other part is an error of the model, which is new in every window only. A part e of the
+//! pressure drop moves along with the flow, but is no part of the line: the quiescent flow of a valve is not the twin's. A
+//! small motion therefore tells little.
+//!
+//! All this is of residuals as they are. Where they are divided by a spread d, δ moves their mean by δ times the mean of
+//! 1/d, and the sums take the moments of the residual as measured ([`Window::undivided_variance`]).
 //!
 //! A shutdown waits for this evidence while a wrong reading explains all that the actuator shows: what is left of the
 //! mean residuals lies within their bands, and δ is no larger than a transducer's error.
@@ -31,6 +36,10 @@ use super::tuning::Tuning;
 use crate::error::Error;
 use crate::panel::SensorBand;
 use crate::residual::Window;
+
+/// How far a wrong reading moves the sensor next to the boundary, in parts of its band, before it explains anything. Less
+/// than one: trees accuse within a band, and noise lifts a mean that stands at its edge in and out.
+const LEAST_MOVE: f64 = 0.5;
 
 /// What a wrong reading of one boundary value does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,8 +73,13 @@ impl Boundary {
         self.effects.iter().find(|(sensor, _)| *sensor == self.sensor).map(|(_, effect)| *effect)
     }
 
-    /// Whether a wrong reading explains a window: it moves the sensor next to the boundary out of its band, by no more
-    /// than `largest_error` in parts of scale, and what is left of all mean residuals lies within their bands.
+    /// The change of the mean residual of a sensor in a window for a change of the input by one SI unit.
+    fn moves(window: &Window, sensor: u32, effect: f64) -> f64 {
+        effect * window.inverse_spread(sensor as usize)
+    }
+
+    /// Whether a wrong reading explains a window: it moves the sensor next to the boundary by [`LEAST_MOVE`] or more, by no
+    /// more than `largest_error` in parts of scale, and what is left of all mean residuals lies within their bands.
     pub(super) fn explains(
         &self,
         window: &Window,
@@ -75,17 +89,18 @@ impl Boundary {
         let half_width = |sensor: u32| bands[sensor as usize].half_width.max(1e-12);
         let (mut along, mut of) = (0.0, 0.0);
         for &(sensor, effect) in &self.effects {
-            let weighed = effect / half_width(sensor);
+            let weighed = Self::moves(window, sensor, effect) / half_width(sensor);
             along += weighed * window.mean(sensor as usize) / half_width(sensor);
             of += weighed * weighed;
         }
         let wrong_by = along / of;
         let is_left_in_band = |&(sensor, effect): &(u32, f64)| {
-            (window.mean(sensor as usize) - wrong_by * effect).abs() <= half_width(sensor)
+            let expected = wrong_by * Self::moves(window, sensor, effect);
+            (window.mean(sensor as usize) - expected).abs() <= half_width(sensor)
         };
-        let moved = (wrong_by * self.effect().unwrap_or_default()).abs();
-        moved > half_width(self.sensor)
-            && moved <= largest_error
+        let error = (wrong_by * self.effect().unwrap_or_default()).abs();
+        error * window.inverse_spread(self.sensor as usize) > LEAST_MOVE * half_width(self.sensor)
+            && error <= largest_error
             && self.effects.iter().all(is_left_in_band)
     }
 }
@@ -131,8 +146,8 @@ impl Sums {
     fn of(window: &Window, sensor: usize, share: f64) -> Self {
         let new = share * window.count() as f64;
         let moments = [
-            window.covariance(sensor, sensor),
-            window.cross_covariance(sensor, sensor),
+            window.undivided_variance(sensor),
+            window.undivided_cross_covariance(sensor),
             window.twin_covariance(sensor, sensor),
         ];
         Sums { samples: new, windows: share, moments: moments.map(|moment| new * moment) }
@@ -240,10 +255,10 @@ impl Doubt {
         }
     }
 
-    /// Equation (2), in nats; `deviation` is the standard deviation of the slopes of healthy lines.
-    pub fn evidence_nats(&self, noise: f64, deviation: f64) -> f64 {
+    /// Equation (2), in nats.
+    pub fn evidence_nats(&self, noise: f64, tuning: &Tuning) -> f64 {
         let Some(now) = self.since.slope(noise) else { return 0.0 };
-        let of_lines = 1.0 / (deviation * deviation);
+        let of_lines = 1.0 / (tuning.line_slope_deviation * tuning.line_slope_deviation);
         let (own, variance) = match self.healthy.slope(noise) {
             Some(healthy) => {
                 let variance = 1.0 / (of_lines + healthy.information);
@@ -252,13 +267,16 @@ impl Doubt {
             None => (0.0, 1.0 / of_lines),
         };
         let change = now.slope - own;
-        0.5 * (change * change / (1.0 / now.information + variance) - libm::log(now.independent))
+        let motion = self.since.moments[2] / self.since.samples;
+        let of_flow = tuning.line_error * tuning.line_error / motion;
+        let of_change = 1.0 / now.information + variance + of_flow;
+        0.5 * (change * change / of_change - libm::log(now.independent))
     }
 
     /// Whether a wrong reading is still possible. `noise` is the standard deviation of a sample of the residual by the
     /// sensor's noise, in parts of scale.
     pub fn remains(&self, noise: f64, tuning: &Tuning) -> bool {
-        self.evidence_nats(noise, tuning.line_slope_deviation) < tuning.fault_needed_nats
+        self.evidence_nats(noise, tuning) < tuning.fault_needed_nats
     }
 }
 
@@ -321,11 +339,22 @@ mod tests {
     #[test]
     fn a_leak_grows_with_the_load_flow_and_a_wrong_reading_does_not() {
         let leak = |time_s: f64| {
-            let shift = -0.04 - 0.5 * moving(time_s);
+            let shift = -0.04 - 0.6 * moving(time_s);
             [shift, 0.5 * shift]
         };
         assert!(!doubt(2, moving, leak).remains(NOISE, &Tuning::default()));
         assert!(doubt(30, moving, |_| [-0.04, -0.02]).remains(NOISE, &Tuning::default()));
+    }
+
+    /// The quiescent flow of a valve moves the pressure behind it along with a small flow, as a leak does.
+    #[test]
+    fn a_motion_as_small_as_the_error_of_a_line_tells_little() {
+        let with_flow = |part: f64| {
+            let small = move |time_s: f64| part * moving(time_s);
+            let residual = move |time_s: f64| [-0.04 - small(time_s), -0.02];
+            doubt(10, small, residual).remains(NOISE, &Tuning::default())
+        };
+        assert!(with_flow(0.05) && !with_flow(1.0));
     }
 
     /// A model error that happens to move with the flow for some seconds is no evidence, though its samples are many.

@@ -369,7 +369,7 @@ impl Session {
         let boundaries = &self.diagnoser.boundaries;
         let sensor = &self.diagnoser.sensors[boundaries[boundary].sensor as usize];
         let doubt = &self.memory.doubts[length * boundaries.len() + boundary];
-        doubt.evidence_nats(sensor.noise, self.diagnoser.tuning.line_slope_deviation)
+        doubt.evidence_nats(sensor.noise, &self.diagnoser.tuning)
     }
 
     /// Whether a wrong reading of a boundary explains the present windows of a length.

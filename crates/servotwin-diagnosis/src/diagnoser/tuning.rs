@@ -216,6 +216,9 @@ tuning! {
         Physical, "decisions/020-doubtful-boundary.md",
         "The standard deviation of a healthy line's slope that is not known yet: the resistance of lines and filters \
          differs from the twin's by up to a quarter.";
+    line_error: f64 = 0.0005 in 0.0..=1e6, "of scale",
+        Physical, "decisions/020-doubtful-boundary.md",
+        "The error of the twin's pressure drop in a line that moves with the flow: the quiescent flow of a valve differs.";
     largest_boundary_error: f64 = 0.05 in 0.0..=1e6, "of scale",
         Physical, "decisions/020-doubtful-boundary.md",
         "The largest error of a boundary reading that a shutdown waits for: line transducers err by up to 4 % of their \

@@ -28,7 +28,9 @@ impl Window {
             *d = other - *mean;
             *mean += *d * share;
         }
-        self.absorb_moments(later, self.count as f64 * share);
+        let weight = self.count as f64 * share;
+        self.absorb_moments(later, weight);
+        self.absorb_undivided(later, share, weight);
         for (largest, &other) in self.largest.iter_mut().zip(&later.largest) {
             *largest = if other > *largest { other } else { *largest };
         }

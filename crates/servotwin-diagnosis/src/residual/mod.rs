@@ -13,11 +13,14 @@
 
 mod merge;
 mod statistics;
+mod undivided;
 
 pub use statistics::Statistics;
+pub use undivided::DividedSample;
 
 use alloc::vec;
 use alloc::vec::Vec;
+use undivided::Undivided;
 
 /// Half width of the band for a scaled residual: the paper's ε of equation (4), also the limit of the mean in equation
 /// (7).
@@ -42,6 +45,8 @@ pub struct Window {
     moments: Vec<f64>,
     largest: Vec<f64>,
     first_excursion: Option<u64>,
+    /// One for each sensor, or none.
+    undivided: Vec<Undivided>,
     /// Scratch: the current sample's deviations from the previous mean, zero-padded like a row of the co-moments.
     deviation: Vec<f64>,
 }
@@ -54,6 +59,7 @@ impl PartialEq for Window {
             && self.mean == other.mean
             && self.moments == other.moments
             && self.largest == other.largest
+            && self.undivided == other.undivided
     }
 }
 
@@ -90,6 +96,7 @@ impl Window {
             moments: vec![0.0; row_start(channels)],
             largest: vec![0.0; sensors],
             first_excursion: None,
+            undivided: Vec::new(),
             deviation: vec![0.0; channels.next_multiple_of(GROUP)],
         }
     }
@@ -199,7 +206,7 @@ impl Window {
     }
 
     /// The window with the sensors in another order: sensor `i` of the result is sensor `order[i]` of this one.
-    /// Exchanging the actuators gives the symmetric copy of a variant.
+    /// Exchanging the actuators gives the symmetric copy of a variant. It is for features, and keeps nothing undivided.
     pub fn reordered(&self, order: &[usize]) -> Self {
         let mut result = Self::watching(self.sensors, self.watched);
         self.reorder_into(order, &mut result);
@@ -229,11 +236,18 @@ impl Window {
     }
 
     /// The statistics as a flat list for storing: number of samples, first excursion (−1 for none), largest magnitudes,
-    /// means, co-moments.
+    /// means, co-moments. This is all that features read.
     pub fn to_values(&self) -> Vec<f64> {
         let first = self.first_excursion.map_or(-1.0, |sample| sample as f64);
         let head = [self.count as f64, first];
         [&head[..], &self.largest, &self.mean, &self.moments].concat()
+    }
+
+    /// As [`Window::to_values`], and after them what the window keeps of undivided residuals.
+    pub fn state(&self) -> Vec<f64> {
+        let mut state = self.to_values();
+        state.extend(self.undivided.iter().flat_map(Undivided::numbers));
+        state
     }
 
     /// The window of a stored list; `None` if its length does not fit the number of sensors.
@@ -242,21 +256,26 @@ impl Window {
         window.set_values(values).then_some(window)
     }
 
-    /// Restores the statistics of a stored list. Returns `false` and changes nothing if the length does not fit. Does
+    /// Restores a stored state. Returns `false` and changes nothing if the length does not fit. Does
     /// not allocate.
     pub fn set_values(&mut self, values: &[f64]) -> bool {
         let [count, first, rest @ ..] = values else { return false };
         let lengths = [&self.largest, &self.mean, &self.moments].map(Vec::len);
-        if rest.len() != lengths.iter().sum::<usize>() {
+        let undivided = undivided::NUMBERS * self.undivided.len();
+        if rest.len() != lengths.iter().sum::<usize>() + undivided {
             return false;
         }
         let (largest, rest) = rest.split_at(self.largest.len());
-        let (mean, moments) = rest.split_at(self.mean.len());
+        let (mean, rest) = rest.split_at(self.mean.len());
+        let (moments, undivided) = rest.split_at(self.moments.len());
         self.count = *count as u64;
         self.first_excursion = (*first >= 0.0).then_some(*first as u64);
         self.largest.copy_from_slice(largest);
         self.mean.copy_from_slice(mean);
         self.moments.copy_from_slice(moments);
+        for (own, numbers) in self.undivided.iter_mut().zip(undivided.as_chunks().0) {
+            *own = Undivided::from_numbers(*numbers);
+        }
         true
     }
 
@@ -282,6 +301,7 @@ impl Window {
         for list in [&mut self.mean, &mut self.moments, &mut self.largest] {
             list.fill(0.0);
         }
+        self.undivided.fill(Undivided::default());
     }
 }
 

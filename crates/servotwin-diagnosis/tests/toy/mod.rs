@@ -10,6 +10,7 @@ use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::random::Random;
+use servotwin_diagnosis::residual::{DividedSample, Window};
 use servotwin_diagnosis::sliding::{Sliding, WindowSpan};
 use servotwin_diagnosis::spread::Spread;
 use servotwin_learning::classifiers;
@@ -207,11 +208,18 @@ fn lessons<const S: usize>(empty: &Diagnoser, actuators: usize) -> Vec<Lessons> 
     let mut lessons = vec![new(), new()];
     for group in 0..FLIGHTS {
         let mut flight = Flight::<S>::of(u64::from(group));
-        let mut sliding = Sliding::new(S, S - 1, &SPANS).unwrap();
+        let mut sliding = Sliding::new(Window::watching(S, S - 1), &SPANS).unwrap();
         for k in 0..600 {
             let fault = fault_of(group).filter(|_| k >= ONSET);
             let (_, measured, twin) = flight.next(fault);
-            sliding.add(&measured, &twin, &[1.0; S]);
+            let (judged, ones) = (&measured, &[1.0; S]);
+            sliding.add(&DividedSample {
+                judged,
+                measured: judged,
+                twin: &twin,
+                scales: ones,
+                spreads: ones,
+            });
             for (length, lessons) in lessons.iter_mut().enumerate() {
                 let is_thin = length == 1 || k / 10 % 3 == 0;
                 let window = sliding.window(length);

@@ -157,6 +157,7 @@ fn constants(text: &mut String, diagnoser: &Diagnoser) {
         number(tuning.fault_needed_nats),
         number(tuning.boundary_memory_s),
         number(period_s / tuning.healthy_slope_memory_s),
+        number(tuning.line_error * tuning.line_error),
         number(1.0 / (deviation * deviation)),
         number(tuning.largest_boundary_error),
     ]);

@@ -229,7 +229,7 @@ pub fn banded(
     settings: &EvaluationSettings,
     pools: &[usize],
 ) -> (DataSet, Option<Vec<Band>>) {
-    let bands = bands::learn(data, pools);
+    let bands = bands::learn(data, pools, bands::ALARMS);
     match bands.as_ref().filter(|_| settings.learned_bands) {
         None if data.sensors.is_empty() => (data.clone(), bands),
         Some(learned) => {

@@ -58,18 +58,14 @@ impl Observer for Summing<'_> {
     }
 }
 
-/// The spool sensor of each sensor's actuator; `None` without one. The sensors of supply and return lines have none: what a
-/// wrong boundary value explains is computed from their residuals as they are (`servotwin_diagnosis::diagnoser::Boundary`).
-/// With spreads for lines, two or three of twenty wrong boundary values shut a healthy actuator down.
+/// The spool sensor of each sensor's actuator; `None` without one.
 fn spools(study: &Study) -> Vec<Option<usize>> {
     let sensors = &study.sensors.0[..study.base_sensors()];
     let spool_of = |actuator: usize| {
         let is_own = |s: &Sensor| s.quantity == Quantity::Spool && s.actuator == Some(actuator);
         sensors.iter().position(is_own)
     };
-    let is_line = |s: &Sensor| matches!(s.quantity, Quantity::Supply | Quantity::Return);
-    let spool = |s: &Sensor| s.actuator.filter(|_| !is_line(s)).and_then(spool_of);
-    sensors.iter().map(spool).collect()
+    sensors.iter().map(|s| s.actuator.and_then(spool_of)).collect()
 }
 
 /// The windows of a diagnosis in a scenario, with the spreads of healthy flights.

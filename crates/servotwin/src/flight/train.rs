@@ -76,7 +76,7 @@ pub fn diagnoser(
     let pairs: Vec<_> = kinds.iter().zip(tables).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
     let lengths = parallel::map(&pairs, workers, |(kind, tables)| {
-        length(study, **kind, tables, pools, workers)
+        length(design, **kind, tables, pools, workers)
     });
     let lengths: Vec<LearnedLength> = lengths?.into_iter().collect::<Result<_, _>>()?;
     let scatter = lengths[0].widest.map(|(flights, median_excess)| Scatter {
@@ -242,12 +242,13 @@ fn widest(
 }
 
 fn length(
-    study: &Study,
+    design: &WindowDesign,
     kind: WindowKind,
     tables: &[(Purpose, Table)],
     pools: &[usize],
     workers: Workers,
 ) -> Result<LearnedLength, EvaluationError> {
+    let study = design.study;
     let features = FeatureInfo::of_study(study, false);
     let data =
         DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_windows()?;
@@ -255,7 +256,8 @@ fn length(
     let is_further =
         |data: &DataSet, row: &DataRow| data.cases[row.case as usize].starts_with(HARD_NEGATIVES);
     // The guarantee of bands applies to ordinary flights, so hard negatives are excluded.
-    let bands = bands::learn(&data.without(|row| is_further(&data, row)), pools);
+    let ordinary = data.without(|row| is_further(&data, row));
+    let bands = bands::learn(&ordinary, pools, design.alarms());
     let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
     let data = if bands.is_some() { data.with_bands(&half_widths) } else { data };
     let widest = widest(&data, &tables[0].1.u32("variant")?, is_further);

@@ -151,14 +151,15 @@ impl TrainingWindows {
     }
 
     /// The half widths of bands learned from healthy windows of a kind; `None` for too few windows.
-    fn bands(&self, kind: usize, pools: &[usize]) -> Option<Vec<f64>> {
+    fn bands(&self, kind: usize, pools: &[usize], alarms: f64) -> Option<Vec<f64>> {
         let healthy = self.list.iter().filter(|l| l.kind == kind && !l.is_faulty);
         let largest = |own: &TrainingWindow| -> Vec<f64> {
             let window = own.window(pools.len());
             (0..pools.len()).map(|sensor| window.largest(sensor)).collect()
         };
         let largest: Vec<Vec<f64>> = healthy.map(largest).collect();
-        bands::half_widths(&largest.iter().map(Vec::as_slice).collect::<Vec<_>>(), pools)
+        let largest: Vec<&[f64]> = largest.iter().map(Vec::as_slice).collect();
+        bands::half_widths(&largest, pools, alarms)
     }
 }
 
@@ -290,8 +291,8 @@ pub fn add_hard_negatives(
     workers: Workers,
 ) -> Result<(), CampaignError> {
     taken.sort();
-    let bands = (0..design.kinds().len()).map(|kind| taken.bands(kind, pools));
-    let bands = bands.collect::<Option<Vec<Vec<f64>>>>();
+    let of_kind = |kind| taken.bands(kind, pools, design.alarms());
+    let bands = (0..design.kinds().len()).map(of_kind).collect::<Option<Vec<Vec<f64>>>>();
     let suite = design.study.suite(HARD_NEGATIVES, is_full);
     let (Some(bands), Some(suite)) = (bands, suite) else { return Ok(()) };
     in_batches(design.study, suite, design.scenario, 0, workers, |flown, _| {

@@ -1,5 +1,6 @@
 //! Defines the windows that a diagnosis examines.
 
+use crate::evaluation::bands;
 use crate::study::{Flights, Plants, Scenario, Study};
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::Tuning;
@@ -43,6 +44,12 @@ impl WindowDesign<'_> {
 
     fn is_baseline_corrected(&self) -> bool {
         self.scenario.plants() == Plants::Specimens
+    }
+
+    /// The share of the healthy windows that may leave a band.
+    pub(super) fn alarms(&self) -> f64 {
+        let is_of_specimens = self.scenario.plants() == Plants::Specimens;
+        if is_of_specimens { bands::SPECIMEN_ALARMS } else { bands::ALARMS }
     }
 
     /// The settings of the baseline; `None` if windows are not baseline-corrected.

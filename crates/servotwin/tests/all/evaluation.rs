@@ -437,14 +437,14 @@ fn bands_are_learned_from_healthy_training_specimens_alone() {
     }
     let judged = data.rows_where(Purpose::Test, |row| row.is_healthy);
     data.rows[judged[0]].largest = vec![9.0, 9.0];
-    let learned = bands::learn(&data, &[0, 1]).unwrap();
+    let learned = bands::learn(&data, &[0, 1], bands::ALARMS).unwrap();
     for (band, middle) in learned.iter().zip([0.02, 0.01]) {
         // A few of its deviations (0.3) above the middle, and nothing of the judged specimen.
         assert!((1.5..4.0).contains(&(band.half_width / middle)), "{band:?}");
         // Of forty records none may leave a band.
         assert_eq!((band.records, band.exceeded), (40, 0));
     }
-    let pooled = bands::learn(&data, &[0, 0]).unwrap();
+    let pooled = bands::learn(&data, &[0, 0], bands::ALARMS).unwrap();
     assert_eq!(pooled[0].half_width, pooled[1].half_width);
     let all: Vec<f64> = learned.iter().map(|band| band.half_width).collect();
     let touched = data.with_bands(&all);
@@ -463,17 +463,18 @@ fn a_run_without_a_steady_start_teaches_no_band() {
         let mut size = || 0.01 + 0.005 * random.unit();
         data.rows[row].largest = vec![size(), size()];
     }
-    let learned = bands::learn(&data, &[0, 1]).unwrap();
+    let learned = bands::learn(&data, &[0, 1], bands::ALARMS).unwrap();
     // Two records as those of a crane that falls for a second before its valve holds it.
     for &row in &healthy[..2] {
         data.rows[row].largest = vec![0.6, 0.5];
     }
-    let widened = bands::learn(&data, &[0, 1]).unwrap();
+    let widened = bands::learn(&data, &[0, 1], bands::ALARMS).unwrap();
     assert!(widened[0].half_width > 0.5, "{widened:?}");
     for &row in &healthy[..2] {
         data.rows[row].began_on_the_move = true;
     }
-    for (band, before) in bands::learn(&data, &[0, 1]).unwrap().iter().zip(&learned) {
+    for (band, before) in bands::learn(&data, &[0, 1], bands::ALARMS).unwrap().iter().zip(&learned)
+    {
         assert_eq!(band.records, before.records - 2);
         assert!((band.half_width / before.half_width - 1.0).abs() < 0.1, "{band:?} {before:?}");
     }
@@ -485,7 +486,7 @@ fn no_band_is_wider_than_twice_the_largest_residual_that_taught_it() {
     let mut rows: Vec<Vec<f64>> = (0..20).map(|k| vec![[0.001, 0.03][k % 2], 0.01]).collect();
     rows[7][1] = 0.5;
     let rows: Vec<&[f64]> = rows.iter().map(Vec::as_slice).collect();
-    let widths = bands::half_widths(&rows, &[0, 1]).unwrap();
+    let widths = bands::half_widths(&rows, &[0, 1], bands::ALARMS).unwrap();
     assert!((widths[0] - bands::MAX_OVER_LARGEST * 0.03).abs() < 1e-12, "{widths:?}");
     assert!((0.49..=1.0).contains(&widths[1]), "{widths:?}");
 }
