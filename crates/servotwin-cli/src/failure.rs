@@ -34,7 +34,7 @@ use std::path::PathBuf;
 
 /// A file, with the option that names it.
 #[derive(Debug)]
-pub struct Named {
+pub(crate) struct Named {
     /// The option, or a description of the file.
     pub option: &'static str,
     pub path: PathBuf,
@@ -42,7 +42,7 @@ pub struct Named {
 
 /// The reason why a command fails.
 #[derive(Debug, thiserror::Error)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// The system file is missing or has mistakes.
     #[error("{}", of_system(.0))]
     System(#[from] SystemError),
@@ -202,7 +202,7 @@ pub enum Failure {
 
 impl Failure {
     /// Turns `Stopped` into the failure of a job that resumes when it is run again.
-    pub fn on_the_way(self) -> Self {
+    pub(crate) fn on_the_way(self) -> Self {
         match self {
             Failure::Stopped => Failure::StoppedOnTheWay,
             other => other,
@@ -210,7 +210,7 @@ impl Failure {
     }
 
     /// The failure of a log that cannot be read with its map.
-    pub fn of_intake(name: &str, error: IntakeError) -> Self {
+    pub(crate) fn of_intake(name: &str, error: IntakeError) -> Self {
         match error {
             IntakeError::Source(error) => error.into(),
             IntakeError::Map(error) => error.into(),
@@ -223,7 +223,7 @@ impl Failure {
     }
 
     /// The exit code of the program, as listed at the top of `main.rs`.
-    pub fn exit_code(&self) -> u8 {
+    pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Failure::System(_)
             | Failure::Study(_)

@@ -9,7 +9,7 @@ use servotwin_watch::span::CutError;
 use std::path::Path;
 
 /// The message of a stage's error. Mistakes of a study begin with their place instead of `error`.
-pub fn of_job(error: &JobError) -> String {
+pub(crate) fn of_job(error: &JobError) -> String {
     match error {
         JobError::Study(error) => error.to_string(),
         JobError::NoDataSet { folder } => {
@@ -24,7 +24,7 @@ pub fn of_job(error: &JobError) -> String {
 }
 
 /// The message for recordings that contradict their study.
-pub fn of_recordings(path: &Path, error: &RecordingError) -> String {
+pub(crate) fn of_recordings(path: &Path, error: &RecordingError) -> String {
     let hint = match error {
         RecordingError::NoHealthyRows { .. } => " with --healthy",
         _ => "",
@@ -33,7 +33,7 @@ pub fn of_recordings(path: &Path, error: &RecordingError) -> String {
 }
 
 /// The message of a watch's error.
-pub fn of_watch(error: &WatchError) -> String {
+pub(crate) fn of_watch(error: &WatchError) -> String {
     match error {
         WatchError::Source(SourceError::Cut(CutError::NoTime { .. })) => {
             format!("error: --{error}")

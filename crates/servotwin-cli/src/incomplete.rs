@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 /// The missing parts of a merge, with the shell line that runs them.
 #[derive(Debug)]
-pub struct Incomplete {
+pub(crate) struct Incomplete {
     /// The output folder.
     pub folder: PathBuf,
     /// The scenario given to the merge.
@@ -20,7 +20,7 @@ pub struct Incomplete {
 
 impl Incomplete {
     /// The missing parts as JSON.
-    pub fn to_json(&self) -> serde_json::Value {
+    pub(crate) fn to_json(&self) -> serde_json::Value {
         let rows = self.missing.campaigns.iter().map(|rows| {
             serde_json::json!({
                 "scenarios": rows.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),

@@ -6,16 +6,16 @@ use servotwin::sanitize::Printable;
 use std::io::{self, IsTerminal, Stderr, Stdout};
 
 /// Standard output, with control characters escaped.
-pub fn stdout() -> Printable<Stdout> {
+pub(crate) fn stdout() -> Printable<Stdout> {
     Printable::new(io::stdout())
 }
 
 /// Standard error, with control characters escaped.
-pub fn stderr() -> Printable<Stderr> {
+pub(crate) fn stderr() -> Printable<Stderr> {
     Printable::new(io::stderr())
 }
 
 /// Whether standard error is a terminal.
-pub fn is_stderr_seen() -> bool {
+pub(crate) fn is_stderr_seen() -> bool {
     io::stderr().is_terminal()
 }

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 /// The kind of an output, which determines the allowed extensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub(crate) enum Format {
     /// A table; its extension selects the format.
     Table,
     /// A figure; its extension selects the format.
@@ -30,13 +30,13 @@ pub enum Format {
 
 impl Format {
     /// An HTML page.
-    pub const HTML: Format = Format::Only(&["html", "htm"]);
+    pub(crate) const HTML: Format = Format::Only(&["html", "htm"]);
     /// A system or a map.
-    pub const TOML: Format = Format::Only(&["toml"]);
+    pub(crate) const TOML: Format = Format::Only(&["toml"]);
     /// A recording for viewers of MCAP.
-    pub const MCAP: Format = Format::Only(&["mcap"]);
+    pub(crate) const MCAP: Format = Format::Only(&["mcap"]);
     /// Events, one in each line.
-    pub const LINES: Format = Format::Only(&["jsonl", "ndjson", "json", "log", "txt"]);
+    pub(crate) const LINES: Format = Format::Only(&["jsonl", "ndjson", "json", "log", "txt"]);
 
     fn check(self, option: &'static str, path: &Path) -> Result<(), Failure> {
         let ending = path.extension().and_then(OsStr::to_str).unwrap_or_default();
@@ -60,14 +60,14 @@ impl Format {
 
 /// The input and output files of a command.
 #[derive(Debug, Default)]
-pub struct Paths {
+pub(crate) struct Paths {
     reads: Vec<Named>,
     writes: Vec<(Named, Format)>,
 }
 
 impl Paths {
     /// Adds input files, with their name in messages.
-    pub fn read<P: AsRef<Path>>(
+    pub(crate) fn read<P: AsRef<Path>>(
         mut self,
         option: &'static str,
         paths: impl IntoIterator<Item = P>,
@@ -78,13 +78,13 @@ impl Paths {
     }
 
     /// Adds a study file, and the file of the system that it names.
-    pub fn read_study(self, study: Option<&PathBuf>) -> Self {
+    pub(crate) fn read_study(self, study: Option<&PathBuf>) -> Self {
         let system = study.and_then(|path| Study::system_file(path));
         self.read("the study", study).read("the study's system", system)
     }
 
     /// Adds output files.
-    pub fn write<P: AsRef<Path>>(
+    pub(crate) fn write<P: AsRef<Path>>(
         mut self,
         option: &'static str,
         format: Format,
@@ -96,7 +96,7 @@ impl Paths {
     }
 
     /// Removes temporary files that killed commands left next to the outputs.
-    pub fn remove_leftovers(&self) {
+    pub(crate) fn remove_leftovers(&self) {
         let beside = self.writes.iter().filter_map(|(written, _)| {
             // For a link, the file that it points to is replaced.
             let target = resolve_links(&written.path);
@@ -111,7 +111,7 @@ impl Paths {
     ///
     /// # Errors
     /// The first conflict.
-    pub fn check(self) -> Result<(), Failure> {
+    pub(crate) fn check(self) -> Result<(), Failure> {
         let Paths { mut reads, writes } = self;
         let mut before: Vec<(Named, Format)> = vec![];
         for (written, format) in writes {

@@ -3,14 +3,14 @@
 pub use servotwin::shown::{number, number_and_unit, shown};
 
 /// A table of text cells. Numeric columns are right-aligned.
-pub struct TextTable {
+pub(crate) struct TextTable {
     heads: Vec<(&'static str, Side)>,
     rows: Vec<Vec<String>>,
 }
 
 /// The alignment of a column.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Side {
+pub(crate) enum Side {
     /// For words.
     Left,
     /// For numbers.
@@ -19,18 +19,18 @@ pub enum Side {
 
 impl TextTable {
     /// A table without rows.
-    pub fn new(heads: &[(&'static str, Side)]) -> Self {
+    pub(crate) fn new(heads: &[(&'static str, Side)]) -> Self {
         Self { heads: heads.to_vec(), rows: Vec::new() }
     }
 
     /// Adds a row, one text for each column.
-    pub fn push(&mut self, row: Vec<String>) {
+    pub(crate) fn push(&mut self, row: Vec<String>) {
         debug_assert_eq!(row.len(), self.heads.len());
         self.rows.push(row);
     }
 
     /// Returns the table as lines.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let width = |column: usize| {
             let cells = self.rows.iter().map(|row| row[column].chars().count());
             cells.chain([self.heads[column].0.chars().count()]).max().unwrap_or(0)
@@ -53,7 +53,7 @@ impl TextTable {
 }
 
 /// Formats JSON in indented lines.
-pub fn json(value: &serde_json::Value) -> String {
+pub(crate) fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
 }
 

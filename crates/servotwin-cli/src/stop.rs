@@ -14,13 +14,13 @@ static STOP: AtomicBool = AtomicBool::new(false);
 static HEEDED: AtomicBool = AtomicBool::new(false);
 
 /// The flag that Ctrl-C sets.
-pub fn flag() -> &'static AtomicBool {
+pub(crate) fn flag() -> &'static AtomicBool {
     &STOP
 }
 
 /// Handles Ctrl-C and other termination signals from now on. If the handler cannot be installed, a signal ends
 /// the program at once, as usual.
-pub fn listen() {
+pub(crate) fn listen() {
     let _ = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::Relaxed) || !HEEDED.load(Ordering::Relaxed) {
             // If standard error is closed, there is no way to report that.
@@ -31,11 +31,11 @@ pub fn listen() {
 }
 
 /// Declares that the command polls the flag from now on.
-pub fn heed() {
+pub(crate) fn heed() {
     HEEDED.store(true, Ordering::Relaxed);
 }
 
 /// Ends a job between two of its steps if the flag is set.
-pub fn check() -> Result<(), Failure> {
+pub(crate) fn check() -> Result<(), Failure> {
     if STOP.load(Ordering::Relaxed) { Err(Failure::Stopped) } else { Ok(()) }
 }

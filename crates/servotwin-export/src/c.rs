@@ -115,7 +115,7 @@ fn named(beginning: &str) -> impl Iterator<Item = SourceFile> {
 ///
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
-pub fn files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
+pub(crate) fn files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
     let arithmetic = named("servotwin_real").chain(named("servotwin_math"));
     Ok(written(COMMON.iter().copied()).chain(arithmetic).chain(own_files_of_twin(twin)?).collect())
 }

@@ -61,7 +61,7 @@ impl Certificate {
     }
 
     /// The certificate as a page that needs no other file.
-    pub fn page(&self) -> String {
+    pub(crate) fn page(&self) -> String {
         let mut page = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Proof of an export</title>\n\
              <style>body {{ font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto; padding: 0 1em }} \

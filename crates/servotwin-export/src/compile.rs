@@ -35,7 +35,7 @@ pub(crate) struct Workplace {
 
 impl Workplace {
     /// A folder with these files: `kept`, or a temporary one.
-    pub fn new<'f>(
+    pub(crate) fn new<'f>(
         files: impl IntoIterator<Item = &'f SourceFile>,
         kept: Option<&Path>,
     ) -> Result<Self, ExportError> {
@@ -53,24 +53,24 @@ impl Workplace {
     }
 
     /// The path of a file.
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.path.join(name)
     }
 
     /// Writes a file.
-    pub fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
+    pub(crate) fn write(&self, name: &str, text: &str) -> Result<(), ExportError> {
         let path = self.path(name);
         fs::write(&path, text).map_err(|cause| ExportError::from_io(&path, cause))
     }
 
     /// Reads a file.
-    pub fn read(&self, name: &str) -> Result<Vec<u8>, ExportError> {
+    pub(crate) fn read(&self, name: &str) -> Result<Vec<u8>, ExportError> {
         let path = self.path(name);
         fs::read(&path).map_err(|cause| ExportError::from_io(&path, cause))
     }
 
     /// Runs a compiler in the folder. `shown` is its command for messages.
-    pub fn run<'a>(
+    pub(crate) fn run<'a>(
         &self,
         compiler: &str,
         shown: &str,

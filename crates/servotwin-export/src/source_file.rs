@@ -14,7 +14,7 @@ pub struct SourceFile {
 
 impl SourceFile {
     /// The SHA-256 of each file.
-    pub fn hashes(files: &[Self]) -> BTreeMap<String, String> {
+    pub(crate) fn hashes(files: &[Self]) -> BTreeMap<String, String> {
         files.iter().map(|file| (file.name.into(), sha256_of_text(&file.text))).collect()
     }
 }

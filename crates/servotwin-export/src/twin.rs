@@ -77,7 +77,7 @@ impl ExportedReaction {
 
 impl ExportedTwin<'_> {
     /// Whether every step has the same length.
-    pub fn has_fixed_step(&self) -> bool {
+    pub(crate) fn has_fixed_step(&self) -> bool {
         matches!(self.settings.control, Control::Fixed { .. })
     }
 }

@@ -472,7 +472,7 @@ fn rounded_integer(integer: &DeInteger) -> f64 {
 
 /// The plain form of a parsed value. An integer beyond 64 bits becomes a float, so that the rest of the file stays
 /// readable.
-pub fn plain_value(value: &DeValue) -> toml::Value {
+pub(crate) fn plain_value(value: &DeValue) -> toml::Value {
     use toml::Value;
     match value {
         DeValue::String(text) => Value::String(text.to_string()),
@@ -497,7 +497,7 @@ pub fn plain_table(table: &DeTable) -> toml::Table {
 }
 
 /// The type of a value, in words.
-pub fn type_name(value: &DeValue<'_>) -> &'static str {
+pub(crate) fn type_name(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a text",
         DeValue::Integer(_) | DeValue::Float(_) => "a number",

@@ -172,7 +172,7 @@ impl AtomicFile {
     }
 
     /// The file that [`commit`](Self::commit) will replace.
-    pub fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.target
     }
 
@@ -183,7 +183,7 @@ impl AtomicFile {
     }
 
     /// The cause of the last failed write, for callers behind a library that wraps the error in its own.
-    pub fn failure(&self) -> Option<io::Error> {
+    pub(crate) fn failure(&self) -> Option<io::Error> {
         self.failure.map(io::Error::from_raw_os_error)
     }
 
@@ -326,7 +326,10 @@ fn read_at_most(limit: u64, path: &Path) -> Result<Vec<u8>, FileError> {
 }
 
 /// Passes the bytes of a file to a function, part by part.
-pub fn read_through(path: impl AsRef<Path>, mut take: impl FnMut(&[u8])) -> Result<(), FileError> {
+pub(crate) fn read_through(
+    path: impl AsRef<Path>,
+    mut take: impl FnMut(&[u8]),
+) -> Result<(), FileError> {
     let path = path.as_ref();
     let in_file = |cause| FileError::from_io(path, cause);
     let mut file = open(path)?;

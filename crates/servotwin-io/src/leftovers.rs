@@ -40,7 +40,7 @@ fn is_abandoned(name: &str) -> bool {
 }
 
 /// Whether a running process of this machine owns a temporary file beside results.
-pub fn is_being_written(name: &str) -> bool {
+pub(crate) fn is_being_written(name: &str) -> bool {
     let own = name.strip_prefix('.').and_then(|name| name.strip_suffix(".tmp"));
     own.and_then(is_running) == Some(true)
 }
@@ -95,7 +95,7 @@ pub fn is_private(folder: &Path) -> bool {
 }
 
 #[cfg(not(unix))]
-pub fn is_private(folder: &Path) -> bool {
+pub(crate) fn is_private(folder: &Path) -> bool {
     folder.is_dir()
 }
 

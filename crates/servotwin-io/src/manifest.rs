@@ -19,7 +19,7 @@ pub const NAME: &str = "manifest.json";
 
 /// The part of a manifest with the file hashes; the writer's other entries stay as they are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FileHashes {
+pub(crate) struct FileHashes {
     /// The study and system texts that the results come from.
     pub inputs: Vec<FileHash>,
     /// Every result file.

@@ -214,12 +214,12 @@ impl Examples {
     ///
     /// # Panics
     /// If there is no such class.
-    pub fn class_name(&self, question: Question, class: u32) -> &str {
+    pub(crate) fn class_name(&self, question: Question, class: u32) -> &str {
         self.names.class_name(question, class)
     }
 
     /// The columns that a stage may read.
-    pub fn columns(&self, place: &StagePlace) -> Vec<usize> {
+    pub(crate) fn columns(&self, place: &StagePlace) -> Vec<usize> {
         let mut columns: Vec<usize> = match place.question {
             Question::Actuator => (0..self.names.features.len()).collect(),
             _ => self.read[place.actuator.unwrap_or(0) as usize].clone(),
@@ -392,7 +392,7 @@ impl HierarchySettings {
     }
 
     /// The classifier settings of a stage, with only the resolutions and exclusions of features that its samples have.
-    pub fn of_stage(&self, question: Question, samples: &Samples) -> classifiers::Settings {
+    pub(crate) fn of_stage(&self, question: Question, samples: &Samples) -> classifiers::Settings {
         let mut settings = match question {
             Question::Actuator => &self.actuator,
             Question::Action => &self.action,

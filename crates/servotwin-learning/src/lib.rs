@@ -19,7 +19,7 @@ pub mod hierarchy;
 pub mod metrics;
 pub mod novelty;
 mod numeric;
-pub mod samples;
+pub(crate) mod samples;
 pub mod splits;
 pub mod tree;
 

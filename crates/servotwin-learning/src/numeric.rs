@@ -97,7 +97,7 @@ pub(crate) struct Standardiser {
 }
 
 impl Standardiser {
-    pub fn new(samples: &Samples) -> Self {
+    pub(crate) fn new(samples: &Samples) -> Self {
         let features = samples.features();
         let (mut means, mut scales) = (vec![0.0; features], vec![0.0; features]);
         for feature in 0..features {
@@ -110,7 +110,7 @@ impl Standardiser {
     }
 
     /// The standardized table, row-major with `stride` entries a row; entries past the features are 0.
-    pub fn rows(&self, samples: &Samples, stride: usize) -> Vec<f64> {
+    pub(crate) fn rows(&self, samples: &Samples, stride: usize) -> Vec<f64> {
         let mut table = vec![0.0; samples.rows() * stride];
         for feature in 0..samples.features() {
             let (mean, scale) = (self.means[feature], self.scales[feature]);

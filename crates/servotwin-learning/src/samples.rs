@@ -118,7 +118,7 @@ impl Samples {
     }
 
     /// Whether any value is missing.
-    pub fn has_missing(&self) -> bool {
+    pub(crate) fn has_missing(&self) -> bool {
         self.has_missing
     }
 
@@ -126,7 +126,7 @@ impl Samples {
     ///
     /// # Errors
     /// [`Error::Missing`] with the first missing value.
-    pub fn complete(&self) -> Result<(), Error> {
+    pub(crate) fn complete(&self) -> Result<(), Error> {
         let mut columns = self.values.chunks_exact(self.rows()).enumerate();
         let first = columns.find_map(|(column, values)| {
             Some((column, values.iter().position(|value| value.is_nan())?))
@@ -206,7 +206,7 @@ impl Samples {
     ///
     /// # Errors
     /// [`Error::UnknownFeature`].
-    pub fn feature_index(&self, name: &str) -> Result<usize, Error> {
+    pub(crate) fn feature_index(&self, name: &str) -> Result<usize, Error> {
         let place = self.feature_names.iter().position(|known| known == name);
         place.ok_or_else(|| Error::UnknownFeature { name: name.into() })
     }
@@ -315,7 +315,7 @@ pub(crate) struct PresentClasses {
 }
 
 impl PresentClasses {
-    pub fn new(samples: &Samples) -> Self {
+    pub(crate) fn new(samples: &Samples) -> Self {
         let totals = samples.class_weights();
         let mut place = vec![0; totals.len()];
         let mut present = PresentClasses { labels: vec![], of_row: vec![], weights: vec![] };
@@ -328,12 +328,12 @@ impl PresentClasses {
         present
     }
 
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.labels.len()
     }
 
     /// Weight of all rows, positive.
-    pub fn total_weight(&self) -> f64 {
+    pub(crate) fn total_weight(&self) -> f64 {
         self.weights.iter().sum()
     }
 }

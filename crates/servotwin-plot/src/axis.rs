@@ -20,7 +20,7 @@ pub(super) struct Axis {
 
 impl Axis {
     /// A linear axis over a range, with about `count` ticks.
-    pub fn linear(range: (f64, f64), count: usize) -> Self {
+    pub(crate) fn linear(range: (f64, f64), count: usize) -> Self {
         let (low, high) = widened(range);
         let step = round_step((high - low) / count.max(1) as f64);
         let largest = low.abs().max(high.abs());
@@ -39,7 +39,7 @@ impl Axis {
     }
 
     /// A logarithmic axis over the positive part of a range.
-    pub fn logarithmic(range: (f64, f64)) -> Self {
+    pub(crate) fn logarithmic(range: (f64, f64)) -> Self {
         let (low, high) = match range {
             (low, high) if low > 0.0 && high > low => (low, high),
             (_, high) if high > 0.0 => (high / 10.0, high * 10.0_f64.sqrt()),
@@ -66,7 +66,7 @@ impl Axis {
     }
 
     /// Extends the axis to the next tick if that is very near, like 90 s for 9000 samples at 100 Hz.
-    pub fn reaching_ticks(self) -> Self {
+    pub(crate) fn reaching_ticks(self) -> Self {
         let [first, second, ..] = self.ticks.as_slice() else {
             return self;
         };
@@ -80,7 +80,7 @@ impl Axis {
     }
 
     /// Maps a value to a coordinate between `from` and `to`; `None` if the axis cannot show it.
-    pub fn place(&self, value: f64, from: f64, to: f64) -> Option<f64> {
+    pub(crate) fn place(&self, value: f64, from: f64, to: f64) -> Option<f64> {
         let share = match self.log {
             true if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
             true => return None,
@@ -90,7 +90,7 @@ impl Axis {
     }
 
     /// An axis title with the ticks' factor.
-    pub fn title(&self, label: &str) -> String {
+    pub(crate) fn title(&self, label: &str) -> String {
         match (label, self.factor.as_str()) {
             (label, "") => label.to_owned(),
             ("", factor) => factor.to_owned(),

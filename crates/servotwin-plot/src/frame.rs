@@ -24,22 +24,22 @@ pub(super) struct Frame {
 
 impl Frame {
     /// A point's coordinates; `None` if the axes cannot show it.
-    pub fn point(&self, x: f64, y: f64) -> Option<(f64, f64)> {
+    pub(crate) fn point(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         Some((self.x_at(x)?, self.y_at(y)?))
     }
 
     /// A value's horizontal coordinate.
-    pub fn x_at(&self, value: f64) -> Option<f64> {
+    pub(crate) fn x_at(&self, value: f64) -> Option<f64> {
         self.x.place(value, self.area.x, self.area.right())
     }
 
     /// A value's vertical coordinate.
-    pub fn y_at(&self, value: f64) -> Option<f64> {
+    pub(crate) fn y_at(&self, value: f64) -> Option<f64> {
         self.y.place(value, self.area.bottom(), self.area.y)
     }
 
     /// Draws the grid lines; call it before the data.
-    pub fn draw_grid(&self, canvas: &mut Canvas) {
+    pub(crate) fn draw_grid(&self, canvas: &mut Canvas) {
         let Area { x, y, .. } = self.area;
         let style = format!(" stroke=\"{GRID}\"");
         for at in self.x.ticks.iter().filter_map(|tick| self.x_at(tick.at)) {
@@ -51,12 +51,12 @@ impl Frame {
     }
 
     /// Draws the outline; call it after the data.
-    pub fn draw_outline(&self, canvas: &mut Canvas) {
+    pub(crate) fn draw_outline(&self, canvas: &mut Canvas) {
         canvas.rect(self.area, &format!(" fill=\"none\" stroke=\"{FRAME}\""));
     }
 
     /// Draws labels and title of the horizontal axis.
-    pub fn draw_x_labels(&self, canvas: &mut Canvas, title: &str) {
+    pub(crate) fn draw_x_labels(&self, canvas: &mut Canvas, title: &str) {
         let bottom = self.area.bottom();
         let kind = Type::new(TICK_SIZE).anchor(Anchor::Middle);
         let mut free_from = f64::NEG_INFINITY;
@@ -78,7 +78,7 @@ impl Frame {
     }
 
     /// Draws labels and title of the vertical axis; the title's baseline is at `title_x`.
-    pub fn draw_y_labels(&self, canvas: &mut Canvas, title: &str, title_x: f64) {
+    pub(crate) fn draw_y_labels(&self, canvas: &mut Canvas, title: &str, title_x: f64) {
         let kind = Type::new(TICK_SIZE).anchor(Anchor::End);
         for tick in &self.y.ticks {
             let Some(at) = self.y_at(tick.at) else {

@@ -16,11 +16,11 @@ pub(super) struct Area {
 }
 
 impl Area {
-    pub fn right(self) -> f64 {
+    pub(crate) fn right(self) -> f64 {
         self.x + self.width
     }
 
-    pub fn bottom(self) -> f64 {
+    pub(crate) fn bottom(self) -> f64 {
         self.y + self.height
     }
 }
@@ -47,27 +47,27 @@ pub(super) struct Type {
 }
 
 impl Type {
-    pub fn new(size: f64) -> Self {
+    pub(crate) fn new(size: f64) -> Self {
         Self { size, anchor: Anchor::Start, bold: false, colour: INK, turn: 0.0, rim: false }
     }
 
-    pub fn anchor(self, anchor: Anchor) -> Self {
+    pub(crate) fn anchor(self, anchor: Anchor) -> Self {
         Self { anchor, ..self }
     }
 
-    pub fn bold(self) -> Self {
+    pub(crate) fn bold(self) -> Self {
         Self { bold: true, ..self }
     }
 
-    pub fn colour(self, colour: &'static str) -> Self {
+    pub(crate) fn colour(self, colour: &'static str) -> Self {
         Self { colour, ..self }
     }
 
-    pub fn turn(self, turn: f64) -> Self {
+    pub(crate) fn turn(self, turn: f64) -> Self {
         Self { turn, ..self }
     }
 
-    pub fn rim(self) -> Self {
+    pub(crate) fn rim(self) -> Self {
         Self { rim: true, ..self }
     }
 }
@@ -80,7 +80,7 @@ pub(super) struct Canvas {
 
 impl Canvas {
     /// Draws a rectangle; `style` holds further attributes, each after a space.
-    pub fn rect(&mut self, area: Area, style: &str) {
+    pub(crate) fn rect(&mut self, area: Area, style: &str) {
         let Area { x, y, width, height } = area;
         let [x, y, width, height] = [x, y, width, height].map(number);
         let _ = writeln!(
@@ -89,32 +89,32 @@ impl Canvas {
         );
     }
 
-    pub fn line(&mut self, from: (f64, f64), to: (f64, f64), style: &str) {
+    pub(crate) fn line(&mut self, from: (f64, f64), to: (f64, f64), style: &str) {
         self.path(&[from, to], style);
     }
 
     /// Draws a line through points, without a fill.
-    pub fn path(&mut self, points: &[(f64, f64)], style: &str) {
+    pub(crate) fn path(&mut self, points: &[(f64, f64)], style: &str) {
         self.shape(&outline(points), &format!(" fill=\"none\"{style}"));
     }
 
     /// Draws a closed and filled polygon.
-    pub fn polygon(&mut self, points: &[(f64, f64)], style: &str) {
+    pub(crate) fn polygon(&mut self, points: &[(f64, f64)], style: &str) {
         self.shape(&(outline(points) + "Z"), style);
     }
 
     /// Draws a shape given in SVG's path language.
-    pub fn shape(&mut self, path: &str, style: &str) {
+    pub(crate) fn shape(&mut self, path: &str, style: &str) {
         let _ = writeln!(self.body, "<path d=\"{path}\"{style}/>");
     }
 
-    pub fn circle(&mut self, centre: (f64, f64), radius: f64, style: &str) {
+    pub(crate) fn circle(&mut self, centre: (f64, f64), radius: f64, style: &str) {
         let [x, y, radius] = [centre.0, centre.1, radius].map(number);
         let _ = writeln!(self.body, "<circle cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"{style}/>");
     }
 
     /// Draws a text; its anchor is at a point of the baseline.
-    pub fn text(&mut self, at: (f64, f64), text: &str, kind: Type) {
+    pub(crate) fn text(&mut self, at: (f64, f64), text: &str, kind: Type) {
         if text.is_empty() {
             return;
         }
@@ -144,7 +144,7 @@ impl Canvas {
     }
 
     /// Clips everything that `draw` draws at the area's edge.
-    pub fn clipped(&mut self, area: Area, draw: impl FnOnce(&mut Canvas)) {
+    pub(crate) fn clipped(&mut self, area: Area, draw: impl FnOnce(&mut Canvas)) {
         let mut inner = Canvas::default();
         draw(&mut inner);
         let shifted = format!("{} {}", number(-area.x), number(-area.y));
@@ -159,21 +159,21 @@ impl Canvas {
     }
 
     /// Adds the tooltip `title` to everything that `draw` draws.
-    pub fn titled(&mut self, title: &str, draw: impl FnOnce(&mut Canvas)) {
+    pub(crate) fn titled(&mut self, title: &str, draw: impl FnOnce(&mut Canvas)) {
         let _ = writeln!(self.body, "<g><title>{}</title>", escaped(title));
         draw(self);
         self.body.push_str("</g>\n");
     }
 
     /// Marks everything that `draw` draws as a component, by which scripts and style sheets find it.
-    pub fn component(&mut self, id: &str, draw: impl FnOnce(&mut Canvas)) {
+    pub(crate) fn component(&mut self, id: &str, draw: impl FnOnce(&mut Canvas)) {
         let _ = writeln!(self.body, "<g data-component=\"{}\">", escaped(id));
         draw(self);
         self.body.push_str("</g>\n");
     }
 
     /// Shifts everything that `draw` draws.
-    pub fn shifted(&mut self, by: (f64, f64), draw: impl FnOnce(&mut Canvas)) {
+    pub(crate) fn shifted(&mut self, by: (f64, f64), draw: impl FnOnce(&mut Canvas)) {
         let _ =
             writeln!(self.body, "<g transform=\"translate({} {})\">", number(by.0), number(by.1));
         draw(self);
@@ -181,7 +181,7 @@ impl Canvas {
     }
 
     /// The finished document on a white background, with a title for screen readers.
-    pub fn finish(self, width: f64, height: f64, title: &str) -> Figure {
+    pub(crate) fn finish(self, width: f64, height: f64, title: &str) -> Figure {
         let (width, height) = (width.ceil(), height.ceil());
         let title = match title {
             "" => String::new(),

@@ -26,7 +26,7 @@ pub struct Example {
 ///
 /// # Errors
 /// The healthy system cannot be simulated. A faulty system that cannot be simulated is left out.
-pub fn simulate(study: &Study) -> Result<Vec<Example>, CampaignError> {
+pub(crate) fn simulate(study: &Study) -> Result<Vec<Example>, CampaignError> {
     let ensemble = campaign::ensemble(study);
     // The case in the middle is neither the easiest nor the hardest.
     let case = study.cases.len() / 2;

@@ -5,7 +5,7 @@
 //! a study (no third sensor, no realistic scenario) is left out. Results to act on come first; the
 //! evidence behind them follows in an appendix. The same material gives the same bytes.
 
-pub mod examples;
+pub(crate) mod examples;
 pub mod explain;
 pub mod lines;
 mod looks;
@@ -205,7 +205,7 @@ pub static CHAPTERS: &[Chapter] = &[
 
 impl Material<'_> {
     /// The study's vocabulary.
-    pub fn words(&self) -> Vocabulary {
+    pub(crate) fn words(&self) -> Vocabulary {
         Vocabulary::of(self.study)
     }
 
@@ -216,12 +216,12 @@ impl Material<'_> {
 
     /// The subject whose trees are drawn: the one with noise, or the first if there is none. Trees that never saw noise
     /// split on differences that no sensor resolves.
-    pub fn main(&self) -> Option<&SubjectResult> {
+    pub(crate) fn main(&self) -> Option<&SubjectResult> {
         self.results.of(Subject::Noise).or(self.results.subjects.first())
     }
 
     /// The hierarchy of a subject, if the report has it.
-    pub fn hierarchy(&self, subject: Subject) -> Option<&Hierarchy> {
+    pub(crate) fn hierarchy(&self, subject: Subject) -> Option<&Hierarchy> {
         self.hierarchies.iter().find(|(own, _)| *own == subject).map(|(_, hierarchy)| hierarchy)
     }
 }

@@ -30,7 +30,7 @@ pub enum Who {
 }
 
 /// One measure of a diagnosis.
-pub struct Measure {
+pub(crate) struct Measure {
     /// The name of the measure.
     pub title: String,
     /// Its rate under a protocol, if it was measured.
@@ -43,7 +43,7 @@ fn counted(rate: Rate) -> Option<Rate> {
 }
 
 /// Measures of unsafe errors; less is better. Empty if no command switches an actuator off.
-pub fn safety(words: &Vocabulary) -> Vec<Measure> {
+pub(crate) fn safety(words: &Vocabulary) -> Vec<Measure> {
     let off = words.off();
     let mut measures = vec![];
     if !words.has_off() {
@@ -71,7 +71,7 @@ pub fn safety(words: &Vocabulary) -> Vec<Measure> {
 }
 
 /// Measures of right answers; more is better.
-pub fn right(words: &Vocabulary) -> Vec<Measure> {
+pub(crate) fn right(words: &Vocabulary) -> Vec<Measure> {
     vec![
         Measure {
             title: format!("{} right", words.action()),
@@ -94,7 +94,7 @@ pub fn in_flight(metrics: &FlightMetrics, words: &Vocabulary) -> Vec<(String, Ra
 }
 
 /// False alarms per hour, their upper limit, and their counts.
-pub fn alarms_per_hour(healthy: &HealthyMetrics) -> [String; 3] {
+pub(crate) fn alarms_per_hour(healthy: &HealthyMetrics) -> [String; 3] {
     let HealthyMetrics { alarms, hours, alarms_per_h, alarms_per_h_upper, .. } = healthy;
     [
         format!("{} per hour", number(*alarms_per_h)),
@@ -127,7 +127,7 @@ pub fn flown_ranges(study: &Study) -> Option<String> {
 }
 
 /// Whether a stage decides between classes. The actuator stage does not if its counts contain one class only.
-pub fn decides(stage: &StageScore) -> bool {
+pub(crate) fn decides(stage: &StageScore) -> bool {
     let counts = &stage.score.confusion;
     let is_known = |class: &usize| {
         counts.iter().enumerate().any(|(truth, said)| {
@@ -140,7 +140,7 @@ pub fn decides(stage: &StageScore) -> bool {
 }
 
 /// The stages over all actuators in any of the results: the letter of each, and what it finds.
-pub fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, String)> {
+pub(crate) fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, String)> {
     let mut stages: Vec<(String, String)> = vec![];
     let all = results.iter().flat_map(|result| &result.stages);
     for stage in all.filter(|stage| stage.actuator.is_none() && decides(stage)) {
@@ -161,7 +161,7 @@ pub fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(String, S
 
 impl Who {
     /// The trees first: they explain their answer.
-    pub const ALL: [Who; 2] = [Who::Trees, Who::Committee];
+    pub(crate) const ALL: [Who; 2] = [Who::Trees, Who::Committee];
 
     /// The name in tables.
     pub const fn title(self) -> &'static str {
@@ -172,7 +172,11 @@ impl Who {
     }
 
     /// The result under a protocol.
-    pub fn under(self, evaluation: &Evaluation, protocol: Protocol) -> Option<&ProtocolResult> {
+    pub(crate) fn under(
+        self,
+        evaluation: &Evaluation,
+        protocol: Protocol,
+    ) -> Option<&ProtocolResult> {
         match self {
             Who::Trees => evaluation.protocol(protocol),
             Who::Committee => evaluation.committee(protocol),
@@ -180,7 +184,7 @@ impl Who {
     }
 
     /// The result under the hardest protocol that the study allows.
-    pub fn headline(self, evaluation: &Evaluation) -> Option<&ProtocolResult> {
+    pub(crate) fn headline(self, evaluation: &Evaluation) -> Option<&ProtocolResult> {
         self.under(evaluation, evaluation.headline()?.protocol)
     }
 }
@@ -203,7 +207,7 @@ pub fn scenarios(results: &Results) -> Vec<&SubjectResult> {
 }
 
 /// The learned bands, if they are in use. Otherwise the fixed band of the seed paper is in use.
-pub fn learned(result: &SubjectResult) -> Option<&[Band]> {
+pub(crate) fn learned(result: &SubjectResult) -> Option<&[Band]> {
     result.evaluation.bands.as_deref().filter(|_| result.settings.learned_bands)
 }
 

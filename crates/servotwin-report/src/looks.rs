@@ -7,7 +7,7 @@ use servotwin_plot::{Look, SemanticColor};
 
 /// The plot styles of a study's actuators, commands and failures.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Looks {
+pub(crate) struct Looks {
     units: Vec<String>,
     commands: Vec<String>,
     /// Fault classes, each with the index of its command.
@@ -16,7 +16,7 @@ pub struct Looks {
 
 impl Looks {
     /// Assigns styles to a study's actuators, commands and failures.
-    pub fn of(study: &Study) -> Self {
+    pub(crate) fn of(study: &Study) -> Self {
         let commands = study.commands();
         let mut details: Vec<(String, usize)> = vec![];
         for class in &study.classes {
@@ -29,7 +29,7 @@ impl Looks {
     }
 
     /// The style of a class, by the question that it answers. Healthy is plain.
-    pub fn class(&self, question: Question, name: &str) -> Look {
+    pub(crate) fn class(&self, question: Question, name: &str) -> Look {
         let place = |names: &[String]| names.iter().position(|known| known == name);
         let found = match question {
             Question::Actuator => place(&self.units).map(|place| SemanticColor::Unit(place).look()),
@@ -51,13 +51,13 @@ impl Looks {
 }
 
 /// The style of a subject (a data set and the sensors used).
-pub fn subject(subject: Subject) -> Look {
+pub(crate) fn subject(subject: Subject) -> Look {
     let place = Subject::ALL.iter().position(|known| *known == subject);
     SemanticColor::Scenario(place.unwrap_or(0)).look()
 }
 
 /// Styles of two series that have no meaning in other figures.
-pub fn plain() -> Vec<Look> {
+pub(crate) fn plain() -> Vec<Look> {
     vec![SemanticColor::Plain(0).look(), SemanticColor::Plain(1).look()]
 }
 

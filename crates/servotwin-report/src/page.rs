@@ -14,7 +14,7 @@ pub struct Page {
 
 /// A section in the table of contents.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ContentsEntry {
+pub(crate) struct ContentsEntry {
     /// The anchor of the section.
     pub id: String,
     /// The heading of the section.
@@ -25,7 +25,7 @@ pub struct ContentsEntry {
 
 /// The alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Alignment {
+pub(crate) enum Alignment {
     /// For words.
     Left,
     /// For numbers.
@@ -34,37 +34,37 @@ pub enum Alignment {
 
 /// A table of text cells.
 #[derive(Debug, Clone)]
-pub struct HtmlTable {
+pub(crate) struct HtmlTable {
     heads: Vec<(String, Alignment)>,
     rows: Vec<(Vec<String>, bool)>,
 }
 
 impl HtmlTable {
     /// A table without rows.
-    pub fn new<H: Into<String>>(heads: impl IntoIterator<Item = (H, Alignment)>) -> Self {
+    pub(crate) fn new<H: Into<String>>(heads: impl IntoIterator<Item = (H, Alignment)>) -> Self {
         let heads = heads.into_iter().map(|(head, side)| (head.into(), side));
         HtmlTable { heads: heads.collect(), rows: vec![] }
     }
 
     /// Adds a row, one text for each column.
-    pub fn push(&mut self, row: Vec<String>) {
+    pub(crate) fn push(&mut self, row: Vec<String>) {
         self.rows.push((row, false));
     }
 
     /// Adds an emphasized row: a sum, or the most important result.
-    pub fn push_strong(&mut self, row: Vec<String>) {
+    pub(crate) fn push_strong(&mut self, row: Vec<String>) {
         self.rows.push((row, true));
     }
 
     /// Whether the table has no rows.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 }
 
 impl Page {
     /// Adds a section. An empty one is dropped.
-    pub fn section(&mut self, id: &str, title: &str, write: impl FnOnce(&mut Page)) {
+    pub(crate) fn section(&mut self, id: &str, title: &str, write: impl FnOnce(&mut Page)) {
         let mut inner = Page::default();
         write(&mut inner);
         if inner.is_empty() {
@@ -77,28 +77,28 @@ impl Page {
     }
 
     /// Whether the page has no content.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.html.is_empty()
     }
 
     /// Appends another page.
-    pub fn append(&mut self, other: Page) {
+    pub(crate) fn append(&mut self, other: Page) {
         self.html += &other.html;
         self.figures.extend(other.figures);
     }
 
     /// Adds a heading inside a section.
-    pub fn heading(&mut self, text: &str) {
+    pub(crate) fn heading(&mut self, text: &str) {
         let _ = writeln!(self.html, "<h3>{}</h3>", escaped(text));
     }
 
     /// Adds a paragraph.
-    pub fn text(&mut self, text: &str) {
+    pub(crate) fn text(&mut self, text: &str) {
         let _ = writeln!(self.html, "<p>{}</p>", escaped(text));
     }
 
     /// Adds a remark in small print.
-    pub fn note(&mut self, text: &str) {
+    pub(crate) fn note(&mut self, text: &str) {
         let _ = writeln!(self.html, "<p class=\"note\">{}</p>", escaped(text));
     }
 
@@ -156,7 +156,7 @@ impl Page {
     }
 
     /// Adds a list of links to sections.
-    pub fn contents(&mut self, entries: &[ContentsEntry]) {
+    pub(crate) fn contents(&mut self, entries: &[ContentsEntry]) {
         self.html += "<nav aria-label=\"Contents\">";
         for (is_appendix, head) in [(false, "Findings"), (true, "Appendix, what this rests on")] {
             let own = || entries.iter().filter(|entry| entry.is_appendix == is_appendix);
@@ -174,14 +174,14 @@ impl Page {
     }
 
     /// Begins the appendix. In print it starts on a new page.
-    pub fn appendix(&mut self) {
+    pub(crate) fn appendix(&mut self) {
         self.html += "<p class=\"appendix\">Appendix: what this rests on</p>\n\
             <p class=\"note paper\">What is folded on a screen is not on paper: figures and tables whose numbers \
             have a point, and the values in figures.</p>\n";
     }
 
     /// Adds content that is collapsed until the reader opens it.
-    pub fn folded(&mut self, summary: &str, write: impl FnOnce(&mut Page)) {
+    pub(crate) fn folded(&mut self, summary: &str, write: impl FnOnce(&mut Page)) {
         let mut inner = Page::default();
         write(&mut inner);
         if inner.is_empty() {
@@ -197,13 +197,13 @@ impl Page {
 
     /// Adds a figure with a one-sentence caption, which also serves as its text alternative.
     /// `name` is the name of the figure's own file.
-    pub fn figure(&mut self, name: &str, figure: Figure, caption: &str) {
+    pub(crate) fn figure(&mut self, name: &str, figure: Figure, caption: &str) {
         self.draw(name, figure, caption, "drawing");
     }
 
     /// Adds a figure that keeps its size and scrolls. In print, a figure too large for an upright page is turned, set
     /// to the width of the page, and continued over as many pages as it needs.
-    pub fn wide_figure(&mut self, name: &str, figure: Figure, caption: &str) {
+    pub(crate) fn wide_figure(&mut self, name: &str, figure: Figure, caption: &str) {
         let (width, height) = PAPER;
         let is_large = figure.width > width || figure.height > height;
         self.draw(
@@ -252,7 +252,7 @@ impl Page {
     }
 
     /// Adds figures side by side, as many as fit.
-    pub fn beside(&mut self, write: impl FnOnce(&mut Page)) {
+    pub(crate) fn beside(&mut self, write: impl FnOnce(&mut Page)) {
         let mut inner = Page::default();
         write(&mut inner);
         self.html += "<div class=\"beside\">\n";
@@ -261,7 +261,7 @@ impl Page {
     }
 
     /// Adds a table with a one-sentence caption. A line feed in a cell begins a new line in small type.
-    pub fn table(&mut self, grid: &HtmlTable, caption: &str) {
+    pub(crate) fn table(&mut self, grid: &HtmlTable, caption: &str) {
         let class =
             |side: Alignment| if side == Alignment::Right { " class=\"number\"" } else { "" };
         let wide = if grid.heads.len() >= WIDE { " class=\"wide\"" } else { "" };

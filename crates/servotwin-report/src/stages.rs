@@ -10,7 +10,7 @@ use servotwin_diagnosis::tree::Tree;
 use servotwin_plot::tree::{Node, TreeFigure as Drawing};
 
 /// Draws the tree of a stage; `None` if its classifier is not a tree.
-pub fn drawing(
+pub(crate) fn drawing(
     hierarchy: &Hierarchy,
     stage: &Stage,
     features: &[Feature],
@@ -33,7 +33,7 @@ pub fn drawing(
 
 /// Whether a stage decides between classes. The actuator stage does not if its tree was trained with one class only,
 /// e.g. because no healthy variant left the bands.
-pub fn decides(stage: &Stage) -> bool {
+pub(crate) fn decides(stage: &Stage) -> bool {
     match &stage.model {
         Model::Cart(tree) if stage.place.question == Question::Actuator => {
             tree.weights(0).iter().filter(|&&weight| weight > 0.0).count() > 1
@@ -43,7 +43,7 @@ pub fn decides(stage: &Stage) -> bool {
 }
 
 /// The features that a stage uses, each once, in the order of the nodes.
-pub fn asked<'h>(hierarchy: &'h Hierarchy, stage: &Stage) -> Vec<&'h str> {
+pub(crate) fn asked<'h>(hierarchy: &'h Hierarchy, stage: &Stage) -> Vec<&'h str> {
     let Model::Cart(tree) = &stage.model else {
         return vec![];
     };

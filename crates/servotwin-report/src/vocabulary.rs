@@ -40,12 +40,12 @@ impl Vocabulary {
     }
 
     /// The plural of [`Vocabulary::unit`].
-    pub fn units(&self) -> String {
+    pub(crate) fn units(&self) -> String {
         format!("{}s", self.unit)
     }
 
     /// Refers to two actuators: `both` if there are exactly two, else `two`.
-    pub fn two(&self) -> &'static str {
+    pub(crate) fn two(&self) -> &'static str {
         if self.units == 2 { "both" } else { "two" }
     }
 
@@ -55,17 +55,17 @@ impl Vocabulary {
     }
 
     /// The text if there are several actuators, else an empty string.
-    pub fn several<'t>(&self, text: &'t str) -> &'t str {
+    pub(crate) fn several<'t>(&self, text: &'t str) -> &'t str {
         if self.has_several() { text } else { "" }
     }
 
     /// Whether any action switches an actuator off. Safety figures exist only then.
-    pub fn has_off(&self) -> bool {
+    pub(crate) fn has_off(&self) -> bool {
         !self.off.is_empty()
     }
 
     /// The action that switches an actuator off: `shutdown`, or the study's name for it.
-    pub fn off(&self) -> String {
+    pub(crate) fn off(&self) -> String {
         match self.off.as_slice() {
             [one] if one == "shut_down" => "shutdown".into(),
             [one] => format!("“{}”", spoken(one)),
@@ -74,7 +74,7 @@ impl Vocabulary {
     }
 
     /// The clause about the number of actuators that must stay on; empty if all may be switched off.
-    pub fn kept_on(&self, least_on: u32) -> String {
+    pub(crate) fn kept_on(&self, least_on: u32) -> String {
         let unit = &self.unit;
         match (least_on, self.units) {
             _ if !self.has_off() => String::new(),
@@ -86,7 +86,7 @@ impl Vocabulary {
     }
 
     /// The participle for a switched-off actuator, e.g. `shut down`.
-    pub fn switched_off(&self) -> &'static str {
+    pub(crate) fn switched_off(&self) -> &'static str {
         match self.off.as_slice() {
             [one] if one == "shut_down" => "shut down",
             _ => "switched off",
@@ -94,12 +94,12 @@ impl Vocabulary {
     }
 
     /// The text if this is the paper's own study, else an empty string.
-    pub fn paper<'t>(&self, text: &'t str) -> &'t str {
+    pub(crate) fn paper<'t>(&self, text: &'t str) -> &'t str {
         if self.is_paper { text } else { "" }
     }
 
     /// Names the fixed band of ±3 %.
-    pub fn fixed_band(&self) -> &'static str {
+    pub(crate) fn fixed_band(&self) -> &'static str {
         if self.is_paper { "the seed paper's band of ±3 %" } else { "the fixed band of ±3 %" }
     }
 
@@ -109,7 +109,7 @@ impl Vocabulary {
     }
 
     /// What every answer names: the action and, with several actuators, the actuator.
-    pub fn action(&self) -> String {
+    pub(crate) fn action(&self) -> String {
         match self.has_several() {
             true => format!("{} and command", self.unit),
             false => "command".into(),
@@ -117,7 +117,7 @@ impl Vocabulary {
     }
 
     /// The same as [`Vocabulary::action`] for answers in which either is wrong.
-    pub fn action_wrong(&self) -> String {
+    pub(crate) fn action_wrong(&self) -> String {
         match self.has_several() {
             true => format!("{} or command", self.unit),
             false => "command".into(),
@@ -126,7 +126,7 @@ impl Vocabulary {
 
     /// Describes a measure of flights: what happened, and in which faults. `limits_s` are the limits on latency of the
     /// scenarios.
-    pub fn describe_measure(&self, measure: &Measure, limits_s: &[f64]) -> [String; 2] {
+    pub(crate) fn describe_measure(&self, measure: &Measure, limits_s: &[f64]) -> [String; 2] {
         let mut limits: Vec<String> = limits_s.iter().map(|&limit| chosen(limit)).collect();
         limits.dedup();
         let limit = match limits.as_slice() {
@@ -144,7 +144,7 @@ impl Vocabulary {
     }
 
     /// What a question of the hierarchy determines. For a single actuator that is whether it is faulty.
-    pub fn question(&self, question: Question) -> String {
+    pub(crate) fn question(&self, question: Question) -> String {
         match question {
             Question::Actuator if self.has_several() => format!("the {}", self.unit),
             Question::Actuator => "healthy or faulty".into(),
@@ -164,7 +164,7 @@ impl Vocabulary {
     }
 
     /// Names an answer to a question. A single actuator is `faulty` or healthy, whatever its name.
-    pub fn class<'t>(&self, question: Question, name: &'t str) -> &'t str {
+    pub(crate) fn class<'t>(&self, question: Question, name: &'t str) -> &'t str {
         match question {
             Question::Actuator if !self.has_several() && name != HEALTHY => FAULTY,
             _ => name,
@@ -173,7 +173,7 @@ impl Vocabulary {
 
     /// Adapts the toolkit's text about actuators to the study: actuators get the study's name, a single
     /// one has no number, and only the paper's study refers to the paper.
-    pub fn adapted(&self, text: &str) -> String {
+    pub(crate) fn adapted(&self, text: &str) -> String {
         let of_paper = " (the paper's)";
         let text = text.replace(of_paper, self.paper(of_paper));
         let text = match self.has_several() {
@@ -184,7 +184,7 @@ impl Vocabulary {
     }
 
     /// The answer for an unseen fault. It does not name the actuator if there is only one.
-    pub fn said(&self, word: &str) -> String {
+    pub(crate) fn said(&self, word: &str) -> String {
         match (word, self.has_several()) {
             ("actuator", false) => FAULTY.into(),
             ("wrong actuator", false) => "command though healthy".into(),

@@ -6,7 +6,7 @@ use servotwin::flight::judge::{EnvironmentMetrics, HealthyMetrics};
 pub use servotwin_io::text::{number, spoken};
 
 /// The environments with a false alarm: their count and the upper limit of their share.
-pub fn by_environment(all: EnvironmentMetrics) -> String {
+pub(crate) fn by_environment(all: EnvironmentMetrics) -> String {
     let EnvironmentMetrics { flown, with_alarm, share_upper } = all;
     let most = number(100.0 * share_upper);
     format!("in {with_alarm} of {flown} environments, at most {most} % of them (95 %)")
@@ -45,7 +45,7 @@ fn extrapolated(tail: &Option<Tail>, largest: f64) -> String {
 }
 
 /// The placeholder for a missing value.
-pub const NONE: &str = "–";
+pub(crate) const NONE: &str = "–";
 
 /// A share in percent: `99.84 %`.
 pub fn percent(share: Option<f64>) -> String {
@@ -64,12 +64,12 @@ pub fn rate(rate: Option<Rate>) -> String {
 }
 
 /// A rate with its interval below it; the line feed switches to small type.
-pub fn stacked(value: Option<Rate>) -> String {
+pub(crate) fn stacked(value: Option<Rate>) -> String {
     rate(value).replace(" [", "\n").replace(']', "")
 }
 
 /// The interval of a rate from a bootstrap over kinds of fault: `90.50 … 95.10`.
-pub fn by_kind(rate: Option<Rate>) -> String {
+pub(crate) fn by_kind(rate: Option<Rate>) -> String {
     let interval = rate.filter(|rate| rate.of > 0).and_then(|rate| rate.by_kind);
     interval.map_or_else(
         || NONE.into(),
@@ -78,7 +78,7 @@ pub fn by_kind(rate: Option<Rate>) -> String {
 }
 
 /// The change between two rates in percentage points: `+0.12`.
-pub fn change(before: Option<Rate>, after: Option<Rate>) -> String {
+pub(crate) fn change(before: Option<Rate>, after: Option<Rate>) -> String {
     let shares = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
     shares.map_or_else(
         || NONE.into(),
@@ -90,7 +90,7 @@ pub fn change(before: Option<Rate>, after: Option<Rate>) -> String {
 }
 
 /// The share of a rate in percent.
-pub fn share(rate: Option<Rate>) -> String {
+pub(crate) fn share(rate: Option<Rate>) -> String {
     percent(rate.and_then(|rate| rate.share))
 }
 
@@ -113,14 +113,14 @@ const FEW: u64 = 20;
 const MANY: u64 = 1000;
 
 /// Capitalizes the first letter.
-pub fn begun(text: &str) -> String {
+pub(crate) fn begun(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().into_iter().flat_map(char::to_uppercase);
     first.chain(letters.as_str().chars()).collect()
 }
 
 /// A number from a configuration, without rounding errors in its last digits.
-pub fn chosen(value: f64) -> String {
+pub(crate) fn chosen(value: f64) -> String {
     ((value * 1e6).round() / 1e6).to_string()
 }
 
@@ -135,7 +135,7 @@ pub fn of_unit(value: f64, unit: &str) -> String {
 }
 
 /// The display unit of a value from [`of_unit`].
-pub fn unit(unit: &str) -> &str {
+pub(crate) fn unit(unit: &str) -> &str {
     match unit {
         "of scale" => "% of scale",
         "1" => "ratio",

@@ -8,7 +8,7 @@ use servotwin::flight::measure::{self, Measure};
 
 /// The faults whose flights are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FaultIntensities {
+pub enum FaultIntensities {
     All,
     /// From [`STRONG`](servotwin::flight::judge::STRONG) on.
     Strong,
@@ -35,7 +35,7 @@ pub(crate) struct ActionCounts {
 
 impl ActionCounts {
     /// The counts of an action.
-    pub fn of(metrics: &FlightMetrics, action: &str, intensities: FaultIntensities) -> Self {
+    pub(crate) fn of(metrics: &FlightMetrics, action: &str, intensities: FaultIntensities) -> Self {
         let own = |classes: &[ClassMetrics]| {
             let own = classes.iter().find(|class| class.command == action);
             own.map(Self::of_class).unwrap_or_default()

@@ -107,7 +107,7 @@ impl FaultTreeArtefact {
     }
 
     /// The numbers as JSON.
-    pub fn json(&self, basis: &str) -> String {
+    pub(crate) fn json(&self, basis: &str) -> String {
         let parameter = |kind: &'static str| {
             move |own: &'_ TreeParameter| WrittenParameter {
                 id: own.id.clone(),

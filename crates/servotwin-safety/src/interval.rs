@@ -35,7 +35,7 @@ pub fn clopper_pearson(count: u64, of: u64, confidence: f64) -> CountedValue {
 /// unbounded; the caller must not ask.
 ///
 /// Source: Garwood, Biometrika 28, 1936.
-pub fn poisson_rate_per_h(count: u64, hours: f64, confidence: f64) -> CountedValue {
+pub(crate) fn poisson_rate_per_h(count: u64, hours: f64, confidence: f64) -> CountedValue {
     let tail = 0.5 * (1.0 - confidence);
     let low = if count == 0 { 0.0 } else { poisson_mean(count - 1, 1.0 - tail) };
     let high = poisson_mean(count, tail);

@@ -58,7 +58,7 @@ impl FailureRates {
     ///
     /// # Errors
     /// The file cannot be read; a column is missing; a cell is not allowed.
-    pub fn read(path: &Path, faults: &[RatedFault]) -> Result<Self, SafetyError> {
+    pub(crate) fn read(path: &Path, faults: &[RatedFault]) -> Result<Self, SafetyError> {
         let table = texts::read(path)?;
         let places = find_columns(path, &table, COLUMNS)?;
         let mut known: Vec<String> =
@@ -113,7 +113,7 @@ impl FailureRates {
     }
 
     /// The rate of a fault. One for its full name takes precedence over one for its kind.
-    pub fn of(&self, fault: &RatedFault) -> Option<&FailureRate> {
+    pub(crate) fn of(&self, fault: &RatedFault) -> Option<&FailureRate> {
         let find = |name: &str| self.list.iter().find(|rate| rate.fault == name);
         find(&fault.id).or_else(|| find(&fault.kind))
     }

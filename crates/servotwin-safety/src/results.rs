@@ -30,7 +30,7 @@ pub struct EvidenceBasis {
 
 impl EvidenceBasis {
     /// The basis of a study without results.
-    pub fn of_study(study: &Study) -> Self {
+    pub(crate) fn of_study(study: &Study) -> Self {
         let short = |text: &str| sha256_of_text(text)[..DIGITS].to_owned();
         EvidenceBasis {
             system: short(&study.system.text),
@@ -40,12 +40,12 @@ impl EvidenceBasis {
     }
 
     /// One line, which [`EvidenceBasis::parse`] reads.
-    pub fn in_words(&self) -> String {
+    pub(crate) fn in_words(&self) -> String {
         format!("system {} study {} model {}", self.system, self.study, self.model)
     }
 
     /// Reads a line; `None` if it is no basis.
-    pub fn parse(text: &str) -> Option<Self> {
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         let words: Vec<&str> = text.split_whitespace().collect();
         let ["system", system, "study", study, "model", model] = words[..] else { return None };
         let [system, study, model] = [system, study, model].map(str::to_owned);
@@ -53,7 +53,7 @@ impl EvidenceBasis {
     }
 
     /// What changed since another basis, in words; `None` if nothing did.
-    pub fn changes_since(&self, earlier: &EvidenceBasis) -> Option<String> {
+    pub(crate) fn changes_since(&self, earlier: &EvidenceBasis) -> Option<String> {
         let pairs = [
             ("system", &self.system, &earlier.system),
             ("study", &self.study, &earlier.study),
@@ -106,17 +106,17 @@ impl StudyResultsFolder {
     }
 
     /// The path of an artefact.
-    pub fn artefact(&self, name: &str) -> PathBuf {
+    pub(crate) fn artefact(&self, name: &str) -> PathBuf {
         self.folder.path().join(FOLDER).join(name)
     }
 
     /// The evaluation of the quoted scenario.
-    pub fn evaluated(&self) -> Option<&SubjectResult> {
+    pub(crate) fn evaluated(&self) -> Option<&SubjectResult> {
         self.evaluation.as_ref()?.of(Subject::of(self.scenario))
     }
 
     /// The judged flights of the quoted scenario.
-    pub fn flown(&self) -> Option<&FlightMetrics> {
+    pub(crate) fn flown(&self) -> Option<&FlightMetrics> {
         let mut judged = self.flights.as_ref()?.judged();
         judged.find(|metrics| metrics.group.scenario == self.scenario.name())
     }
@@ -125,7 +125,7 @@ impl StudyResultsFolder {
     ///
     /// # Errors
     /// No flights were judged, or none in the quoted scenario.
-    pub fn flown_or_missing(&self) -> Result<&FlightMetrics, SafetyError> {
+    pub(crate) fn flown_or_missing(&self) -> Result<&FlightMetrics, SafetyError> {
         let path = self.folder.flights();
         let Some(flights) = &self.flights else {
             return Err(JobError::Missing { path, stage: "flights" }.into());
@@ -152,7 +152,7 @@ impl StudyResultsFolder {
     }
 
     /// Whether a figure of the report is there; its name relative to the folder.
-    pub fn figure(&self, name: &str) -> Option<String> {
+    pub(crate) fn figure(&self, name: &str) -> Option<String> {
         self.folder.figures().join(name).exists().then(|| format!("figures/{name}"))
     }
 }
@@ -206,7 +206,7 @@ fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyEr
 ///
 /// # Errors
 /// The file is damaged, or contradicts the manifest.
-pub fn read_residual_columns(
+pub(crate) fn read_residual_columns(
     folder: &Folder,
     scenario: Scenario,
 ) -> Result<Option<table::Table>, SafetyError> {

@@ -86,12 +86,12 @@ impl Frame {
     }
 
     /// The number of samples.
-    pub fn samples(&self) -> usize {
+    pub(crate) fn samples(&self) -> usize {
         self.values.len() / self.width.max(1)
     }
 
     /// Whether the frame covers the time between frames, with a sampling period in s.
-    pub fn is_full(&self, period_s: f64) -> bool {
+    pub(crate) fn is_full(&self, period_s: f64) -> bool {
         self.samples() as f64 * period_s >= FRAME_S - 1e-9
     }
 
@@ -118,29 +118,29 @@ impl Frame {
 }
 
 /// Collects samples into frames, and publishes each frame that is full.
-pub struct Frames {
+pub(crate) struct Frames {
     frame: Frame,
     period_s: f64,
 }
 
 impl Frames {
     /// Before the first sample, with the number of signals and the sampling period, s.
-    pub fn new(width: usize, period_s: f64) -> Self {
+    pub(crate) fn new(width: usize, period_s: f64) -> Self {
         Frames { frame: Frame::new(0, width), period_s }
     }
 
     /// The number of the next sample.
-    pub fn next(&self) -> u64 {
+    pub(crate) fn next(&self) -> u64 {
         self.frame.first + self.frame.samples() as u64
     }
 
     /// The time of the next sample, s.
-    pub fn next_s(&self) -> f64 {
+    pub(crate) fn next_s(&self) -> f64 {
         self.next() as f64 * self.period_s
     }
 
     /// Takes the values that `fill` appends for one sample. Returns whether a frame was published.
-    pub fn take(&mut self, feed: &Feed, fill: impl FnOnce(&mut Vec<f32>)) -> bool {
+    pub(crate) fn take(&mut self, feed: &Feed, fill: impl FnOnce(&mut Vec<f32>)) -> bool {
         fill(self.frame.values());
         let is_full = self.frame.is_full(self.period_s);
         if is_full {
@@ -150,7 +150,7 @@ impl Frames {
     }
 
     /// Publishes the samples that wait, if there are any.
-    pub fn publish(&mut self, feed: &Feed) {
+    pub(crate) fn publish(&mut self, feed: &Feed) {
         if self.frame.samples() > 0 {
             feed.frame(&self.frame);
             self.frame = Frame::new(self.next(), self.frame.width);
@@ -160,7 +160,7 @@ impl Frames {
 
 /// The newest sample that viewers were sent, for measuring how late they show it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Newest {
+pub(crate) struct Newest {
     /// The number of the sample in its flight.
     pub sample: u64,
     /// When it was published, ms since 1970. It is no part of a session.
@@ -175,7 +175,7 @@ impl Newest {
     }
 
     /// The time since it was published, s; never negative, though the clock may be set.
-    pub fn age_s(self) -> f64 {
+    pub(crate) fn age_s(self) -> f64 {
         (1e-3 * (unix_ms() - self.unix_ms)).max(0.0)
     }
 }
@@ -255,7 +255,7 @@ impl Default for Feed {
 }
 
 /// What a new viewer gets before it listens.
-pub struct Begin {
+pub(crate) struct Begin {
     /// The last frames.
     pub frames: Vec<Arc<[u8]>>,
     /// All events that are kept, as a list in JSON.
@@ -277,7 +277,7 @@ impl Feed {
     }
 
     /// Publishes a message.
-    pub fn publish(&self, message: Message) {
+    pub(crate) fn publish(&self, message: Message) {
         let mut kept = self.kept();
         kept.take(message.clone());
         // Without a viewer nobody receives it, which is no error.
@@ -285,17 +285,17 @@ impl Feed {
     }
 
     /// Publishes a frame.
-    pub fn frame(&self, frame: &Frame) {
+    pub(crate) fn frame(&self, frame: &Frame) {
         self.publish(Message::Frame(frame.bytes()));
     }
 
     /// Publishes an event.
-    pub fn event(&self, event: &Value) {
+    pub(crate) fn event(&self, event: &Value) {
         self.publish(Message::Event(event.to_string().into()));
     }
 
     /// Publishes the state of the diagnosis if it is new.
-    pub fn state(&self, state: &Value) {
+    pub(crate) fn state(&self, state: &Value) {
         let state: Arc<str> = state.to_string().into();
         if self.state_now() != state {
             self.publish(Message::State(state));
@@ -303,14 +303,14 @@ impl Feed {
     }
 
     /// Forgets the frames and the state of an earlier flight; events stay.
-    pub fn begin_flight(&self) {
+    pub(crate) fn begin_flight(&self) {
         let mut kept = self.kept();
         let events = std::mem::take(&mut kept.events);
         *kept = Kept { events, ..kept.begin_again() };
     }
 
     /// Replaces all that is kept by these messages, and lets viewers begin anew.
-    pub fn jump(&self, messages: &[Message]) {
+    pub(crate) fn jump(&self, messages: &[Message]) {
         let mut kept = self.kept();
         *kept = Kept { jumps: kept.jumps + 1, ..kept.begin_again() };
         messages.iter().for_each(|message| kept.take(message.clone()));
@@ -318,7 +318,7 @@ impl Feed {
     }
 
     /// What there is, and everything later, without a gap.
-    pub fn begin(&self) -> Begin {
+    pub(crate) fn begin(&self) -> Begin {
         let kept = self.kept();
         let frame = |message: &Message| match message {
             Message::Frame(bytes) => Some(bytes.clone()),
@@ -338,28 +338,28 @@ impl Feed {
     }
 
     /// The events that are kept, as a list in JSON.
-    pub fn events(&self) -> String {
+    pub(crate) fn events(&self) -> String {
         json_list(&self.kept().events)
     }
 
     /// The present state of the diagnosis, as JSON.
-    pub fn state_now(&self) -> Arc<str> {
+    pub(crate) fn state_now(&self) -> Arc<str> {
         self.kept().state.clone()
     }
 
     /// The time of the flight that viewers have seen, with a sampling period in s.
-    pub fn now_s(&self, period_s: f64) -> f64 {
+    pub(crate) fn now_s(&self, period_s: f64) -> f64 {
         self.newest().map_or(0.0, |newest| (newest.sample + 1) as f64 * period_s)
     }
 
     /// The newest sample; `None` before the first frame of a flight.
-    pub fn newest(&self) -> Option<Newest> {
+    pub(crate) fn newest(&self) -> Option<Newest> {
         self.kept().newest
     }
 
     /// Frames, events and states of the present flight; `None` if there were more events and states than a session
     /// holds.
-    pub fn session(&self) -> Option<Vec<Message>> {
+    pub(crate) fn session(&self) -> Option<Vec<Message>> {
         let kept = self.kept();
         (kept.session_texts <= MAX_SESSION_TEXTS).then(|| kept.session.clone())
     }

@@ -4,9 +4,9 @@ use serde::{Deserialize, Serialize};
 use servotwin_model::program::FaultAt;
 
 /// How long a ramp takes to its intensity, s.
-pub const RAMP_S: f64 = 5.0;
+pub(crate) const RAMP_S: f64 = 5.0;
 /// Half of the period of an intermittent fault, s.
-pub const HALF_PERIOD_S: f64 = 1.0;
+pub(crate) const HALF_PERIOD_S: f64 = 1.0;
 /// A ramp rises in steps of this intensity: every step loads parameters anew.
 const STEP: f64 = 0.01;
 
@@ -24,7 +24,7 @@ pub enum InjectedOnset {
 
 /// An injected fault.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Injection {
+pub(crate) struct Injection {
     /// The fault's name, e.g. `actuator_1.leakage_a.leakage`.
     pub name: String,
     /// The fault at its full intensity, 0 to 1.
@@ -37,7 +37,7 @@ pub struct Injection {
 
 impl Injection {
     /// The fault as it is at a time, s.
-    pub fn at(&self, time_s: f64) -> FaultAt {
+    pub(crate) fn at(&self, time_s: f64) -> FaultAt {
         let age_s = (time_s - self.since_s).max(0.0);
         let share = match self.onset {
             InjectedOnset::Step => 1.0,

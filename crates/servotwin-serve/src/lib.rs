@@ -19,15 +19,15 @@
 //! frames, and the feed reports how many. The diagnosis never loses a sample.
 
 pub mod feed;
-pub mod flight;
-pub mod injection;
+pub(crate) mod flight;
+pub(crate) mod injection;
 pub mod measured;
-pub mod page;
-pub mod request;
-pub mod server;
-pub mod session;
+pub(crate) mod page;
+pub(crate) mod request;
+pub(crate) mod server;
+pub(crate) mod session;
 pub mod signals;
-pub mod state;
+pub(crate) mod state;
 
 pub use feed::{LiveSource, RunError};
 pub use flight::Live;

@@ -23,7 +23,7 @@ use sha2::{Digest, Sha256};
 use std::io::Write;
 
 /// A file beside the page.
-pub struct Part {
+pub(crate) struct Part {
     /// The name by which the page loads it.
     pub name: &'static str,
     /// The media type.
@@ -33,11 +33,11 @@ pub struct Part {
 }
 
 /// The page itself. It loads parts by one tag each.
-pub const HTML: &str = include_str!("../page/index.html");
+pub(crate) const HTML: &str = include_str!("../page/index.html");
 /// The page of a fleet.
-pub const FLEET: &str = include_str!("../page/fleet.html");
+pub(crate) const FLEET: &str = include_str!("../page/fleet.html");
 /// Styles and scripts of both.
-pub const PARTS: [Part; 6] = [
+pub(crate) const PARTS: [Part; 6] = [
     style("uplot.css", include_str!("../page/uplot.css")),
     style("page.css", include_str!("../page/page.css")),
     script("uplot.js", include_str!("../page/uplot.js")),

@@ -18,12 +18,12 @@ use std::ops::RangeInclusive;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 /// The longest request, in bytes.
-pub const LONGEST: usize = 4096;
+pub(crate) const LONGEST: usize = 4096;
 
 /// The number of requests that may wait between two samples.
 const WAITING: usize = 64;
 /// Speeds of a replay, in parts of real time.
-pub const SPEEDS: RangeInclusive<f64> = 0.25..=16.0;
+pub(crate) const SPEEDS: RangeInclusive<f64> = 0.25..=16.0;
 
 /// A request of a viewer.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -57,7 +57,7 @@ pub struct Inject {
 
 /// Why a request is refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Refused {
+pub(crate) enum Refused {
     /// It is longer than [`LONGEST`].
     #[error("a request has at most {LONGEST} bytes")]
     TooLong,
@@ -92,7 +92,7 @@ impl Request {
     ///
     /// # Errors
     /// [`Refused::TooLong`], [`Refused::NotUnderstood`].
-    pub fn read(text: &str) -> Result<Self, Refused> {
+    pub(crate) fn read(text: &str) -> Result<Self, Refused> {
         if text.len() > LONGEST {
             return Err(Refused::TooLong);
         }
@@ -105,7 +105,7 @@ impl Inject {
     ///
     /// # Errors
     /// [`Refused::UnknownFault`], [`Refused::Intensity`].
-    pub fn injection(&self, system: &System, since_s: f64) -> Result<Injection, Refused> {
+    pub(crate) fn injection(&self, system: &System, since_s: f64) -> Result<Injection, Refused> {
         let (component, fault) = system.find_fault(&self.fault)?;
         if !(0.0..=1.0).contains(&self.intensity) {
             return Err(Refused::Intensity(self.intensity));
@@ -121,14 +121,14 @@ impl Inject {
 
 /// The requests of viewers to a flight.
 #[derive(Clone)]
-pub struct Requests(SyncSender<Request>);
+pub(crate) struct Requests(SyncSender<Request>);
 
 impl Requests {
     /// Hands a request to the flight, without waiting.
     ///
     /// # Errors
     /// [`Refused::TooMany`].
-    pub fn send(&self, request: Request) -> Result<(), Refused> {
+    pub(crate) fn send(&self, request: Request) -> Result<(), Refused> {
         match self.0.try_send(request) {
             Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
             Err(TrySendError::Full(_)) => Err(Refused::TooMany),
@@ -137,7 +137,7 @@ impl Requests {
 }
 
 /// Requests to a flight, and the end of the line that the flight holds.
-pub fn requests() -> (Requests, Receiver<Request>) {
+pub(crate) fn requests() -> (Requests, Receiver<Request>) {
     let (sender, receiver) = sync_channel(WAITING);
     (Requests(sender), receiver)
 }

@@ -66,7 +66,7 @@ impl SavedSession {
     /// # Errors
     /// The file cannot be written.
     #[cfg(feature = "mcap")]
-    pub fn write_mcap(&self, path: &Path) -> Result<(), SessionError> {
+    pub(crate) fn write_mcap(&self, path: &Path) -> Result<(), SessionError> {
         let groups = Groups::of(&self.about);
         let mut recording = Recording::create(path, &groups.topics)?;
         let (period_s, width) = (period_s(&self.about), groups.width);
@@ -98,7 +98,7 @@ impl SavedSession {
     ///
     /// # Errors
     /// Two signals have the same id.
-    pub fn table(&self) -> Result<Table, TableError> {
+    pub(crate) fn table(&self) -> Result<Table, TableError> {
         let ids = ids(&self.about);
         let mut signals = vec![vec![]; ids.len()];
         let (mut messages, mut waiting) = (vec![], vec![]);

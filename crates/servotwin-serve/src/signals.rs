@@ -173,7 +173,7 @@ impl Signals {
     }
 
     /// The signals of an actuator that is measured.
-    pub fn of_measured(study: &Study, diagnoser: &Diagnoser) -> Self {
+    pub(crate) fn of_measured(study: &Study, diagnoser: &Diagnoser) -> Self {
         let mut signals = Signals::empty(diagnoser);
         signals.command(study);
         signals.expected_answer(study);

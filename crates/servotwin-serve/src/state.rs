@@ -13,7 +13,7 @@ use servotwin_report::schematic;
 /// Where the samples come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum SourceKind {
+pub(crate) enum SourceKind {
     /// A simulated flight, which takes faults.
     Flight,
     /// A log that was read.
@@ -23,7 +23,7 @@ pub enum SourceKind {
 }
 
 /// Everything that a viewer must know to show frames, and to inject faults into a flight.
-pub fn about(
+pub(crate) fn about(
     kind: SourceKind,
     title: &str,
     study: &Study,
@@ -87,7 +87,7 @@ fn effects(kind: SourceKind, study: &Study, diagnoser: &Diagnoser) -> Value {
 }
 
 /// An event: its time, s, its kind, and what there is to say of it.
-pub fn event(time_s: f64, kind: &str, about: Value) -> Value {
+pub(crate) fn event(time_s: f64, kind: &str, about: Value) -> Value {
     let mut event = json!({ "time_s": time_s, "kind": kind });
     if let (Some(event), Value::Object(about)) = (event.as_object_mut(), about) {
         event.extend(about);
@@ -96,7 +96,7 @@ pub fn event(time_s: f64, kind: &str, about: Value) -> Value {
 }
 
 /// An action of the diagnosis, and when viewers saw it.
-pub struct Act {
+pub(crate) struct Act {
     /// The time, s.
     pub time_s: f64,
     /// The action.
@@ -105,7 +105,7 @@ pub struct Act {
 
 impl Act {
     /// The action in names.
-    pub fn named(&self, diagnoser: &Diagnoser) -> Value {
+    pub(crate) fn named(&self, diagnoser: &Diagnoser) -> Value {
         let (names, raised) = (diagnoser.names(), &self.raised);
         json!({
             "actuator": names.actuators[raised.actuator as usize],
@@ -116,7 +116,7 @@ impl Act {
 }
 
 /// What makes up a state.
-pub struct State<'s> {
+pub(crate) struct State<'s> {
     /// The diagnosis.
     pub session: &'s Session,
     /// Whether the last sample could be judged.
@@ -131,7 +131,7 @@ pub struct State<'s> {
 
 impl State<'_> {
     /// The state as viewers get it.
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let State { session, is_judged, actions, injections, is_paused } = *self;
         let (outcome, diagnoser) = (session.outcome(), session.diagnoser());
         let injected = injections.iter().map(|Injection { name, fault, onset, since_s }| {
@@ -161,12 +161,12 @@ impl State<'_> {
 
 /// The outcome that viewers know.
 #[derive(Default)]
-pub struct KnownOutcome(Option<Outcome>);
+pub(crate) struct KnownOutcome(Option<Outcome>);
 
 impl KnownOutcome {
     /// Whether an outcome differs in more than its sample number and its counts: most frames lie within a window, and
     /// the path through the trees is long.
-    pub fn is_new(&mut self, outcome: Option<&Outcome>) -> bool {
+    pub(crate) fn is_new(&mut self, outcome: Option<&Outcome>) -> bool {
         let told =
             outcome.map(|told| Outcome { sample: 0, counts: UnjudgedCounts::default(), ..*told });
         let is_new = self.0 != told;

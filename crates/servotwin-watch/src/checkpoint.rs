@@ -119,7 +119,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+    pub(crate) fn write(&self, path: &Path) -> Result<(), CheckpointError> {
         let fill = |out: &mut dyn std::io::Write| {
             let body = serde_json::to_vec(self)?;
             let head = Head { format: FORMAT, sha256: hex(&Sha256::digest(&body)) };

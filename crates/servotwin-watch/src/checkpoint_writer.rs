@@ -21,7 +21,7 @@ pub(super) struct CheckpointWriter {
 
 impl CheckpointWriter {
     /// Starts the thread.
-    pub fn new(path: &Path) -> Self {
+    pub(crate) fn new(path: &Path) -> Self {
         let (queue, checkpoints) = sync_channel(1);
         let failure = Arc::new(Mutex::new(None));
         let (target, thread_shared) = (path.to_owned(), failure.clone());
@@ -37,7 +37,7 @@ impl CheckpointWriter {
     }
 
     /// Queues a checkpoint, unless one is already waiting.
-    pub fn offer(&mut self, checkpoint: Checkpoint) {
+    pub(crate) fn offer(&mut self, checkpoint: Checkpoint) {
         let is_taken = match &self.queue {
             Some(queue) => queue.try_send(Box::new(checkpoint)).is_ok(),
             None => false,
@@ -46,7 +46,7 @@ impl CheckpointWriter {
     }
 
     /// Writes the last checkpoint, and waits until it is written.
-    pub fn finish(&mut self, checkpoint: Checkpoint) {
+    pub(crate) fn finish(&mut self, checkpoint: Checkpoint) {
         if let Some(queue) = self.queue.take() {
             // If the thread has ended, it has already recorded the reason.
             let _ = queue.send(Box::new(checkpoint));
@@ -57,14 +57,14 @@ impl CheckpointWriter {
     }
 
     /// Why checkpoints are no longer written; returned once.
-    pub fn failure(&mut self) -> Option<(String, String)> {
+    pub(crate) fn failure(&mut self) -> Option<(String, String)> {
         let reason = self.reason().filter(|_| !self.is_failure_told)?;
         self.is_failure_told = true;
         Some((self.path.display().to_string(), reason))
     }
 
     /// The number of skipped checkpoints, with the reason of a failure.
-    pub fn loss(&self) -> SinkLoss {
+    pub(crate) fn loss(&self) -> SinkLoss {
         let sink = self.path.display().to_string();
         SinkLoss { sink, lost: self.skipped, failure: self.reason(), is_file: true }
     }

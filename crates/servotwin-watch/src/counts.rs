@@ -57,7 +57,7 @@ pub enum Irregularity {
 
 impl Irregularity {
     /// All kinds, in the order of reports.
-    pub const ALL: [Irregularity; 23] = [
+    pub(crate) const ALL: [Irregularity; 23] = [
         Irregularity::Noise,
         Irregularity::TooLong,
         Irregularity::CutShort,
@@ -190,7 +190,7 @@ impl WatchCounts {
     }
 
     /// Counts one occurrence of a kind.
-    pub fn note(&mut self, kind: Irregularity, place: u64) {
+    pub(crate) fn note(&mut self, kind: Irregularity, place: u64) {
         self.note_with(kind, place, &"");
     }
 
@@ -205,7 +205,7 @@ impl WatchCounts {
     }
 
     /// Counts several occurrences of a kind.
-    pub fn note_many(
+    pub(crate) fn note_many(
         &mut self,
         kind: Irregularity,
         place: u64,

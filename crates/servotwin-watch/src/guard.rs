@@ -179,7 +179,7 @@ pub fn foreign(
 pub type Opened<'o> = (Box<dyn Source + 'o>, Box<dyn Observer + 'o>);
 
 /// Opens a log with a map, and makes a new observer for it.
-pub type Open<'o, E> = dyn FnMut(&Map) -> Result<Opened<'o>, E> + 'o;
+pub(crate) type Open<'o, E> = dyn FnMut(&Map) -> Result<Opened<'o>, E> + 'o;
 
 /// The result of a trial.
 pub struct Trial {

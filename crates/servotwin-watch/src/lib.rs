@@ -17,7 +17,7 @@ pub mod cut;
 pub mod guard;
 pub mod intake;
 pub mod map;
-pub mod plausibility;
+pub(crate) mod plausibility;
 pub mod sequencer;
 pub mod shipped;
 pub mod sink;
@@ -203,7 +203,7 @@ impl<'w> Watch<'w> {
     }
 
     /// The losses of all sinks so far, including those of the checkpoint writer.
-    pub fn losses(&self) -> Vec<SinkLoss> {
+    pub(crate) fn losses(&self) -> Vec<SinkLoss> {
         self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.checkpoint_loss()).collect()
     }
 

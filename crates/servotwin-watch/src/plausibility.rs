@@ -48,7 +48,7 @@ pub struct Plausibility {
 
 /// Something implausible that began within a log or a stream.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LateMistake {
+pub(crate) struct LateMistake {
     /// Since when, and what, as a sentence.
     pub words: String,
     /// Whether it contradicts the map beyond doubt. A fault may explain the others.
@@ -289,7 +289,7 @@ impl Plausibility {
     }
 
     /// The typical time between samples, s.
-    pub fn step_s(&self) -> Option<f64> {
+    pub(crate) fn step_s(&self) -> Option<f64> {
         let mut sorted = self.steps_s.clone();
         sorted.sort_by(f64::total_cmp);
         sorted.get(sorted.len() / 2).copied()

@@ -209,7 +209,7 @@ impl Sequencer {
     }
 
     /// Releases all waiting periods: the stream ended or pauses.
-    pub fn flush(&mut self) {
+    pub(crate) fn flush(&mut self) {
         self.flushing = true;
     }
 

@@ -62,7 +62,7 @@ impl LogSpan {
     }
 
     /// Whether the span covers the whole log.
-    pub fn is_whole(&self) -> bool {
+    pub(crate) fn is_whole(&self) -> bool {
         self.from.is_none() && self.to.is_none()
     }
 

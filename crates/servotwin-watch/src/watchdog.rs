@@ -168,7 +168,7 @@ pub fn without_name<'r>(sink: &str, reason: &'r str) -> &'r str {
 }
 
 /// The wall clock, UTC, in milliseconds.
-pub fn wall_time() -> String {
+pub(crate) fn wall_time() -> String {
     let now = jiff::Timestamp::try_from(SystemTime::now());
     now.map_or_else(|_| String::new(), |now| format!("{now:.3}"))
 }
@@ -238,7 +238,11 @@ pub struct Silences {
 
 impl Watchdog {
     /// Starts the clock.
-    pub fn new(rules: WatchdogRules, allowances: Vec<Option<Duration>>, now: Instant) -> Self {
+    pub(crate) fn new(
+        rules: WatchdogRules,
+        allowances: Vec<Option<Duration>>,
+        now: Instant,
+    ) -> Self {
         let channels = vec![Silence::default(); allowances.len()];
         let (source, since_beat) = (Silence::default(), Duration::ZERO);
         let silences = Silences::default();
@@ -246,17 +250,17 @@ impl Watchdog {
     }
 
     /// Whether the source counts as silent.
-    pub fn is_silent(&self) -> bool {
+    pub(crate) fn is_silent(&self) -> bool {
         self.source.is_reported
     }
 
     /// How long the source has been silent.
-    pub fn silent(&self) -> Duration {
+    pub(crate) fn silent(&self) -> Duration {
         self.source.lasts
     }
 
     /// Takes the values of a period; NaN means missing. Appends the ended silences to `found`.
-    pub fn note_data(&mut self, values: &[f64], found: &mut Vec<WatchdogAlert>) {
+    pub(crate) fn note_data(&mut self, values: &[f64], found: &mut Vec<WatchdogAlert>) {
         if values.iter().all(|value| value.is_nan()) {
             return;
         }
@@ -274,7 +278,7 @@ impl Watchdog {
     }
 
     /// Checks the wall clock. Appends due alerts to `found`.
-    pub fn check(&mut self, now: Instant, found: &mut Vec<WatchdogAlert>) {
+    pub(crate) fn check(&mut self, now: Instant, found: &mut Vec<WatchdogAlert>) {
         let passed = now.saturating_duration_since(self.last_check);
         self.last_check = now;
         let counted = passed.min(LONGEST_CHECK);

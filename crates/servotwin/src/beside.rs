@@ -71,24 +71,24 @@ impl Spread {
     }
 
     /// The mean; 0 without a value.
-    pub fn mean(&self) -> f64 {
+    pub(crate) fn mean(&self) -> f64 {
         self.sum / self.count.max(1) as f64
     }
 
     /// The mean of the squares; 0 without a value.
-    pub fn mean_square(&self) -> f64 {
+    pub(crate) fn mean_square(&self) -> f64 {
         self.square / self.count.max(1) as f64
     }
 
     /// The variance; 0 without a value.
-    pub fn variance(&self) -> f64 {
+    pub(crate) fn variance(&self) -> f64 {
         (self.mean_square() - self.mean().powi(2)).max(0.0)
     }
 }
 
 /// Running comparison of a sensor's values with a twin's.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct TwinComparison {
+pub(crate) struct TwinComparison {
     /// Spread of the sensor's values.
     pub own: Spread,
     /// Spread of the twin's values.
@@ -98,7 +98,7 @@ pub struct TwinComparison {
 
 impl TwinComparison {
     /// Takes one pair of values, unless one is missing (NaN).
-    pub fn take(&mut self, own: f64, twin: f64) {
+    pub(crate) fn take(&mut self, own: f64, twin: f64) {
         if own.is_finite() && twin.is_finite() {
             self.own.take(own);
             self.twin.take(twin);
@@ -114,12 +114,12 @@ impl TwinComparison {
     }
 
     /// The mean of sensor minus twin.
-    pub fn offset(&self) -> f64 {
+    pub(crate) fn offset(&self) -> f64 {
         self.own.mean() - self.twin.mean()
     }
 
     /// The variance of `factor` times the sensor minus the twin.
-    pub fn variance(&self, factor: f64) -> f64 {
+    pub(crate) fn variance(&self, factor: f64) -> f64 {
         let product = self.product / self.own.count.max(1) as f64;
         let covariance = product - self.own.mean() * self.twin.mean();
         let (own, twin) = (self.own.variance(), self.twin.variance());
@@ -138,12 +138,12 @@ impl TwinComparison {
     }
 
     /// Whether the twin moves enough to compare motions.
-    pub fn moves(&self, scale: f64) -> bool {
+    pub(crate) fn moves(&self, scale: f64) -> bool {
         self.own.count >= LEAST_SAMPLES && self.twin.variance().sqrt() > LEAST_SHARE * scale
     }
 
     /// Whether a flipped sign explains the difference: sensor plus twin hardly vary.
-    pub fn is_turned(&self) -> bool {
+    pub(crate) fn is_turned(&self) -> bool {
         self.variance(-1.0) < UNEXPLAINED * self.variance(1.0)
     }
 }
@@ -267,7 +267,7 @@ impl Comparisons {
     }
 
     /// Takes the samples of another comparison of the same sensors, which come after its own.
-    pub fn add(&mut self, later: &Self) {
+    pub(crate) fn add(&mut self, later: &Self) {
         self.cells.iter_mut().zip(&later.cells).for_each(|(cell, later)| cell.add(later));
         for (pair, later) in self.pairs.iter_mut().zip(&later.pairs) {
             pair.is_other |= later.is_other;
@@ -294,7 +294,7 @@ impl Comparisons {
     }
 
     /// A sensor beside its own twin.
-    pub fn of(&self, sensor: usize) -> &TwinComparison {
+    pub(crate) fn of(&self, sensor: usize) -> &TwinComparison {
         self.at(sensor, sensor)
     }
 
@@ -304,7 +304,7 @@ impl Comparisons {
 
     /// Groups of sensors that follow each other's twins instead of their own: each follows that of the next, and the
     /// last that of the first.
-    pub fn exchanged(&self, columns: &[SensorColumn]) -> Vec<Vec<usize>> {
+    pub(crate) fn exchanged(&self, columns: &[SensorColumn]) -> Vec<Vec<usize>> {
         let twins = self.nearest_twins(columns);
         let mut groups: Vec<Vec<usize>> = vec![];
         for first in 0..self.width {
@@ -418,7 +418,7 @@ impl Comparisons {
 
     /// The pressures that are one atmosphere below (`-1.0`) or, if they are read as gauge pressures, above (`1.0`) their
     /// twins: all, or some beside others that agree with theirs. A unit that states *absolute* is believed.
-    pub fn without_atmosphere(&self, columns: &[SensorColumn]) -> Option<(f64, Vec<usize>)> {
+    pub(crate) fn without_atmosphere(&self, columns: &[SensorColumn]) -> Option<(f64, Vec<usize>)> {
         self.off_by_atmosphere(columns, false)
     }
 
@@ -543,7 +543,7 @@ impl Comparisons {
     ///
     /// # Errors
     /// What `rerun` reports.
-    pub fn still_input<E>(
+    pub(crate) fn still_input<E>(
         &self,
         columns: &[SensorColumn],
         rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
@@ -612,7 +612,11 @@ impl Comparisons {
     }
 
     /// The mistakes that motion shows. An offset is none: a drifting sensor has any offset for a while.
-    pub fn mistakes_in_motion(&self, columns: &[SensorColumn], names: &[&str]) -> Vec<String> {
+    pub(crate) fn mistakes_in_motion(
+        &self,
+        columns: &[SensorColumn],
+        names: &[&str],
+    ) -> Vec<String> {
         let units = other_units_in_words(columns, names, &self.other_units(columns));
         let named = |group: &[usize]| group.iter().map(|&s| names[s]).collect::<Vec<_>>();
         let copies = self.copies(columns).into_iter().map(|pair| {

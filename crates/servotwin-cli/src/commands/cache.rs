@@ -12,14 +12,14 @@ use servotwin::files::FileError;
 /// Long simulations compile the system's equations and keep the result for later runs. The cache is the folder named by
 /// SERVOTWIN_CACHE, or else `servotwin` in your cache folder.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// Remove everything in the cache.
     #[arg(long)]
     clear: bool,
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let Some(folder) = cache::folder() else {
         let text =
             format!("there is no cache: {VARIABLE} is empty, or no folder for caches is known\n");

@@ -18,7 +18,7 @@ use std::time::Instant;
 /// An interrupted campaign continues where it stopped. It keeps the complete parts, and the result is the same to the
 /// byte.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     study: StudyOptions,
     /// Run only this scenario: perfect sensors and a plant that equals the twin (ideal), sensors with noise and
@@ -37,7 +37,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
     let runs = chosen(&study, options.scenario.as_deref())?;
@@ -72,7 +72,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 /// The campaigns of a study in a named scenario, or in the usual ones.
-pub fn chosen(
+pub(crate) fn chosen(
     study: &Study,
     scenario: Option<&str>,
 ) -> Result<Vec<(Purpose, Vec<Scenario>)>, CampaignError> {
@@ -89,7 +89,7 @@ pub fn chosen(
 }
 
 /// A campaign that Ctrl-C can stop.
-pub fn campaign<'s>(
+pub(crate) fn campaign<'s>(
     study: &'s Study,
     purpose: Purpose,
     scenarios: Vec<Scenario>,
@@ -105,7 +105,7 @@ pub fn campaign<'s>(
 
 /// Runs a campaign or a share of it, with its progress on a terminal. A share comes with the number of parts in earlier
 /// campaigns.
-pub fn simulate(
+pub(crate) fn simulate(
     campaign: &Campaign,
     share: Option<(Share, &mut usize)>,
     global: Global,
@@ -130,7 +130,7 @@ pub fn simulate(
 }
 
 /// The progress bar of a campaign, in rows.
-pub fn bar(name: &str, global: Global) -> ProgressBar {
+pub(crate) fn bar(name: &str, global: Global) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
     }
@@ -141,14 +141,14 @@ pub fn bar(name: &str, global: Global) -> ProgressBar {
 }
 
 /// Describes a campaign by its scenarios and its purpose.
-pub fn named(scenarios: &[Scenario], purpose: Purpose) -> String {
+pub(crate) fn named(scenarios: &[Scenario], purpose: Purpose) -> String {
     let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
     let training = if purpose == Purpose::Train { ", training commands" } else { "" };
     format!("{}{training}", names.join(" and "))
 }
 
 /// Describes the outcome of a campaign for readers.
-pub fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) -> String {
+pub(crate) fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) -> String {
     let ran = outcome.variants - outcome.resumed;
     let mut text = format!(
         "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",

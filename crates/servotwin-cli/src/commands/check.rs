@@ -24,13 +24,13 @@ use std::path::PathBuf;
 /// mistakes, or all of them with --json. If a built-in name stands for a system and a study, both are checked, and
 /// --json returns a list of both.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// A file, or the name of a built-in system or study.
     file: PathBuf,
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let checked = what(options)?.into_iter().map(|kind| match kind {
         FileType::System => {
             let system = System::read(&options.file);

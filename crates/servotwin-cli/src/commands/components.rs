@@ -14,7 +14,7 @@ use servotwin_model::spec::{PortKind, Spec};
 /// Without a word, lists all kinds. For a kind, shows its equations, its ports, its parameters with their ranges, and
 /// its faults with their laws. Any other word is searched for in all of these.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// A kind of component, or a word to search for.
     #[arg(value_name = "KIND|WORD")]
     word: Option<String>,
@@ -24,7 +24,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let word = options.word.as_deref();
     let chosen = word.and_then(catalogue::find);
     if let (Some(word), None) = (word, chosen) {

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 /// Describe a system: its components with their parameters, its states, inputs and sensors, and its eigenvalues at
 /// rest.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     system: SystemOption,
     /// Draw the components and their connections to a .svg or .png file.
@@ -25,14 +25,14 @@ pub struct Options {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         let read = Paths::default().read("SYSTEM", &self.system.path);
         read.write("--schematic", Format::Figure, &self.schematic)
     }
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let system = options.system.read()?;
     if let Some(path) = &options.schematic {
         schematic::of(&system).draw().save(path)?;

@@ -13,7 +13,7 @@ use servotwin_model::spec::Unit;
 /// What the command may do.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Limits of --design")]
-pub struct AllowedCommand {
+pub(crate) struct AllowedCommand {
     /// Largest amplitude of the command.
     #[arg(long, value_name = "SIZE", requires = "design", default_value = "10deg")]
     amplitude: String,
@@ -26,7 +26,7 @@ pub struct AllowedCommand {
 }
 
 /// Returns the text for standard output.
-pub fn run(
+pub(crate) fn run(
     limits: &AllowedCommand,
     mut problem: Fit,
     study: &Study,

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 ///
 /// Writes `evaluation.json` into the folder, which `servotwin train` has processed.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a campaign.
     folder: PathBuf,
     /// Number of threads [default: all processors; the results do not depend on it].
@@ -24,7 +24,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.folder);
     let (study, _hold) = folder.open()?;
@@ -37,7 +37,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 /// A number of threads that Ctrl-C can stop.
-pub fn workers(threads: Option<usize>) -> Workers<'static> {
+pub(crate) fn workers(threads: Option<usize>) -> Workers<'static> {
     threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag())
 }
 
@@ -46,7 +46,7 @@ type Measuring =
     fn(&Folder, &Study, Workers, &(dyn Fn(&str, f64) + Sync)) -> Result<Results, JobError>;
 
 /// Runs such a stage for every data set of a folder, with its progress on a terminal.
-pub fn measure(
+pub(crate) fn measure(
     stage: Measuring,
     folder: &Folder,
     study: &Study,

@@ -17,7 +17,7 @@ use std::path::PathBuf;
 ///
 /// Shows every question with its value and its threshold.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The number of the variant in the data set, counted from 0.
     variant: u32,
     /// The output folder of a campaign that `servotwin train` has processed.
@@ -30,7 +30,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.out);
     let study = folder.read_study()?;
     let subjects = job::subjects(&folder, &study)?;

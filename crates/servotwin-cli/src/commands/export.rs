@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 /// Write a trained diagnosis and its virtual twin for a flight control computer.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(subcommand)]
     target: Target,
 }
@@ -92,7 +92,7 @@ struct COptions {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         match &self.target {
             Target::C(options) => {
                 let file = options.model.clone().unwrap_or_else(usual_diagnoser);
@@ -106,7 +106,7 @@ impl Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     match &options.target {
         Target::C(options) => write_c(options, global),
         Target::Fmu(options) => run_fmu(options, global),
@@ -161,7 +161,7 @@ fn write_c(options: &COptions, global: Global) -> Result<String, Failure> {
 }
 
 /// The study of a diagnoser: the folder that it lies in, if that holds one.
-pub fn study_beside(diagnoser: &Path) -> PathBuf {
+pub(crate) fn study_beside(diagnoser: &Path) -> PathBuf {
     let file = std::path::absolute(diagnoser).unwrap_or_else(|_| diagnoser.into());
     let folder = file.parent().unwrap_or(Path::new(""));
     let holds_study = folder.join("study.toml").exists();
@@ -169,7 +169,7 @@ pub fn study_beside(diagnoser: &Path) -> PathBuf {
 }
 
 /// The failure of a diagnoser that does not fit its study.
-pub fn unfit(file: &Path) -> impl Fn(RuntimeError) -> Failure {
+pub(crate) fn unfit(file: &Path) -> impl Fn(RuntimeError) -> Failure {
     move |error| Failure::Diagnoser { path: file.into(), error }
 }
 
@@ -177,7 +177,7 @@ pub fn unfit(file: &Path) -> impl Fn(RuntimeError) -> Failure {
 ///
 /// # Errors
 /// The diagnoser is for another study.
-pub fn twin_of<'s>(
+pub(crate) fn twin_of<'s>(
     study: &'s Study,
     diagnoser: &Diagnoser,
     has_fixed_step: bool,

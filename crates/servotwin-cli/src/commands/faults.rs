@@ -11,7 +11,7 @@ use servotwin::table::csv;
 
 /// List every fault that the components of a system can have.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     system: SystemOption,
     /// Write the list as CSV, with numbers in SI units.
@@ -20,7 +20,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let lines = options.system.read()?.fault_list();
     if global.json {
         return Ok(json(&lines.iter().map(as_json).collect()));

@@ -23,7 +23,7 @@ use std::path::PathBuf;
 /// and faulttree-high.xml), a figure for each top event, minimal cut sets, importance, and all numbers as
 /// faulttree.json.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a study with judged flights ('servotwin flights').
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
@@ -49,14 +49,14 @@ pub struct Options {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         let paths = Paths::default().read("--rates", &self.rates);
         paths.write("--template", Format::Only(&["csv"]), &self.template)
     }
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     if let Some(path) = &options.template {
         let study = folder.read_study()?;
@@ -93,7 +93,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 /// A counted number with its interval; what was never seen has a bound alone.
-pub fn band(value: CountedValue) -> String {
+pub(crate) fn band(value: CountedValue) -> String {
     match value.point > 0.0 {
         true => format!("{} ({} … {})", number(value.point), number(value.low), number(value.high)),
         false => format!("never seen, at most {}", number(value.high)),

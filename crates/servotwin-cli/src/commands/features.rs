@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 /// a program version whose features have changed. With traces, which are a table with columns of measured and nominal
 /// signals, writes a table with the features of their windows. With `--list`, describes every feature.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a campaign, or traces (.csv or .parquet).
     #[arg(required_unless_present = "list")]
     input: Option<PathBuf>,
@@ -47,7 +47,7 @@ pub struct Options {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         Paths::default()
             .read("INPUT", &self.input)
             .read("--study", &self.study)
@@ -57,7 +57,7 @@ impl Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let Some(input) = &options.input else {
         return list(options.study.as_ref(), global);
     };
@@ -108,7 +108,7 @@ const LIST_HEAD: &str = "# Features\n\n\
     The threshold of a tree is in the unit given here.\n";
 
 /// Reads a study file of recordings.
-pub fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
+pub(crate) fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
     let text = files::read_document(path).map_err(EvaluationError::File)?;
     RecordingStudy::parse(&text).map_err(|error| Failure::Recording { path: path.into(), error })
 }
@@ -207,7 +207,7 @@ fn of_traces(
 }
 
 /// What the windows do not show: rows that are not used, and how well nominal values fit.
-pub fn remarks(left_over: usize, incomplete: usize, fits: &[NominalFit]) -> String {
+pub(crate) fn remarks(left_over: usize, incomplete: usize, fits: &[NominalFit]) -> String {
     let mut text = String::new();
     if left_over > 0 {
         text += &format!("{} beyond whole windows: not used\n", counted(left_over, "row"));

@@ -32,7 +32,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// and onset, or a record that cannot be explained. A deviation that no tolerance explains is a finding: then nothing
 /// is written, and the exit code is 1.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// A record (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "LOG", required_unless_present = "design")]
     log: Option<PathBuf>,
@@ -84,7 +84,7 @@ fn usual_runs(unknowns: usize, suspects: usize) -> usize {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         Paths::default()
             .read("LOG", self.log.iter().chain(&self.more))
             .read("SYSTEM", &self.system)
@@ -95,7 +95,7 @@ impl Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = read_study(options.study.as_deref(), options.system.as_deref())?;
     let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
     let logs = options.log.iter().chain(&options.more);
@@ -167,7 +167,7 @@ fn first_line(verdict: &FitVerdict, options: &Options) -> String {
 }
 
 /// Reads a study, with another system if one is named.
-pub fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, Failure> {
+pub(crate) fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, Failure> {
     let Some(system) = system else {
         return match study {
             Some(path) => Ok(Study::read(path)?),
@@ -212,7 +212,7 @@ fn read_record(
 }
 
 /// Notes the sensors that a record lacks, and the parts that were left out of it.
-pub fn tell(name: &str, record: &FitRecord, study: &Study, global: Global) {
+pub(crate) fn tell(name: &str, record: &FitRecord, study: &Study, global: Global) {
     let lacking = record.lacking(&study.system);
     if !lacking.is_empty() {
         note(global, &format!("{name} has no column for the sensors {}", lacking.join(", ")));
@@ -281,7 +281,10 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
 }
 
 /// Finds the faults by their names.
-pub fn chosen_faults(names: &[String], problem: &Fit) -> Result<Vec<(usize, usize)>, Failure> {
+pub(crate) fn chosen_faults(
+    names: &[String],
+    problem: &Fit,
+) -> Result<Vec<(usize, usize)>, Failure> {
     let of = |id: &String| problem.system.find_fault(id);
     Ok(names.iter().map(of).collect::<Result<_, _>>()?)
 }

@@ -29,7 +29,7 @@ use std::fmt::Write;
 /// Writes `diagnoser-<scenario>.json`, which `servotwin watch` and `servotwin fly` read, `outcomes-<suite>-<scenario>.parquet`
 /// with a row for every flight, and `flights.json` into the output folder.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     study: StudyOptions,
     /// Run only this scenario.
@@ -60,7 +60,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let (study, is_full) = (options.study.read(global)?, options.study.full);
     if study.flights.is_none() {
         return Err(JobError::NoFlights.into());
@@ -193,7 +193,7 @@ fn of_healthy(flown: &FlownSuite) -> String {
 }
 
 /// Runs work with threads and its progress on a terminal. Ctrl-C stops it.
-pub fn with_crew<T, E>(
+pub(crate) fn with_crew<T, E>(
     threads: Option<usize>,
     global: Global,
     work: impl FnOnce(&Crew) -> Result<T, E>,

@@ -36,7 +36,7 @@ use std::sync::Arc;
 /// reaction, and the records `flight-reacting.csv` and `flight-alone.csv`. If the diagnoser is missing, the command
 /// trains it first, which takes about two minutes.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     study: StudyOptions,
     /// A fault with its intensity from 0 to 1, or 'none'. Repeat the option for several faults [default: a bias of the
@@ -118,7 +118,7 @@ fn title(faults: &[Begins]) -> String {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
     let folder = Folder::new(&options.study.out);
@@ -169,7 +169,7 @@ pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
 }
 
 /// The diagnoser of a scenario, trained if it does not exist.
-pub fn diagnoser(
+pub(crate) fn diagnoser(
     options: &StudyOptions,
     folder: &Folder,
     study: &Study,

@@ -6,14 +6,14 @@ use servotwin_report::words::{number, spoken};
 use std::fmt::Write;
 
 /// The cost of one flight with and without the diagnosis.
-pub struct FlightCosts {
+pub(crate) struct FlightCosts {
     pub with: Cost,
     pub without: Cost,
 }
 
 impl FlightCosts {
     /// One line for each quantity and a sentence that weighs them; nothing for a system without reservoirs.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let mut out = String::new();
         if self.with.fluids.is_empty() {
             return out;
@@ -66,7 +66,7 @@ impl FlightCosts {
     }
 
     /// The numbers as JSON.
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         let one = |cost: &Cost| {
             let fluids = cost.fluids.iter().map(|fluid| {
                 json!({

@@ -10,7 +10,7 @@ use servotwin_model::program::FaultAt;
 use servotwin_report::words::spoken;
 
 /// A simulated fault, with the answer that the study expects.
-pub struct Truth {
+pub(crate) struct Truth {
     /// The fault's full name.
     pub name: String,
     /// The onset, s.
@@ -23,7 +23,7 @@ pub struct Truth {
 
 impl Truth {
     /// The truth about a fault and its onset.
-    pub fn of(study: &Study, fault: FaultAt, onset_s: f64) -> Self {
+    pub(crate) fn of(study: &Study, fault: FaultAt, onset_s: f64) -> Self {
         let instance = &study.system.network().components[fault.component];
         let name =
             format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name);
@@ -64,7 +64,7 @@ impl Said {
 }
 
 /// A fault and the first action raised for it.
-pub struct AnsweredFault<'t> {
+pub(crate) struct AnsweredFault<'t> {
     truth: &'t Truth,
     detected_s: Option<f64>,
     said: Option<Said>,
@@ -147,7 +147,7 @@ impl<'t> AnsweredFault<'t> {
 }
 
 /// All faults of a flight with the answers to them.
-pub struct FlightVerdict<'t> {
+pub(crate) struct FlightVerdict<'t> {
     judged: Vec<AnsweredFault<'t>>,
     /// The number of actions before the first onset.
     false_alarms: usize,
@@ -157,7 +157,7 @@ pub struct FlightVerdict<'t> {
 
 impl<'t> FlightVerdict<'t> {
     /// Judges the answers in a flight with these faults.
-    pub fn of(truths: &'t [Truth], record: &FlightRecord, diagnoser: &Diagnoser) -> Self {
+    pub(crate) fn of(truths: &'t [Truth], record: &FlightRecord, diagnoser: &Diagnoser) -> Self {
         let first_s = truths.iter().map(|truth| truth.onset_s).fold(f64::INFINITY, f64::min);
         let before = record.actions.iter().filter(|action| action.time_s < first_s);
         let names = diagnoser.names();
@@ -174,7 +174,7 @@ impl<'t> FlightVerdict<'t> {
     }
 
     /// The verdict as lines.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let mut text: String = self.judged.iter().map(AnsweredFault::sentence).collect();
         match (self.judged.is_empty(), self.false_alarms) {
             (true, 0) => text += "truth: no fault; right: no action was raised\n",
@@ -188,7 +188,7 @@ impl<'t> FlightVerdict<'t> {
     }
 
     /// Explains why a reaction raises the force fight, if it does.
-    pub fn on_force_fight(&self, with: Option<f64>, without: Option<f64>) -> String {
+    pub(crate) fn on_force_fight(&self, with: Option<f64>, without: Option<f64>) -> String {
         let is_raised = with.zip(without).is_some_and(|(with, without)| with > without);
         let [first, ..] = &self.dragged[..] else { return String::new() };
         if !is_raised {
@@ -202,7 +202,7 @@ impl<'t> FlightVerdict<'t> {
     }
 
     /// The verdict as JSON.
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         json!({
             "faults": self.judged.iter().map(AnsweredFault::json).collect::<Vec<_>>(),
             "false_alarms": self.false_alarms,

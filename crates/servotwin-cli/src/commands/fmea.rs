@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 /// rows as stale when the system, the study or the models change. With a study instead of a folder, the sheet holds
 /// declarations only.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a study, a study file, or the name of a built-in study.
     #[arg(value_name = "STUDY", default_value = "out")]
     input: PathBuf,
@@ -55,7 +55,7 @@ pub struct Options {
 
 impl Options {
     /// The files that the command reads. It also reads the sheet that it writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         // The formats of a sheet are checked with a message of their own.
         let paths = Paths::default().read("--rates", &self.rates);
         paths.write("--out", Format::Any, &self.out)
@@ -63,7 +63,7 @@ impl Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     for path in options.out.iter().chain(&options.from) {
         format::check(path)?;
     }

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 /// notices a fault until the next check, or two actuators are compared, which does not show the faulty one. The command
 /// writes safety/function-rate.csv, and the sensitivity to every input as safety/function-rate-inputs.csv.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a study with judged flights ('servotwin flights').
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
@@ -45,13 +45,13 @@ pub struct Options {
 
 impl Options {
     /// The files that the command reads.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         Paths::default().read("--rates", Some(&self.rates))
     }
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;

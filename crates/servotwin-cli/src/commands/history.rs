@@ -34,7 +34,7 @@ use std::sync::atomic::{self, AtomicUsize};
 /// reports a repair, and the trend starts again from there. If an intensity has reached the threshold, or may reach it
 /// within the flights of --within (95 % interval), the command raises an alarm: the exit code is 1.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The folder with the logs (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
@@ -72,7 +72,7 @@ pub struct Options {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         Paths::default()
             .read("the log", LogFolder::read(&self.folder).unwrap_or_default().paths)
             .read("SYSTEM", &self.system)
@@ -84,7 +84,7 @@ impl Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if !(options.threshold > 0.0 && options.threshold <= 1.0) {
         let (option, given) = ("--threshold", options.threshold.to_string());
         return Err(Failure::OutOfRange { option, given, range: "above 0, at most 1".into() });

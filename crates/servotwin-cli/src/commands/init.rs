@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 /// Write a system and a study of your own to start from: a servo actuator, two of them on one load, or a press axis.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The name of the system: lowercase letters, digits and '_'.
     name: String,
     /// The template [default: press_axis if the name contains the word 'press', else servo_actuator].
@@ -37,7 +37,7 @@ fn others(like: Like) -> String {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let like = options.like.unwrap_or_else(|| Like::of_name(&options.name));
     let template = Template::new(&options.name, like)
         .ok_or(Failure::Options("a system's name has small letters, digits and '_'"))?;

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// The logs of a folder in the order of their names, in which numbers count as numbers, and the entries with such a name
 /// that are no regular files.
 #[derive(Default)]
-pub struct LogFolder {
+pub(crate) struct LogFolder {
     /// The paths of the logs.
     pub paths: Vec<PathBuf>,
     /// The skipped entries, each with its name and its kind.
@@ -21,7 +21,7 @@ impl LogFolder {
     ///
     /// # Errors
     /// The folder cannot be listed, or has no log.
-    pub fn read(folder: &Path) -> Result<Self, Failure> {
+    pub(crate) fn read(folder: &Path) -> Result<Self, Failure> {
         let none = |reason: String| Failure::NoLogs { folder: folder.into(), reason };
         if !folder.is_dir() {
             return Err(none("no such folder".into()));
@@ -56,7 +56,7 @@ impl LogFolder {
     }
 
     /// A sentence that counts and names the skipped entries.
-    pub fn sentence(&self) -> Option<String> {
+    pub(crate) fn sentence(&self) -> Option<String> {
         let each: Vec<String> =
             self.skipped.iter().map(|(name, why)| format!("{name} ({why})")).collect();
         match each.len() {

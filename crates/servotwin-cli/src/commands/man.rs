@@ -7,13 +7,13 @@ use clap_mangen::Man;
 
 /// Write the manual page of the program, or of one of its commands, to standard output.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The command [default: the program as a whole].
     command: Option<String>,
 }
 
 /// Returns the page.
-pub fn run(options: &Options) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options) -> Result<String, Failure> {
     let mut cli = Cli::command();
     cli.build();
     let page = match &options.command {

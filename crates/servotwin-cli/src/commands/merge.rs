@@ -17,7 +17,7 @@ use std::time::Instant;
 /// with the command that runs them, and the exit code is 4. Shares of different divisions (3/100 and 2/7) may use one
 /// folder.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of all shares.
     folder: PathBuf,
     /// The scenario that you gave to 'servotwin campaign' [default: all but fitted].
@@ -29,7 +29,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let (study, _hold) = folder.open()?;
     stop::heed();

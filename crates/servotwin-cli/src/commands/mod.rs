@@ -1,44 +1,44 @@
 //! One file for each command, and their shared code.
 
-pub mod cache;
-pub mod campaign;
-pub mod check;
-pub mod completions;
-pub mod components;
-pub mod describe;
+pub(crate) mod cache;
+pub(crate) mod campaign;
+pub(crate) mod check;
+pub(crate) mod completions;
+pub(crate) mod components;
+pub(crate) mod describe;
 mod design;
-pub mod evaluate;
-pub mod explain;
-pub mod export;
-pub mod faults;
-pub mod faulttree;
-pub mod features;
-pub mod fit;
-pub mod flights;
-pub mod fly;
+pub(crate) mod evaluate;
+pub(crate) mod explain;
+pub(crate) mod export;
+pub(crate) mod faults;
+pub(crate) mod faulttree;
+pub(crate) mod features;
+pub(crate) mod fit;
+pub(crate) mod flights;
+pub(crate) mod fly;
 mod fly_cost;
 mod fly_truth;
-pub mod fmea;
-pub mod function_rate;
-pub mod history;
-pub mod init;
+pub(crate) mod fmea;
+pub(crate) mod function_rate;
+pub(crate) mod history;
+pub(crate) mod init;
 mod log_folder;
-pub mod man;
-pub mod merge;
+pub(crate) mod man;
+pub(crate) mod merge;
 mod progress;
-pub mod prove;
+pub(crate) mod prove;
 mod recordings;
-pub mod report;
-pub mod results;
-pub mod schema;
-pub mod sensors;
-pub mod serve;
-pub mod simulate;
-pub mod study;
+pub(crate) mod report;
+pub(crate) mod results;
+pub(crate) mod schema;
+pub(crate) mod sensors;
+pub(crate) mod serve;
+pub(crate) mod simulate;
+pub(crate) mod study;
 mod summary;
-pub mod train;
-pub mod watch;
-pub mod worst_case;
+pub(crate) mod train;
+pub(crate) mod watch;
+pub(crate) mod worst_case;
 
 use crate::Global;
 use crate::failure::Failure;
@@ -60,7 +60,7 @@ use std::path::{Path, PathBuf};
 
 /// The system that a command is about.
 #[derive(clap::Args)]
-pub struct SystemOption {
+pub(crate) struct SystemOption {
     /// A system file, or the name of a built-in system (aileron_dual, spring_actuator, valve_and_cylinder,
     /// press_axis) [default: aileron_dual, the aileron with two actuators].
     #[arg(value_name = "SYSTEM")]
@@ -69,7 +69,7 @@ pub struct SystemOption {
 
 impl SystemOption {
     /// Reads the system.
-    pub fn read(&self) -> Result<System, Failure> {
+    pub(crate) fn read(&self) -> Result<System, Failure> {
         match &self.path {
             Some(path) => Ok(System::read(path)?),
             None => Ok(System::default()),
@@ -79,7 +79,7 @@ impl SystemOption {
 
 /// The study that a command runs, and where its results go.
 #[derive(clap::Args)]
-pub struct StudyOptions {
+pub(crate) struct StudyOptions {
     /// A study file, the name of a built-in study (paper, spring_actuator, press_axis), or a folder with results, which
     /// stands for their study [default: paper, the paper's study of the aileron].
     #[arg(value_name = "STUDY")]
@@ -191,7 +191,7 @@ fn read_table(path: &Path, global: Global) -> Result<Table, Failure> {
 
 /// The part of a log that a command reads.
 #[derive(clap::Args)]
-pub struct SpanOptions {
+pub(crate) struct SpanOptions {
     /// Read the log from this time on: seconds after its first sample (12.5, 2min), or a date (2026-11-21T08:15:02).
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     from: Option<String>,
@@ -202,7 +202,7 @@ pub struct SpanOptions {
 
 impl SpanOptions {
     /// Reads both times.
-    pub fn read(&self) -> Result<LogSpan, Failure> {
+    pub(crate) fn read(&self) -> Result<LogSpan, Failure> {
         let span = LogSpan::parse(self.from.as_deref(), self.to.as_deref());
         Ok(span.map_err(SourceError::Cut)?)
     }

@@ -11,7 +11,7 @@ use std::time::Duration;
 const PARTS: u64 = 1000;
 
 /// The progress of a long job in one line.
-pub struct Stages {
+pub(crate) struct Stages {
     bar: ProgressBar,
     /// The stage that was written last, where every stage gets a line.
     written: Option<Mutex<String>>,
@@ -19,7 +19,7 @@ pub struct Stages {
 
 impl Stages {
     /// Starts the line, which stays hidden unless standard error is a terminal and `--quiet` is not set.
-    pub fn new(global: Global) -> Self {
+    pub(crate) fn new(global: Global) -> Self {
         if !is_shown(global) {
             return Stages { bar: ProgressBar::hidden(), written: None };
         }
@@ -31,13 +31,13 @@ impl Stages {
 
     /// As [`Stages::new`]; where no bar is shown, every stage gets a line on standard error, unless `--quiet` or
     /// `--json` is set.
-    pub fn in_lines(global: Global) -> Self {
+    pub(crate) fn in_lines(global: Global) -> Self {
         let has_lines = !is_shown(global) && !global.quiet && !global.json;
         Stages { written: has_lines.then(Mutex::default), ..Stages::new(global) }
     }
 
     /// Shows the current task, and the share of all work that is done, from 0 to 1.
-    pub fn show(&self, what: &str, share: f64) {
+    pub(crate) fn show(&self, what: &str, share: f64) {
         if let Some(written) = &self.written {
             let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
             if *written != what {
@@ -51,29 +51,29 @@ impl Stages {
     }
 
     /// Removes the line.
-    pub fn end(&self) {
+    pub(crate) fn end(&self) {
         self.bar.finish_and_clear();
     }
 }
 
 /// Whether progress is shown: standard error is a terminal, and `--quiet` is not set.
-pub fn is_shown(global: Global) -> bool {
+pub(crate) fn is_shown(global: Global) -> bool {
     !global.quiet && out::is_stderr_seen()
 }
 
 /// Remarks next to the result, on standard error.
-pub struct Notes {
+pub(crate) struct Notes {
     quiet: bool,
 }
 
 impl Notes {
     /// Writes remarks unless `--quiet` or `--json` is set.
-    pub fn new(global: Global) -> Self {
+    pub(crate) fn new(global: Global) -> Self {
         Notes { quiet: global.quiet || global.json }
     }
 
     /// Writes one remark.
-    pub fn write(&self, text: &str) {
+    pub(crate) fn write(&self, text: &str) {
         if !self.quiet {
             // If standard error is closed, there is no way to report that.
             let _ = writeln!(out::stderr(), "{text}");

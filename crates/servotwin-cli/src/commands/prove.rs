@@ -24,7 +24,7 @@ use std::sync::Arc;
 /// with that of the toolkit over variants with random faults. The certificate is written beside the files, as proof.json
 /// and proof.html.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The folder of the export.
     #[arg(value_name = "FOLDER", default_value = "export")]
     folder: PathBuf,
@@ -54,7 +54,7 @@ fn hours(text: &str) -> Result<f64, String> {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = ExportFolder::new(&options.folder);
     let description = folder.description();
     if !matches!(description, Err(ExportError::NoExport(_))) {

@@ -24,7 +24,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// Returns the text for standard output.
-pub fn run(path: &Path, options: &StudyOptions, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(path: &Path, options: &StudyOptions, global: Global) -> Result<String, Failure> {
     if options.full {
         return Err(Failure::Options("--full: a study of recordings has one size"));
     }
@@ -155,14 +155,14 @@ fn groups(novelty: &NoveltyResult) -> String {
 }
 
 /// Whether a file holds the model of a study of recordings.
-pub fn is_model(path: &Path) -> bool {
+pub(crate) fn is_model(path: &Path) -> bool {
     let mut begin = vec![];
     let read = files::open(path).map(|file| file.take(200).read_to_end(&mut begin));
     matches!(read, Ok(Ok(_))) && String::from_utf8_lossy(&begin).contains(FORMAT)
 }
 
 /// Answers for the windows of a log. Returns the text for standard output.
-pub fn watch(log: &Path, model: &Path, global: Global) -> Result<String, Failure> {
+pub(crate) fn watch(log: &Path, model: &Path, global: Global) -> Result<String, Failure> {
     let known = RecordingModel::read(model)?;
     let answers = known.answer(&read_table(log, global)?);
     let answers = answers.map_err(|error| Failure::Recording { path: log.into(), error })?;
@@ -194,7 +194,7 @@ pub fn watch(log: &Path, model: &Path, global: Global) -> Result<String, Failure
 }
 
 /// Writes the trees of a model as C. Returns the text for standard output.
-pub fn export(model: &Path, out: &Path, global: Global) -> Result<String, Failure> {
+pub(crate) fn export(model: &Path, out: &Path, global: Global) -> Result<String, Failure> {
     let sources = recording::files(&RecordingModel::read(model)?)?;
     files::create_folder(out)?;
     for source in &sources {

@@ -11,13 +11,13 @@ use std::path::PathBuf;
 ///
 /// Writes report.html and its figures as SVG into the folder.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a campaign that `servotwin evaluate` has processed.
     folder: PathBuf,
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let (study, _hold) = folder.open()?;
     servotwin_report::write(&folder, &study)?;

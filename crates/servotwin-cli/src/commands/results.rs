@@ -14,14 +14,14 @@ use std::path::PathBuf;
 /// Every share comes with its count and its 95 % interval. The command reads evaluation.json, and if they exist
 /// flights.json, outcomes-healthy-SCENARIO.parquet and flights-sealed.json. Nothing on the page depends on the machine.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of an evaluated study.
     #[arg(default_value = "out")]
     folder: PathBuf,
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     let study = folder.read_study()?;
     let results = Results::read(&folder)?;

@@ -5,7 +5,7 @@ use servotwin::schema;
 
 /// Write the JSON Schema (draft 2020-12) of system or study files, for completion and checks in editors.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The file format.
     format: Format,
 }
@@ -20,7 +20,7 @@ enum Format {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options) -> String {
+pub(crate) fn run(options: &Options) -> String {
     json(&match options.format {
         Format::System => schema::system(),
         Format::Study => schema::study(),

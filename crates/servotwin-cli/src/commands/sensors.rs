@@ -27,7 +27,7 @@ use std::path::PathBuf;
 /// With --upgrades, better sensors of the same kind are judged too. All runs are simulated again with each upgrade, in
 /// safety/upgrades; this takes about as long as the campaign of one scenario.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a study with data sets ('servotwin study').
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
@@ -51,13 +51,13 @@ pub struct Options {
 
 impl Options {
     /// The files that the command reads.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         Paths::default().read("--costs", &self.costs).read("--upgrades", &self.upgrades)
     }
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.folder);
     let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 /// token, without which nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with the
 /// program; for anything else the command trains one first if it is missing, which takes about two minutes.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     study: StudyOptions,
     /// The address to listen on.
@@ -57,7 +57,7 @@ pub struct Options {
 }
 
 #[cfg(not(feature = "serve"))]
-pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
+pub(crate) fn run(_: &Options, _: Global) -> Result<String, Failure> {
     Err(Failure::Options(
         "this servotwin was built without its web page. Build it in: cargo install --path crates/servotwin-cli \
          --features serve (or cargo run --release --features serve -- serve)",
@@ -66,7 +66,7 @@ pub fn run(_: &Options, _: Global) -> Result<String, Failure> {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         let InputOptions { model, map, .. } = &self.input;
         let logs = self.source.iter().filter_map(|source| log_of(source));
         Paths::default()
@@ -79,7 +79,7 @@ impl Options {
 }
 
 #[cfg(feature = "serve")]
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     use servotwin_serve::{Access, LiveSource, SavedSession, Server};
 
     if let (Some(session), Some(html)) = (&options.replay, &options.html) {

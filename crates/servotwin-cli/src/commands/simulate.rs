@@ -30,7 +30,7 @@ use std::time::Instant;
 /// Simulate a system, healthy or with faults, starting at rest.
 #[derive(clap::Args)]
 #[command(after_long_help = format!("Signals:\n{}", help()))]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     system: SystemOption,
     /// The signal of the input 'command', e.g. step:size=10deg,at=0.1s (--help lists all kinds of signals).
@@ -117,7 +117,7 @@ struct Plan<'s> {
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         let inputs = self.inputs.iter();
         let inputs = inputs.filter_map(|text| text.split_once('=')?.1.parse::<Signal>().ok());
         let signals = self.command.iter().chain(&self.load).cloned().chain(inputs);
@@ -131,7 +131,7 @@ impl Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let system = options.system.read()?;
     let plan = Plan::new(options, &system)?;
     stop::heed();
@@ -254,7 +254,7 @@ fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
 }
 
 /// Parses a fault from `name=intensity`.
-pub fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
+pub(crate) fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     let (id, intensity) = intensity(text)?;
     let (component, fault) = system.find_fault(&id)?;
     if !(0.0..=1.0).contains(&intensity) {

@@ -22,7 +22,7 @@ use std::time::Instant;
 /// A study of recordings has measured records instead of a simulated plant (docs/own-data.md). It learns its targets from
 /// their windows, judges each by what other groups teach, and writes the windows, the outcomes, the model and the results.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     #[command(flatten)]
     study: StudyOptions,
     /// Also run the scenario in which every specimen has a twin fitted to it in a calibration flight.
@@ -31,7 +31,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
     stop::heed();
     if let Some(path) = options.study.recordings() {

@@ -9,7 +9,7 @@ use servotwin_report::vocabulary::{PAPER, Vocabulary};
 use servotwin_report::words::{of_count, percent};
 
 /// A table with the rates of trees and committee.
-pub fn text(results: &Results, study: &Study) -> String {
+pub(crate) fn text(results: &Results, study: &Study) -> String {
     let scenarios = lines::scenarios(results);
     let mut heads = vec![("", Side::Left), ("by", Side::Left)];
     heads.extend(scenarios.iter().map(|result| (result.subject.name(), Side::Right)));
@@ -28,7 +28,7 @@ pub fn text(results: &Results, study: &Study) -> String {
 }
 
 /// The main figures of the hardest scenario so far in a line: up to two of safety, and one of right answers.
-pub fn brief(results: &Results, study: &Study) -> String {
+pub(crate) fn brief(results: &Results, study: &Study) -> String {
     let scenarios = lines::scenarios(results);
     let Some(hardest) = scenarios.last() else { return String::new() };
     let mut rows = lines::headline(&[*hardest], &Vocabulary::of(study));

@@ -12,13 +12,13 @@ use std::path::PathBuf;
 ///
 /// Writes a hierarchy for each data set into the folder.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a campaign.
     folder: PathBuf,
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.folder);
     let (study, _hold) = folder.open()?;

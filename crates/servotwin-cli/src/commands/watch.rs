@@ -1,6 +1,6 @@
 //! `servotwin watch`: runs the twin and the diagnosis on a log or a live stream.
 
-pub mod input;
+pub(crate) mod input;
 mod outputs;
 
 use super::{note, recordings, warn};
@@ -37,7 +37,7 @@ use std::time::Duration;
 /// With the model of a study of recordings (--model FOLDER/model.json), the windows of a log are answered for without a
 /// twin.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// A log (.csv, .parquet, .mcap, .jsonl; .mf4 and .mat if the program has the features of these names), - for lines
     /// from standard input, udp://HOST:PORT to listen on, or mqtt://HOST/TOPIC to subscribe to.
     source: String,
@@ -84,7 +84,7 @@ const CHECKPOINT_S: f64 = 60.0;
 
 impl Options {
     /// The files that the command reads and writes.
-    pub fn paths(&self) -> Paths {
+    pub(crate) fn paths(&self) -> Paths {
         Paths::default()
             .read("the log", log_of(&self.source))
             .read_study(self.study.as_ref())
@@ -99,7 +99,7 @@ impl Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     if let Some(model) = options.input.model.as_deref().filter(|path| recordings::is_model(path)) {
         return watch_recording(options, model, global);
     }

@@ -24,7 +24,7 @@ use std::path::PathBuf;
 /// command ends with what was not searched. It writes safety/worst-case.csv with every flight,
 /// safety/worst-case-cells.csv and a figure for each objective. An interrupted search goes on where it was last stored.
 #[derive(clap::Args)]
-pub struct Options {
+pub(crate) struct Options {
     /// The output folder of a study with a diagnoser ('servotwin flights').
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
@@ -53,7 +53,7 @@ pub struct Options {
 }
 
 /// Returns the text for standard output.
-pub fn run(options: &Options, global: Global) -> Result<String, Failure> {
+pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     stop::heed();
     let folder = Folder::new(&options.folder);
     if let Some(text) = &options.replay {

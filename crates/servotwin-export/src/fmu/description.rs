@@ -42,7 +42,7 @@ pub(super) struct Description<'d> {
 }
 
 impl Description<'_> {
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         let Description { version, name, title, token, .. } = self;
         let token_name = if *version == Version::Two { "guid" } else { "instantiationToken" };
         let mut xml = format!(

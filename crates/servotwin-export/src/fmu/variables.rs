@@ -66,7 +66,7 @@ pub(super) struct Variables {
 impl Variables {
     /// Of a system: inputs, outputs (what the sensors measure), states, all other observables, derivatives, parameters,
     /// faults.
-    pub fn of_system(twin: &ExportedTwin) -> Self {
+    pub(crate) fn of_system(twin: &ExportedTwin) -> Self {
         let program = twin.program;
         let mut variables = Variables {
             all: Vec::new(),
@@ -116,7 +116,7 @@ impl Variables {
     }
 
     /// Of a hybrid twin: inputs, measured values, switches of the actuators, expected values, the diagnosis, parameters.
-    pub fn of_hybrid(diagnoser: &Diagnoser, twin: &ExportedTwin) -> Self {
+    pub(crate) fn of_hybrid(diagnoser: &Diagnoser, twin: &ExportedTwin) -> Self {
         let mut variables = Variables {
             all: Vec::new(),
             of_slots: BTreeMap::new(),
@@ -144,23 +144,23 @@ impl Variables {
     }
 
     /// The places of the states and of their derivatives, in the order of the states.
-    pub fn states(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn states(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.states).map(|slot| self.of_slots[&slot])
     }
 
-    pub fn derivatives(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn derivatives(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.states).map(|state| self.of_slots[&(self.first_derivative + state)])
     }
 
     /// The places of the outputs.
-    pub fn outputs(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn outputs(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.all.len()).filter(|&place| {
             matches!(self.all[place].kind, VariableKind::Output | VariableKind::Sampled)
         })
     }
 
     /// Everything that the initialization computes, in order: outputs, states, derivatives.
-    pub fn initial_unknowns(&self) -> Vec<usize> {
+    pub(crate) fn initial_unknowns(&self) -> Vec<usize> {
         let mut all: Vec<usize> =
             self.outputs().chain(self.states()).chain(self.derivatives()).collect();
         all.sort_unstable();
@@ -169,7 +169,7 @@ impl Variables {
     }
 
     /// The place of a slot's variable.
-    pub fn of_slot(&self, slot: usize) -> Option<usize> {
+    pub(crate) fn of_slot(&self, slot: usize) -> Option<usize> {
         self.of_slots.get(&slot).copied()
     }
 

@@ -97,12 +97,12 @@ struct Commands {
 
 impl Commands {
     /// The sequence of every proof.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Commands { random: Random::new(2), to_undo: None }
     }
 
     /// The command before the next sample, with its place.
-    pub fn next(&mut self, session: &Session) -> Option<(usize, usize)> {
+    pub(crate) fn next(&mut self, session: &Session) -> Option<(usize, usize)> {
         if let Some((command, place, left)) = self.to_undo {
             self.to_undo = (left > 0).then_some((command, place, left.saturating_sub(1)));
             return (left == 0).then_some((command, place));

@@ -64,12 +64,12 @@ impl Build {
     }
 
     /// The command with all flags.
-    pub fn command(&self) -> String {
+    pub(crate) fn command(&self) -> String {
         [self.compiler.as_str()].into_iter().chain(self.flags()).collect::<Vec<_>>().join(" ")
     }
 
     /// The first line of the compiler's version.
-    pub fn version(&self) -> String {
+    pub(crate) fn version(&self) -> String {
         let output = Command::new(&self.compiler).arg("--version").output();
         let text = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
         text.unwrap_or_default().lines().next().unwrap_or("unknown").into()
@@ -132,7 +132,7 @@ pub(super) struct Compiled {
 
 impl Compiled {
     /// Compiles the files, into the folder `kept` or a temporary one, and loads them.
-    pub fn new(
+    pub(crate) fn new(
         files: &[SourceFile],
         build: &Build,
         kept: Option<&Path>,
@@ -167,7 +167,7 @@ impl Compiled {
     }
 
     /// Whether a session passes its start test, and a hybrid twin, if there is one.
-    pub fn is_exact(&self) -> Result<bool, ExportError> {
+    pub(crate) fn is_exact(&self) -> Result<bool, ExportError> {
         type Function = unsafe extern "C" fn(*mut u64) -> i32;
         // SAFETY: here and below, the types are those of the C text.
         let function = unsafe { self.library.get::<Function>(b"prove_start") }?;
@@ -177,7 +177,7 @@ impl Compiled {
     }
 
     /// An array of so many strings.
-    pub fn names(&self, list: &str, count: usize) -> Result<Vec<String>, ExportError> {
+    pub(crate) fn names(&self, list: &str, count: usize) -> Result<Vec<String>, ExportError> {
         // SAFETY: the array has as many strings as the diagnoser that was exported.
         unsafe {
             let first = *self.library.get::<*const *const c_char>(list.as_bytes())?;
@@ -186,7 +186,7 @@ impl Compiled {
         }
     }
 
-    pub fn leaf(
+    pub(crate) fn leaf(
         &self,
         at: LibraryPlace,
         stage: usize,
@@ -199,7 +199,7 @@ impl Compiled {
         Ok(unsafe { function(is_committee, length, stage as i32, tree as i32, row.as_ptr()) })
     }
 
-    pub fn decide(
+    pub(crate) fn decide(
         &self,
         at: LibraryPlace,
         stage: usize,
@@ -212,7 +212,7 @@ impl Compiled {
     }
 
     /// The probabilities of a committee's stage, one for each class.
-    pub fn shares(
+    pub(crate) fn shares(
         &self,
         length: usize,
         stage: usize,
@@ -226,7 +226,7 @@ impl Compiled {
     }
 
     /// What a leaf of a committee's stage adds to an output.
-    pub fn value(
+    pub(crate) fn value(
         &self,
         length: usize,
         stage: usize,
@@ -238,13 +238,22 @@ impl Compiled {
     }
 
     /// The novelty of a row for healthy (0) or an action (1 …).
-    pub fn novelty(&self, length: usize, known: usize, row: &[f64]) -> Result<f64, ExportError> {
+    pub(crate) fn novelty(
+        &self,
+        length: usize,
+        known: usize,
+        row: &[f64],
+    ) -> Result<f64, ExportError> {
         type Function = unsafe extern "C" fn(i32, i32, *const f64) -> f64;
         let function = unsafe { self.library.get::<Function>(b"prove_novelty") }?;
         Ok(unsafe { function(length as i32, known as i32, row.as_ptr()) })
     }
 
-    pub fn diagnose(&self, at: LibraryPlace, views: &[Vec<f64>]) -> Result<Diagnosis, ExportError> {
+    pub(crate) fn diagnose(
+        &self,
+        at: LibraryPlace,
+        views: &[Vec<f64>],
+    ) -> Result<Diagnosis, ExportError> {
         type Function = unsafe extern "C" fn(i32, i32, *const *const f64) -> Diagnosis;
         let function = unsafe { self.library.get::<Function>(b"prove_diagnose") }?;
         let (is_committee, length) = at.numbers();
@@ -253,7 +262,7 @@ impl Compiled {
     }
 
     /// The probabilities of all hypotheses.
-    pub fn probabilities(
+    pub(crate) fn probabilities(
         &self,
         length: usize,
         views: &[Vec<f64>],
@@ -280,7 +289,7 @@ pub(super) struct RunningSession<'c> {
 
 impl Compiled {
     /// A new session.
-    pub fn session(&self) -> Result<RunningSession<'_>, ExportError> {
+    pub(crate) fn session(&self) -> Result<RunningSession<'_>, ExportError> {
         // SAFETY: the types are those of the C text; the memory is as large as the library states.
         unsafe {
             let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
@@ -299,7 +308,7 @@ impl Compiled {
 
 impl RunningSession<'_> {
     /// Pushes a sample; `said` gets lists as long as those of `like`.
-    pub fn push(&mut self, sample: &Sample, like: &SessionAnswer, said: &mut SessionAnswer) {
+    pub(crate) fn push(&mut self, sample: &Sample, like: &SessionAnswer, said: &mut SessionAnswer) {
         said.integers.resize(like.integers.len(), 0);
         said.numbers.resize(like.numbers.len(), 0.0);
         let (integers, numbers) = (said.integers.as_mut_ptr(), said.numbers.as_mut_ptr());
@@ -318,13 +327,13 @@ impl RunningSession<'_> {
     }
 
     /// Passes a command of the flight control computer on.
-    pub fn command(&mut self, command: i32, place: i32) {
+    pub(crate) fn command(&mut self, command: i32, place: i32) {
         // SAFETY: the place exists in the diagnoser.
         unsafe { (self.command)(self.memory.as_mut_ptr(), command, place) }
     }
 
     /// The features of the last window outside its bands in a view.
-    pub fn row(&self, view: usize, features: usize) -> Vec<f64> {
+    pub(crate) fn row(&self, view: usize, features: usize) -> Vec<f64> {
         let mut row = vec![0.0; features];
         // SAFETY: the row has this many numbers.
         unsafe { (self.row)(self.memory.as_ptr(), view as i32, row.as_mut_ptr()) };
@@ -372,7 +381,7 @@ pub(super) struct RunningTwin<'c> {
 
 impl Compiled {
     /// A twin of this program before its start.
-    pub fn twin(&self, program: &Program) -> Result<RunningTwin<'_>, ExportError> {
+    pub(crate) fn twin(&self, program: &Program) -> Result<RunningTwin<'_>, ExportError> {
         // SAFETY: the types are those of the C text; the memory is as large as the library states.
         unsafe {
             Ok(RunningTwin {
@@ -396,32 +405,32 @@ impl Compiled {
 // SAFETY of all calls: the lists are as long as those of the program that was exported.
 impl RunningTwin<'_> {
     /// Whether it passes its start test.
-    pub fn is_exact(&mut self) -> bool {
+    pub(crate) fn is_exact(&mut self) -> bool {
         unsafe { (self.is_exact)(self.memory.as_mut_ptr()) == 1 }
     }
 
     /// Starts with faults of these intensities; returns whether it is well, here and below.
-    pub fn start(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
+    pub(crate) fn start(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
         self.take(intensities, inputs);
         let (memory, parameters) = (self.memory.as_mut_ptr(), self.parameters.as_ptr());
         unsafe { (self.start)(memory, parameters, self.pairs.as_ptr()) == 1 }
     }
 
     /// Steps to the next sample.
-    pub fn step(&mut self, inputs: &[Knot]) -> bool {
+    pub(crate) fn step(&mut self, inputs: &[Knot]) -> bool {
         self.take_inputs(inputs);
         unsafe { (self.step)(self.memory.as_mut_ptr(), self.pairs.as_ptr()) == 1 }
     }
 
     /// The same, with other faults from the next sample on.
-    pub fn step_with(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
+    pub(crate) fn step_with(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
         self.take(intensities, inputs);
         unsafe { (self.load)(self.memory.as_mut_ptr(), self.parameters.as_ptr()) };
         self.step(inputs)
     }
 
     /// All variables at the current sample.
-    pub fn variables(&self) -> &[f64] {
+    pub(crate) fn variables(&self) -> &[f64] {
         unsafe {
             let first = (self.variables)(self.memory.as_ptr());
             std::slice::from_raw_parts(first, self.variables_count)
@@ -429,14 +438,20 @@ impl RunningTwin<'_> {
     }
 
     /// Evaluates at a point, with faults of these intensities.
-    pub fn point(&mut self, of: PointOf, intensities: &[f64], given: &[f64], slopes: &[f64]) {
+    pub(crate) fn point(
+        &mut self,
+        of: PointOf,
+        intensities: &[f64],
+        given: &[f64],
+        slopes: &[f64],
+    ) {
         self.take_faults(intensities);
         let (memory, parameters) = (self.memory.as_mut_ptr(), self.parameters.as_ptr());
         unsafe { (self.point)(memory, of.number(), parameters, given.as_ptr(), slopes.as_ptr()) }
     }
 
     /// The gradients of the last evaluation with them, in the layout of the program.
-    pub fn gradients(&self, count: usize) -> &[f64] {
+    pub(crate) fn gradients(&self, count: usize) -> &[f64] {
         unsafe { std::slice::from_raw_parts((self.gradients)(self.memory.as_ptr()), count) }
     }
 
@@ -469,7 +484,7 @@ pub(super) struct RunningHybrid<'c> {
 
 impl Compiled {
     /// A hybrid twin before its first sample; `None` if it fails its start test.
-    pub fn hybrid(&self) -> Result<Option<RunningHybrid<'_>>, ExportError> {
+    pub(crate) fn hybrid(&self) -> Result<Option<RunningHybrid<'_>>, ExportError> {
         // SAFETY: the types are those of the C text; the memory is as large as the library states.
         unsafe {
             let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
@@ -492,7 +507,7 @@ impl Compiled {
 impl RunningHybrid<'_> {
     /// Takes a sample. Returns finding, alarm and since when, the confidence, and what the twin expects of its sensors;
     /// `None` if the twin cannot be simulated.
-    pub fn push(
+    pub(crate) fn push(
         &mut self,
         inputs: &[f64],
         measured: &[f64],
@@ -509,7 +524,7 @@ impl RunningHybrid<'_> {
     }
 
     /// Follows a reaction, which is found by what was raised.
-    pub fn follow(&mut self, known: &ExportedReaction) {
+    pub(crate) fn follow(&mut self, known: &ExportedReaction) {
         let numbers = [Some(known.actuator), Some(known.action), known.detail];
         let numbers = numbers.map(|number| number.map_or(-1, |number| number as i32));
         let [actuator, action, detail] = numbers;
@@ -517,12 +532,12 @@ impl RunningHybrid<'_> {
     }
 
     /// Undoes the reactions of an actuator.
-    pub fn release(&mut self, actuator: usize) {
+    pub(crate) fn release(&mut self, actuator: usize) {
         unsafe { (self.command)(self.memory.as_mut_ptr(), actuator as i32, -1, -1) }
     }
 
     /// Sets a parameter of the twin, and returns whether it could be set.
-    pub fn set(&mut self, parameter: i32, value: f64) -> bool {
+    pub(crate) fn set(&mut self, parameter: i32, value: f64) -> bool {
         unsafe { (self.set)(self.memory.as_mut_ptr(), parameter, value) == 1 }
     }
 }

@@ -136,7 +136,7 @@ impl ProofEvidence {
 }
 
 /// A study with its diagnoser and its twin.
-pub struct Subject<'s> {
+pub(crate) struct Subject<'s> {
     /// The study.
     pub study: &'s Study,
     /// The diagnoser.

@@ -26,7 +26,7 @@ pub(super) struct Rows {
 
 impl Rows {
     /// The rows of all tests.
-    pub fn of(branches: &Branches) -> Self {
+    pub(crate) fn of(branches: &Branches) -> Self {
         let mut rows = Rows { rows: Vec::new(), unreachable: Vec::new() };
         rows.visit(branches, 0, &BTreeMap::new());
         rows

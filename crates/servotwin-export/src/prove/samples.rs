@@ -76,7 +76,7 @@ pub(super) struct Samples<'d> {
 }
 
 impl<'d> Samples<'d> {
-    pub fn new(diagnoser: &'d Diagnoser, seed: u64) -> Self {
+    pub(crate) fn new(diagnoser: &'d Diagnoser, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let (sensors, center) = (diagnoser.sensors.len(), center(diagnoser, &mut random));
         Samples {
@@ -97,7 +97,7 @@ impl<'d> Samples<'d> {
     }
 
     /// The next sample.
-    pub fn next(&mut self) -> &Sample {
+    pub(crate) fn next(&mut self) -> &Sample {
         if self.left == 0 {
             self.left = 100 + self.random.index(LONGEST);
             self.disturb();

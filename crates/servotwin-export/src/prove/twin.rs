@@ -28,7 +28,7 @@ pub(super) struct Inputs<'t> {
 }
 
 impl<'t> Inputs<'t> {
-    pub fn new(twin: &'t ExportedTwin, seed: u64) -> Self {
+    pub(crate) fn new(twin: &'t ExportedTwin, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let is_wild = random.unit() < WILD;
         let inputs = twin.program.network().inputs.iter().zip(&twin.ranges);
@@ -40,7 +40,7 @@ impl<'t> Inputs<'t> {
     }
 
     /// The inputs at the next sample.
-    pub fn next(&mut self) -> &[Knot] {
+    pub(crate) fn next(&mut self) -> &[Knot] {
         let Inputs { twin, random, courses, knots } = self;
         let inputs = twin.program.network().inputs.iter().zip(&twin.ranges);
         for (((step, left), knot), (input, [least, largest])) in

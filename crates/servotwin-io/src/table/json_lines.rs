@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The file name extensions.
-pub const EXTENSIONS: [&str; 2] = ["jsonl", "ndjson"];
+pub(crate) const EXTENSIONS: [&str; 2] = ["jsonl", "ndjson"];
 
 /// Reads a file of lines of JSON objects.
 ///
 /// # Errors
 /// If it cannot be read, a line is no object, or a column mixes incompatible values.
-pub fn read(path: &Path) -> Result<Table, TableError> {
+pub(crate) fn read(path: &Path) -> Result<Table, TableError> {
     let text = files::read_text(path)?;
     parse(&text).map_err(|problem| TableError::Content { path: path.to_path_buf(), problem })
 }

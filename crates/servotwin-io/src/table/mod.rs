@@ -113,7 +113,7 @@ macro_rules! kinds {
 
         impl ColumnKind {
             /// The kind in words, for messages.
-            pub fn name(self) -> &'static str {
+            pub(crate) fn name(self) -> &'static str {
                 match self {
                     $(ColumnKind::$kind => $name,)*
                 }
@@ -128,7 +128,7 @@ macro_rules! kinds {
 
         impl Values {
             /// An empty column of a kind.
-            pub fn empty(kind: ColumnKind) -> Self {
+            pub(crate) fn empty(kind: ColumnKind) -> Self {
                 match kind {
                     $(ColumnKind::$kind => Values::$kind(Vec::new()),)*
                 }
@@ -161,7 +161,7 @@ macro_rules! kinds {
             }
 
             /// Appends values of the same kind; returns `false` and does nothing if the kinds differ.
-            pub fn append(&mut self, other: Values) -> bool {
+            pub(crate) fn append(&mut self, other: Values) -> bool {
                 match (self, other) {
                     $((Values::$kind(own), Values::$kind(more)) => own.extend(more),)*
                     _ => return false,
@@ -540,7 +540,10 @@ impl Table {
 }
 
 /// The error for an unknown column.
-pub fn unknown_column<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> TableError {
+pub(crate) fn unknown_column<'a>(
+    name: &str,
+    known: impl IntoIterator<Item = &'a str>,
+) -> TableError {
     let known: Vec<&str> = known.into_iter().collect();
     let nearest = nearest(name, known.iter().copied()).map(str::to_owned);
     let known = known.into_iter().map(str::to_owned).collect();

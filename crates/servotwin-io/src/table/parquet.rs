@@ -56,7 +56,7 @@ use crate::files::{self, AtomicFile, FileError};
 use crate::manifest;
 
 /// The format's entry in [`ALL`](super::ALL).
-pub const FORMAT: Format = Format { name: "Parquet", extension: "parquet", read, write };
+pub(crate) const FORMAT: Format = Format { name: "Parquet", extension: "parquet", read, write };
 
 /// Rows in a row group: large enough to compress well, small enough to hold in memory.
 const GROUP_ROWS: usize = 1 << 17;
@@ -104,7 +104,10 @@ pub fn read_columns(path: &Path, names: &[&str]) -> Result<Table, TableError> {
 ///
 /// # Errors
 /// If the file cannot be read or no column remains.
-pub fn read_wanted(path: &Path, is_wanted: &dyn Fn(&str) -> bool) -> Result<Table, TableError> {
+pub(crate) fn read_wanted(
+    path: &Path,
+    is_wanted: &dyn Fn(&str) -> bool,
+) -> Result<Table, TableError> {
     read_within(path, is_wanted, Limits::from_environment())
 }
 

@@ -11,15 +11,15 @@ use crate::samples::Samples;
 use servotwin_diagnosis::classifiers::{Classifier, ClassifierKind, Model};
 use servotwin_diagnosis::error::{Error, same_length};
 
-pub mod adaboost;
+pub(crate) mod adaboost;
 pub mod boosted_trees;
 pub mod cart;
-pub mod linear_discriminant;
-pub mod linear_svm;
-pub mod logistic_regression;
-pub mod mlp;
-pub mod naive_bayes;
-pub mod random_forest;
+pub(crate) mod linear_discriminant;
+pub(crate) mod linear_svm;
+pub(crate) mod logistic_regression;
+pub(crate) mod mlp;
+pub(crate) mod naive_bayes;
+pub(crate) mod random_forest;
 
 mod linear;
 

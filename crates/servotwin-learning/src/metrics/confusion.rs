@@ -16,7 +16,7 @@ pub struct Confusion {
 
 impl Confusion {
     /// An empty table.
-    pub fn new(classes: usize) -> Self {
+    pub(crate) fn new(classes: usize) -> Self {
         Confusion { counts: vec![vec![0; classes]; classes], missing: vec![0; classes] }
     }
 
@@ -41,7 +41,7 @@ impl Confusion {
     ///
     /// # Panics
     /// If there is no such class.
-    pub fn count(&mut self, truth: u32, predicted: Option<u32>) {
+    pub(crate) fn count(&mut self, truth: u32, predicted: Option<u32>) {
         match predicted {
             Some(predicted) => self.counts[truth as usize][predicted as usize] += 1,
             None => self.missing[truth as usize] += 1,
@@ -49,12 +49,12 @@ impl Confusion {
     }
 
     /// `counts[truth][predicted]`, without the rows that have no prediction.
-    pub fn counts(&self) -> &[Vec<u64>] {
+    pub(crate) fn counts(&self) -> &[Vec<u64>] {
         &self.counts
     }
 
     /// Number of rows.
-    pub fn total(&self) -> u64 {
+    pub(crate) fn total(&self) -> u64 {
         self.counts.iter().flatten().chain(&self.missing).sum()
     }
 
@@ -64,18 +64,13 @@ impl Confusion {
     }
 
     /// Share of a class that was predicted as such; `None` if the class did not occur.
-    pub fn recall(&self, class: usize) -> Option<f64> {
+    pub(crate) fn recall(&self, class: usize) -> Option<f64> {
         let occurred = self.counts[class].iter().sum::<u64>() + self.missing[class];
         share(self.counts[class][class], occurred)
     }
 
-    /// Share of the predictions of a class that were right; `None` if it was never predicted.
-    pub fn precision(&self, class: usize) -> Option<f64> {
-        share(self.counts[class][class], self.counts.iter().map(|row| row[class]).sum())
-    }
-
     /// Mean recall of the classes that occurred; `None` without rows.
-    pub fn balanced_accuracy(&self) -> Option<f64> {
+    pub(crate) fn balanced_accuracy(&self) -> Option<f64> {
         let recalls: Vec<f64> =
             (0..self.counts.len()).filter_map(|class| self.recall(class)).collect();
         (!recalls.is_empty()).then(|| recalls.iter().sum::<f64>() / recalls.len() as f64)
@@ -96,8 +91,6 @@ mod tests {
         assert_eq!(table.accuracy(), Some(0.8));
         assert_eq!(table.recall(0), Some(2.0 / 3.0));
         assert_eq!(table.recall(2), None);
-        assert_eq!(table.precision(1), Some(2.0 / 3.0));
-        assert_eq!(table.precision(2), None);
         assert_eq!(table.balanced_accuracy(), Some((2.0 / 3.0 + 1.0) / 2.0));
         assert_eq!(Confusion::new(2).accuracy(), None);
     }

@@ -29,7 +29,7 @@ impl SplitCosts {
     }
 
     /// The costs of each true class, summed: the factors of the altered priors (Breiman et al. 1984, section 4.4.3).
-    pub fn prior_factors(&self) -> Vec<f64> {
+    pub(crate) fn prior_factors(&self) -> Vec<f64> {
         self.0.iter().map(|row| row.iter().sum()).collect()
     }
 }
@@ -53,12 +53,12 @@ pub(crate) struct SplitRules {
 
 impl SplitRules {
     /// The limits of a feature.
-    pub fn limits_of(&self, feature: usize) -> SplitLimits {
+    pub(crate) fn limits_of(&self, feature: usize) -> SplitLimits {
         self.limits.get(feature).copied().unwrap_or_default()
     }
 
     /// Whether a node with this many rows at this depth may be split.
-    pub fn may_split(&self, rows: usize, depth: usize) -> bool {
+    pub(crate) fn may_split(&self, rows: usize, depth: usize) -> bool {
         depth < self.max_depth && rows >= self.min_rows_split.max(2 * self.min_rows_leaf)
     }
 }
@@ -75,13 +75,13 @@ pub(crate) struct Growth<'a> {
 
 impl Growth<'_> {
     /// The rows with a positive weight.
-    pub fn rows(&self) -> Vec<u32> {
+    pub(crate) fn rows(&self) -> Vec<u32> {
         let used = |row: &u32| self.weights[*row as usize] > 0.0;
         (0..self.samples.rows() as u32).filter(used).collect()
     }
 
     /// Whether counting suffices: each row has the impurity weight one or zero.
-    pub fn is_counted(&self) -> bool {
+    pub(crate) fn is_counted(&self) -> bool {
         self.impurity_weights.iter().all(|&weight| weight == 1.0 || weight == 0.0)
     }
 }
@@ -99,7 +99,7 @@ pub(super) struct Building<'a> {
 }
 
 impl<'a> Building<'a> {
-    pub fn new(growth: &'a Growth<'a>, rows: &[u32]) -> Self {
+    pub(crate) fn new(growth: &'a Growth<'a>, rows: &[u32]) -> Self {
         Building {
             tree: Tree::new(growth.samples.features(), growth.samples.classes()),
             total_weight: rows.iter().map(|&row| growth.impurity_weights[row as usize]).sum(),
@@ -109,7 +109,7 @@ impl<'a> Building<'a> {
     }
 
     /// Adds a leaf with its counts; [`Building::settle`] may make it an inner node.
-    pub fn add_node(&mut self, rows: &[u32], depth: usize, parent: Parent) -> usize {
+    pub(crate) fn add_node(&mut self, rows: &[u32], depth: usize, parent: Parent) -> usize {
         let growth = self.growth;
         let classes = self.tree.classes();
         let mut counts = vec![0; classes];
@@ -138,13 +138,13 @@ impl<'a> Building<'a> {
     }
 
     /// Whether to search a split of a node.
-    pub fn may_split(&self, node: usize, rows: usize) -> bool {
+    pub(crate) fn may_split(&self, node: usize, rows: usize) -> bool {
         let depth = self.tree.node_depth(node);
         self.growth.rules.may_split(rows, depth) && self.tree.impurity(node) > PURE
     }
 
     /// Writes the search result of a node into the tree; `None` leaves the node a leaf.
-    pub fn settle(
+    pub(crate) fn settle(
         &mut self,
         node: usize,
         best: Option<Candidate>,

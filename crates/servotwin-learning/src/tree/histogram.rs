@@ -33,7 +33,7 @@ pub(crate) struct Bins {
 impl Bins {
     /// Divides the values of `rows` into at most `max_bins` bins a feature (2 to 256), each with equally many distinct
     /// values. With more than [`ENOUGH`] rows, a random sample of them places the bins.
-    pub fn new(samples: &Samples, rows: &[u32], max_bins: usize) -> Self {
+    pub(crate) fn new(samples: &Samples, rows: &[u32], max_bins: usize) -> Self {
         let (features, counts, table, bounds) = (vec![], vec![], vec![], vec![]);
         let mut bins = Bins { rows: samples.rows(), max_bins, features, counts, table, bounds };
         let drawn = drawn(rows);
@@ -71,38 +71,38 @@ impl Bins {
     }
 
     /// Maximum number of bins of a column.
-    pub fn max_bins(&self) -> usize {
+    pub(crate) fn max_bins(&self) -> usize {
         self.max_bins
     }
 
     /// Number of binned columns.
-    pub fn columns(&self) -> usize {
+    pub(crate) fn columns(&self) -> usize {
         self.features.len()
     }
 
     /// The feature of a binned column.
-    pub fn feature(&self, column: usize) -> usize {
+    pub(crate) fn feature(&self, column: usize) -> usize {
         self.features[column]
     }
 
     /// Number of bins of a column, at least 2.
-    pub fn count(&self, column: usize) -> usize {
+    pub(crate) fn count(&self, column: usize) -> usize {
         self.counts[column]
     }
 
     /// The bins of all rows in a column, ascending with the feature's values.
-    pub fn column(&self, column: usize) -> &[u8] {
+    pub(crate) fn column(&self, column: usize) -> &[u8] {
         &self.table[column * self.rows..(column + 1) * self.rows]
     }
 
     /// The lowest and the highest value in each bin of a column.
-    pub fn bounds(&self, column: usize) -> &[(f64, f64)] {
+    pub(crate) fn bounds(&self, column: usize) -> &[(f64, f64)] {
         &self.bounds[column * self.max_bins..][..self.counts[column]]
     }
 
     /// Sums over `rows` in every bin of some columns. `parts` holds `width` numbers for each of these rows. `sums`
     /// receives `width` numbers for each of `max_bins` bins of each column.
-    pub fn sum_into(
+    pub(crate) fn sum_into(
         &self,
         columns: &[usize],
         rows: &[u32],

@@ -21,7 +21,7 @@ fn sortable_bits(value: f64) -> u64 {
 
 impl Presorted {
     /// Sorts every feature.
-    pub fn new(samples: &Samples) -> Self {
+    pub(crate) fn new(samples: &Samples) -> Self {
         let rows = samples.rows();
         let mut order = Vec::with_capacity(rows * samples.features());
         let mut keys: Vec<(u64, u32)> = Vec::with_capacity(rows);
@@ -36,7 +36,7 @@ impl Presorted {
     }
 
     /// Sorts every feature and ranks the rows, for trees that draw features at each split.
-    pub fn with_ranks(samples: &Samples) -> Self {
+    pub(crate) fn with_ranks(samples: &Samples) -> Self {
         let mut sorted = Presorted::new(samples);
         sorted.rank.resize(sorted.order.len(), 0);
         for feature in 0..samples.features() {
@@ -55,12 +55,12 @@ impl Presorted {
     }
 
     /// The rows in ascending order of a feature.
-    pub fn order(&self, feature: usize) -> &[u32] {
+    pub(crate) fn order(&self, feature: usize) -> &[u32] {
         &self.order[feature * self.rows..(feature + 1) * self.rows]
     }
 
     /// The ranks of all rows in a feature; only after [`Presorted::with_ranks`].
-    pub fn rank(&self, feature: usize) -> &[u32] {
+    pub(crate) fn rank(&self, feature: usize) -> &[u32] {
         &self.rank[feature * self.rows..(feature + 1) * self.rows]
     }
 }

@@ -14,7 +14,7 @@ pub(crate) struct SplitLimits {
 }
 
 impl SplitLimits {
-    pub fn allow(self, threshold: f64, gap: f64) -> bool {
+    pub(crate) fn allow(self, threshold: f64, gap: f64) -> bool {
         gap >= self.gap && libm::fabs(threshold) >= self.magnitude
     }
 
@@ -45,13 +45,13 @@ const SAME_SCORE: f64 = 1e-12;
 
 impl Candidate {
     /// The smallest score that counts as equally good.
-    pub fn worth(&self) -> f64 {
+    pub(crate) fn worth(&self) -> f64 {
         self.score - SAME_SCORE * libm::fabs(self.score)
     }
 
     /// A higher score wins. Between equal scores the wider margin wins, because unseen rows most likely respect a
     /// threshold in a wide gap. The lower feature breaks the remaining ties.
-    pub fn beats(&self, other: &Option<Candidate>) -> bool {
+    pub(crate) fn beats(&self, other: &Option<Candidate>) -> bool {
         other.as_ref().is_none_or(|other| {
             let nearly = SAME_SCORE * libm::fabs(other.score);
             let same = libm::fabs(self.score - other.score) <= nearly;

@@ -26,7 +26,7 @@ impl FmeaCell {
 }
 
 /// A share with its count and its 95 % interval.
-pub fn rate_in_words(rate: &Rate) -> String {
+pub(crate) fn rate_in_words(rate: &Rate) -> String {
     let percent = |share: f64| format!("{:.1}", 100.0 * share);
     match rate.share {
         None => "no run".into(),
@@ -42,7 +42,7 @@ pub fn rate_in_words(rate: &Rate) -> String {
 }
 
 /// The smallest and the largest of some numbers in one text, with a unit.
-pub fn span_in_words(values: impl Iterator<Item = f64>, unit: &str) -> Option<String> {
+pub(crate) fn span_in_words(values: impl Iterator<Item = f64>, unit: &str) -> Option<String> {
     let mut ends: Option<(f64, f64)> = None;
     for value in values.filter(|value| value.is_finite()) {
         let (low, high) = ends.unwrap_or((value, value));

@@ -397,6 +397,6 @@ pub(super) fn coverage(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell
 }
 
 /// The diagnostic coverage of a fault as a number.
-pub fn coverage_share(sources: &FmeaSources, subject: &FmeaSubject) -> Option<f64> {
+pub(crate) fn coverage_share(sources: &FmeaSources, subject: &FmeaSubject) -> Option<f64> {
     RightActions::of(sources, subject).ok().map(|right| right.coverage())
 }

@@ -35,7 +35,7 @@ pub struct FmeaSubject<'s> {
 
 impl<'s> FmeaSubject<'s> {
     /// The row of a fault.
-    pub fn of(study: &'s Study, fault: &'s ListedFault) -> Self {
+    pub(crate) fn of(study: &'s Study, fault: &'s ListedFault) -> Self {
         let case = study.faults.iter().find(|case| case.id == fault.id);
         FmeaSubject { fault, case, kind: kind_of(study, &fault.id) }
     }
@@ -104,7 +104,7 @@ pub struct FmeaRow {
 
 /// Fills the rows of all faults of the system: first those that the study lists, then the others, both in the order of
 /// the components.
-pub fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
+pub(crate) fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
     let study = sources.study;
     let list = study.system.fault_list();
     let row = |fault: &ListedFault| {
@@ -129,13 +129,13 @@ pub(super) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> 
 }
 
 /// A fault's name without its actuator.
-pub fn kind_of(study: &Study, fault: &str) -> String {
+pub(crate) fn kind_of(study: &Study, fault: &str) -> String {
     let own =
         actuator_of(study, fault).and_then(|unit| fault.strip_prefix(unit)?.strip_prefix('.'));
     own.unwrap_or(fault).to_owned()
 }
 
 /// What a cell shows for a fault that no class of the study lists.
-pub fn not_in_study(what: &str) -> FmeaCell {
+pub(crate) fn not_in_study(what: &str) -> FmeaCell {
     FmeaCell::missing(what, "no class of the study lists this fault")
 }

@@ -20,11 +20,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The file of the flights.
-pub const FILE: &str = "fmea-flights.csv";
+pub(crate) const FILE: &str = "fmea-flights.csv";
 
 /// How every fault is flown.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FlightPlan {
+pub(crate) struct FlightPlan {
     /// Intensities of each fault.
     pub intensities: Vec<f64>,
     /// When the fault begins, s.
@@ -36,7 +36,7 @@ pub struct FlightPlan {
 impl FlightPlan {
     /// Half and full intensity, in flights as the study judges them: of their length, with an onset in the middle of
     /// their range.
-    pub fn of(study: &Study) -> Self {
+    pub(crate) fn of(study: &Study) -> Self {
         let (duration_s, onset_s) = match &study.flights {
             Some(flights) => (flights.duration_s, flights.onset_s.iter().sum::<f64>() / 2.0),
             // The flight of `servotwin fly`.
@@ -134,7 +134,7 @@ fn numbers(flown: &FlownFault) -> [f64; 14] {
 
 impl FmeaFlights {
     /// The rows of a fault, with their numbers in the file from 1.
-    pub fn of(&self, fault: &str) -> Vec<(usize, &FlownFault)> {
+    pub(crate) fn of(&self, fault: &str) -> Vec<(usize, &FlownFault)> {
         let numbered = self.list.iter().enumerate().map(|(place, flown)| (place + 1, flown));
         let own =
             |(_, flown): &(usize, &FlownFault)| flown.fault == fault && flown.failure.is_empty();
@@ -142,7 +142,7 @@ impl FmeaFlights {
     }
 
     /// The healthy flight.
-    pub fn healthy(&self) -> Option<&FlownFault> {
+    pub(crate) fn healthy(&self) -> Option<&FlownFault> {
         self.list.first().filter(|flown| flown.intensity == 0.0)
     }
 
@@ -150,7 +150,7 @@ impl FmeaFlights {
     ///
     /// # Errors
     /// The file is damaged.
-    pub fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
+    pub(crate) fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
         let path = results.artefact(FILE);
         if !path.exists() {
             return Ok(None);
@@ -170,7 +170,7 @@ impl FmeaFlights {
     }
 
     /// Whether all of these faults were flown, or tried.
-    pub fn covers(&self, faults: &[String]) -> bool {
+    pub(crate) fn covers(&self, faults: &[String]) -> bool {
         faults.iter().all(|fault| self.list.iter().any(|flown| flown.fault == *fault))
     }
 
@@ -178,7 +178,7 @@ impl FmeaFlights {
     ///
     /// # Errors
     /// Nothing flies in the scenario; there is no diagnoser; the healthy flight cannot be simulated; the file cannot be written.
-    pub fn fly(
+    pub(crate) fn fly(
         results: &StudyResultsFolder,
         plan: &FlightPlan,
         faults: &[String],
@@ -441,7 +441,7 @@ fn pistons(study: &Study) -> Vec<(String, Slot)> {
 
 impl FlownFault {
     /// Number of actuators that were switched off.
-    pub fn lane_count(&self) -> usize {
+    pub(crate) fn lane_count(&self) -> usize {
         self.lanes_off.split_whitespace().count()
     }
 

@@ -36,7 +36,7 @@ pub fn check(path: &Path) -> Result<(), SafetyError> {
 ///
 /// # Errors
 /// The file cannot be read, or is no table.
-pub fn read(path: &Path) -> Result<Texts, SafetyError> {
+pub(crate) fn read(path: &Path) -> Result<Texts, SafetyError> {
     match format_of(path)? {
         SheetFormat::Csv => Ok(texts::read(path)?),
         SheetFormat::Xlsx => xlsx::read(path),
@@ -58,11 +58,11 @@ pub fn write(path: &Path, sheet: &FmeaSheet) -> Result<(), SafetyError> {
 mod xlsx {
     use super::{FmeaSheet, Path, SafetyError, Texts};
 
-    pub fn read(path: &Path) -> Result<Texts, SafetyError> {
+    pub(crate) fn read(path: &Path) -> Result<Texts, SafetyError> {
         Err(SafetyError::Feature { path: path.into() })
     }
 
-    pub fn write(path: &Path, _: &FmeaSheet) -> Result<(), SafetyError> {
+    pub(crate) fn write(path: &Path, _: &FmeaSheet) -> Result<(), SafetyError> {
         Err(SafetyError::Feature { path: path.into() })
     }
 }
@@ -85,7 +85,7 @@ mod xlsx {
     /// The name of the sheet.
     const NAME: &str = "FMEA";
 
-    pub fn write(path: &Path, sheet: &FmeaSheet) -> Result<(), SafetyError> {
+    pub(crate) fn write(path: &Path, sheet: &FmeaSheet) -> Result<(), SafetyError> {
         let wrong =
             |error: XlsxError| SafetyError::Xlsx { path: path.into(), problem: error.to_string() };
         let bytes = workbook(sheet).map_err(wrong)?;
@@ -129,7 +129,7 @@ mod xlsx {
         workbook.save_to_buffer()
     }
 
-    pub fn read(path: &Path) -> Result<Texts, SafetyError> {
+    pub(crate) fn read(path: &Path) -> Result<Texts, SafetyError> {
         let wrong = |problem: String| SafetyError::Xlsx { path: path.into(), problem };
         let bytes = read_bytes(path)?;
         let mut workbook: Xlsx<_> = open_workbook_from_rs(Cursor::new(bytes))

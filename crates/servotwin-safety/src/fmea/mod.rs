@@ -12,9 +12,9 @@ mod declared;
 mod diagnosis;
 mod effects;
 pub mod fields;
-pub mod flights;
+pub(crate) mod flights;
 pub mod format;
-pub mod residuals;
+pub(crate) mod residuals;
 pub mod severity;
 pub mod sheet;
 
@@ -41,7 +41,7 @@ pub enum FlyFaults {
 }
 
 /// The names that rates of a system may have: all of its faults.
-pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
+pub(crate) fn rated_faults(study: &Study) -> Vec<RatedFault> {
     let names = study.system.all_faults().into_iter();
     names.map(|id| RatedFault { kind: fields::kind_of(study, &id), id }).collect()
 }

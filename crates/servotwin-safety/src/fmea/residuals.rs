@@ -7,11 +7,11 @@ use servotwin_diagnosis::residual::BAND;
 use std::collections::BTreeMap;
 
 /// The least intensity of a strong fault, whose residuals the sheet names.
-pub const STRONG: f64 = 0.5;
+pub(crate) const STRONG: f64 = 0.5;
 
 /// A run with a fault.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FaultRun {
+pub(crate) struct FaultRun {
     /// The row of the data set, from 1.
     pub row: usize,
     /// The nominal intensity.
@@ -36,7 +36,7 @@ pub struct ResidualRuns {
 
 /// A sensor whose residual a fault moves.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MovedResidual {
+pub(crate) struct MovedResidual {
     /// The sensor's label.
     pub sensor: String,
     /// The median of the largest residual, in parts of scale.
@@ -50,7 +50,7 @@ impl ResidualRuns {
     ///
     /// # Errors
     /// The data set is damaged.
-    pub fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
+    pub(crate) fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
         let Some(table) = read_residual_columns(&results.folder, results.scenario)? else {
             return Ok(None);
         };
@@ -75,12 +75,12 @@ impl ResidualRuns {
     }
 
     /// The runs of a fault that were simulated to their end.
-    pub fn of(&self, fault: &str) -> &[FaultRun] {
+    pub(crate) fn of(&self, fault: &str) -> &[FaultRun] {
         self.runs.get(fault).map_or(&[], Vec::as_slice)
     }
 
     /// The strong runs of a fault.
-    pub fn strong(&self, fault: &str) -> Vec<&FaultRun> {
+    pub(crate) fn strong(&self, fault: &str) -> Vec<&FaultRun> {
         self.of(fault).iter().filter(|run| run.grade >= STRONG - 1e-9).collect()
     }
 
@@ -89,7 +89,7 @@ impl ResidualRuns {
     }
 
     /// The sensors whose residual leaves its band in at least half of a fault's strong runs, the farthest first.
-    pub fn moved(&self, fault: &str) -> Vec<MovedResidual> {
+    pub(crate) fn moved(&self, fault: &str) -> Vec<MovedResidual> {
         let strong = self.strong(fault);
         let of_sensor = |sensor: usize| {
             let beyond = strong.iter().filter(|run| self.is_beyond(run, sensor)).count();

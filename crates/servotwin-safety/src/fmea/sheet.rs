@@ -19,24 +19,24 @@ use servotwin::table::{Column, Table};
 use std::path::Path;
 
 /// The key of a row.
-pub const FAULT: &str = "fault";
+pub(crate) const FAULT: &str = "fault";
 /// Whether a person's cells still fit the evidence.
 pub const STATUS: &str = "status";
 /// The fields that a person filled in.
-pub const PERSON: &str = "filled_by_person";
+pub(crate) const PERSON: &str = "filled_by_person";
 /// What the row was made of.
-pub const BASIS: &str = "basis";
+pub(crate) const BASIS: &str = "basis";
 /// Hashes of the generated cells.
 pub const SEAL: &str = "seal";
 /// The start of the columns with evidence.
-pub const EVIDENCE: &str = "evidence: ";
+pub(crate) const EVIDENCE: &str = "evidence: ";
 
 /// The version of the seal: it changes with [`FIELDS`] and with what is hashed.
 const SEAL_VERSION: &str = "3";
 /// Digits of a hash in a seal.
 const SEAL_DIGITS: usize = 6;
 /// What a person writes into the status to accept a row for the present evidence.
-pub const CONFIRMED: &str = "confirmed";
+pub(crate) const CONFIRMED: &str = "confirmed";
 
 /// A row of the sheet.
 #[derive(Debug, Clone, PartialEq)]
@@ -178,7 +178,7 @@ impl FmeaSheet {
     ///
     /// # Errors
     /// Two columns have the same name.
-    pub fn table(&self) -> Result<Table, SafetyError> {
+    pub(crate) fn table(&self) -> Result<Table, SafetyError> {
         let rows: Vec<Vec<String>> = self.rows.iter().map(SheetRow::cells).collect();
         let column = |(place, name): (usize, String)| {
             let texts: Vec<String> = rows.iter().map(|row| row[place].clone()).collect();

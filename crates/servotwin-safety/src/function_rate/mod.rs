@@ -41,7 +41,7 @@ const STEP: f64 = 1.01;
 /// Who notices faults.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Monitoring {
+pub(crate) enum Monitoring {
     /// The hybrid twin.
     Twin,
     /// A comparison of two lanes.

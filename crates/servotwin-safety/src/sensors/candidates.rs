@@ -13,7 +13,7 @@ use std::path::Path;
 const COLUMNS: [&str; 3] = ["sensor", "cost", "source"];
 
 /// The most sensors that a search may leave out: it judges every set of them.
-pub const MAX_FREE: usize = 8;
+pub(crate) const MAX_FREE: usize = 8;
 
 /// A set of candidates: bit `i` stands for candidate `i`.
 pub type SensorMask = u64;
@@ -46,7 +46,7 @@ impl Candidates {
     ///
     /// # Errors
     /// `keep` names no sensor; more than [`MAX_FREE`] sensors may be left out; the table of costs is wrong.
-    pub fn new(
+    pub(crate) fn new(
         study: &Study,
         extra: bool,
         keep: &[String],
@@ -82,7 +82,7 @@ impl Candidates {
     ///
     /// # Errors
     /// There is none of this name; the message lists all.
-    pub fn place(&self, id: &str) -> Result<usize, String> {
+    pub(crate) fn place(&self, id: &str) -> Result<usize, String> {
         place_of(&self.list, id)
     }
 
@@ -97,17 +97,17 @@ impl Candidates {
     }
 
     /// Whether a set holds all sensors that control needs, and those that are kept.
-    pub fn keeps_control(&self, set: SensorMask) -> bool {
+    pub(crate) fn keeps_control(&self, set: SensorMask) -> bool {
         set & self.needed == self.needed
     }
 
     /// The cost of a set.
-    pub fn cost(&self, set: SensorMask) -> f64 {
+    pub(crate) fn cost(&self, set: SensorMask) -> f64 {
         self.within(set).map(|sensor| self.list[sensor].cost).sum()
     }
 
     /// The candidates in a set, as indices.
-    pub fn within(&self, set: SensorMask) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn within(&self, set: SensorMask) -> impl Iterator<Item = usize> + '_ {
         (0..self.list.len()).filter(move |sensor| set >> sensor & 1 == 1)
     }
 
@@ -118,7 +118,7 @@ impl Candidates {
 
     /// Every set that is judged: all that hold the needed sensors, and the system's own sensors without each single
     /// one.
-    pub fn sets(&self) -> Vec<SensorMask> {
+    pub(crate) fn sets(&self) -> Vec<SensorMask> {
         let free = self.all() & !self.needed;
         let mut sets = vec![self.needed];
         let mut part: SensorMask = free;

@@ -17,11 +17,11 @@ use servotwin_learning::classifiers::{Fit, Settings};
 use servotwin_learning::metrics::Rate;
 
 /// The sizes of groups to which a fault is isolated.
-pub const GROUPS: usize = 3;
+pub(crate) const GROUPS: usize = 3;
 
 /// The answer of the trees to a judged fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FaultAnswer {
+pub(crate) struct FaultAnswer {
     /// The row of the data set.
     pub row: usize,
     /// Whether a residual of a kept sensor leaves its band.
@@ -53,7 +53,7 @@ pub struct SensorRates {
 ///
 /// # Errors
 /// Training fails.
-pub fn answers(
+pub(crate) fn answers(
     runs: &SensorRuns,
     candidates: &Candidates,
     set: SensorMask,
@@ -68,7 +68,7 @@ pub fn answers(
 }
 
 /// Counts the answers of a set.
-pub fn rates(runs: &SensorRuns, set: SensorMask, answers: &[FaultAnswer]) -> SensorRates {
+pub(crate) fn rates(runs: &SensorRuns, set: SensorMask, answers: &[FaultAnswer]) -> SensorRates {
     let data = &runs.data;
     let label = |answer: &FaultAnswer| data.examples.labels()[answer.row];
     let rate_of = |holds: &dyn Fn(&FaultAnswer) -> bool| {

@@ -12,11 +12,11 @@
 //! what its residual is worth to the diagnosis. Every upgrade is one more set of runs, on which the same sets are judged.
 
 pub mod candidates;
-pub mod judged;
+pub(crate) mod judged;
 pub mod runs;
-pub mod structure;
-pub mod upgrades;
-pub mod written;
+pub(crate) mod structure;
+pub(crate) mod upgrades;
+pub(crate) mod written;
 
 use crate::error::SafetyError;
 use crate::results::StudyResultsFolder;
@@ -82,7 +82,7 @@ pub struct FaultPair {
 
 impl FaultPair {
     /// Why the first fault is taken for the second.
-    pub fn verdict(&self) -> &'static str {
+    pub(crate) fn verdict(&self) -> &'static str {
         match self.confused {
             0 => "alike, not confused",
             _ if 2 * self.confused_alike >= self.confused => "impossible with these sensors",

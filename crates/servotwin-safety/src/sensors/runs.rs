@@ -13,7 +13,7 @@ use servotwin_learning::classifiers::Settings;
 
 /// A kind of fault in an actuator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct FaultClass {
+pub(crate) struct FaultClass {
     /// Index in the data set's kinds.
     pub kind: u32,
     /// The actuator.
@@ -43,7 +43,7 @@ pub struct SensorRuns {
 
 impl SensorRuns {
     /// Whether the scenario of the results has runs with the study's extra sensor.
-    pub fn have_extra(results: &StudyResultsFolder) -> bool {
+    pub(crate) fn have_extra(results: &StudyResultsFolder) -> bool {
         results.study.extra_sensor.is_some()
             && subject(results, true).scenario() == results.scenario
     }
@@ -88,30 +88,30 @@ impl SensorRuns {
     }
 
     /// The judged rows with a fault.
-    pub fn faults(&self) -> Vec<usize> {
+    pub(crate) fn faults(&self) -> Vec<usize> {
         self.data.faults()
     }
 
     /// The judged rows without a fault.
-    pub fn healthy(&self) -> Vec<usize> {
+    pub(crate) fn healthy(&self) -> Vec<usize> {
         self.data.rows_where(Purpose::Test, |row| row.is_healthy)
     }
 
     /// The candidates whose residual leaves its band in a row.
-    pub fn beyond(&self, row: usize) -> SensorMask {
+    pub(crate) fn beyond(&self, row: usize) -> SensorMask {
         let sizes = self.data.rows[row].largest.iter().zip(&self.bands).enumerate();
         sizes.fold(0, |mask, (place, (size, band))| mask | u64::from(size > band) << place)
     }
 
     /// The columns that can be computed with a set of sensors.
-    pub fn columns_of(&self, candidates: &Candidates, set: SensorMask) -> Vec<usize> {
+    pub(crate) fn columns_of(&self, candidates: &Candidates, set: SensorMask) -> Vec<usize> {
         let kept: Vec<usize> = candidates.within(set).collect();
         let left = features_left(&self.sensors, &kept);
         (0..self.columns.len()).filter(|&column| left.contains(&self.columns[column])).collect()
     }
 
     /// The name of a fault.
-    pub fn fault_name(&self, class: FaultClass) -> String {
+    pub(crate) fn fault_name(&self, class: FaultClass) -> String {
         let kind = &self.data.kinds[class.kind as usize];
         match self.data.examples.names().actuators[class.actuator as usize].as_str() {
             "" => kind.clone(),
@@ -120,7 +120,7 @@ impl SensorRuns {
     }
 
     /// The fault of a row.
-    pub fn class(&self, row: usize) -> FaultClass {
+    pub(crate) fn class(&self, row: usize) -> FaultClass {
         let actuator = self.data.examples.labels()[row].actuator;
         FaultClass { kind: self.data.rows[row].kind, actuator }
     }

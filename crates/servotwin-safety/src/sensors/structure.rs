@@ -14,7 +14,7 @@
 //! of a segment between two runs has ((1 − t)² + t²) times that. So the test in a space of m dimensions is
 //!
 //! ```text
-//! d² / (1 + (1 − t)² + t²) ≤ χ²(m) at LEVEL                                      (2)
+//! d² / (1 + (1 − t)² + t²) ≤ χ²(m) at 95 %                                      (2)
 //! ```
 //!
 //! It is made in the whole space, and in the plane of the two faults' strongest runs, where it has the most power.
@@ -32,10 +32,7 @@ use super::runs::{FaultClass, SensorRuns};
 use servotwin::fit::linear::Symmetric;
 use std::collections::BTreeMap;
 
-/// The share of runs that look alike and are found to do so.
-pub const LEVEL: f64 = 0.95;
-
-/// The quantile of the normal distribution at [`LEVEL`].
+/// The 95 % quantile of the normal distribution.
 const NORMAL_QUANTILE: f64 = 1.644_853_627;
 
 /// The feature families of mean, deviation and gain.
@@ -49,20 +46,20 @@ const LEAST_PART: f64 = 1e-12;
 
 /// For every judged fault, the faults within whose noise it is.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Isolability {
+pub(crate) struct Isolability {
     /// For each of [`SensorRuns::faults`], the other faults that look like it, ascending.
     pub alike: Vec<Vec<FaultClass>>,
 }
 
 impl Isolability {
     /// Whether a group of at most `size` faults holds all that look like a run.
-    pub fn is_isolable(&self, run: usize, size: usize) -> bool {
+    pub(crate) fn is_isolable(&self, run: usize, size: usize) -> bool {
         self.alike[run].len() < size
     }
 }
 
 /// Compares every judged fault with all others; `None` without enough healthy specimens.
-pub fn isolability(
+pub(crate) fn isolability(
     runs: &SensorRuns,
     candidates: &Candidates,
     set: SensorMask,
@@ -81,7 +78,7 @@ fn residual_columns(runs: &SensorRuns, candidates: &Candidates, set: SensorMask)
     columns
 }
 
-/// The value of χ² that noise in so many dimensions exceeds with the probability 1 − [`LEVEL`].
+/// The value of χ² that noise in so many dimensions exceeds with the probability 5 %.
 fn chi_squared(dimensions: usize) -> f64 {
     let (m, part) = (dimensions as f64, 2.0 / (9.0 * dimensions as f64));
     m * (1.0 - part + NORMAL_QUANTILE * part.sqrt()).powi(3)

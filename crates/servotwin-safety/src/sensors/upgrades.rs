@@ -34,7 +34,7 @@ impl SensorUpgrade {
     ///
     /// # Errors
     /// A sensor or parameter does not exist; a value or a cost is out of range; a source is missing.
-    pub fn read(
+    pub(crate) fn read(
         path: &Path,
         study: &Study,
         candidates: &Candidates,
@@ -60,7 +60,7 @@ impl SensorUpgrade {
     }
 
     /// The candidates with the costs of the upgrade.
-    pub fn priced(&self, candidates: &Candidates) -> Candidates {
+    pub(crate) fn priced(&self, candidates: &Candidates) -> Candidates {
         let mut priced = candidates.clone();
         for (sensor, _, cost) in &self.changes {
             priced.list[*sensor].cost += cost;
@@ -73,7 +73,7 @@ impl SensorUpgrade {
     ///
     /// # Errors
     /// The system file cannot hold a parameter; a file cannot be written; the caller stopped the work.
-    pub fn simulated(
+    pub(crate) fn simulated(
         &self,
         results: &StudyResultsFolder,
         crew: &Crew,

@@ -144,7 +144,7 @@ impl DecisionDiagram {
     }
 
     /// The number of nodes, those of intermediate gates included.
-    pub fn size(&self) -> usize {
+    pub(crate) fn size(&self) -> usize {
         self.nodes.list.len()
     }
 

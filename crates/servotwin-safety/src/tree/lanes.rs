@@ -31,7 +31,7 @@ use servotwin::study::Study;
 use servotwin::text::spoken;
 
 /// The joint confidence of all counted intervals together.
-pub const CONFIDENCE: f64 = 0.95;
+pub(crate) const CONFIDENCE: f64 = 0.95;
 
 /// A number that basic events share.
 #[derive(Debug, Clone, PartialEq)]

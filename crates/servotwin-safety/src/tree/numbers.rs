@@ -28,7 +28,7 @@ impl ExposureHours {
     ///
     /// # Errors
     /// The first number outside of its range.
-    pub fn checked(self) -> Result<Self, SafetyError> {
+    pub(crate) fn checked(self) -> Result<Self, SafetyError> {
         let ExposureHours { flight_h, repair_h, check_h } = self;
         let wrong = |name, given, range| Err(SafetyError::Hours { name, given, range });
         match () {
@@ -72,7 +72,7 @@ impl BandEnd {
     pub const ALL: [BandEnd; 3] = [BandEnd::Point, BandEnd::Low, BandEnd::High];
 
     /// The value at this end.
-    pub fn of(self, value: CountedValue) -> f64 {
+    pub(crate) fn of(self, value: CountedValue) -> f64 {
         match self {
             BandEnd::Point => value.point,
             BandEnd::Low => value.low,
@@ -81,7 +81,7 @@ impl BandEnd {
     }
 
     /// The end of a file's name.
-    pub fn suffix(self) -> &'static str {
+    pub(crate) fn suffix(self) -> &'static str {
         match self {
             BandEnd::Point => "",
             BandEnd::Low => "-low",

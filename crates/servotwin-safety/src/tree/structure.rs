@@ -94,7 +94,7 @@ impl FaultTree {
     }
 
     /// Adds a gate. A gate of one input is that input; one of none never happens and is `None`.
-    pub fn gate(
+    pub(crate) fn gate(
         &mut self,
         kind: GateKind,
         id: &str,
@@ -137,7 +137,7 @@ impl FaultTree {
     }
 
     /// The basic events below an input, ascending.
-    pub fn events_below(&self, input: TreeInput) -> Vec<usize> {
+    pub(crate) fn events_below(&self, input: TreeInput) -> Vec<usize> {
         let (mut found, mut seen) = (vec![false; self.events.len()], vec![false; self.gates.len()]);
         let mut open = vec![input];
         while let Some(next) = open.pop() {

@@ -12,7 +12,7 @@ const PARTS: usize = 3;
 const THIRD_OF_NORMAL: f64 = 0.430_727;
 
 /// The confidence of the bounds.
-pub const CONFIDENCE: f64 = 0.95;
+pub(crate) const CONFIDENCE: f64 = 0.95;
 
 /// A part of the range of one dimension, or one choice.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,7 +32,7 @@ pub struct EnvelopeCell {
 }
 
 /// The cells of a space.
-pub fn cells(
+pub(crate) fn cells(
     space: &SearchSpace,
     searched: &[&SearchRow],
     random: &[&SearchRow],
@@ -60,7 +60,7 @@ pub fn cells(
 
 /// How many joint cells there are, and how many of them have a flight: the command, and the lower or upper half of each
 /// range of the environment.
-pub fn joint_cells(space: &SearchSpace, rows: &[&SearchRow]) -> (f64, usize) {
+pub(crate) fn joint_cells(space: &SearchSpace, rows: &[&SearchRow]) -> (f64, usize) {
     let command = space.dimensions.iter().position(|dimension| dimension.name == "command");
     let ranges: Vec<usize> = space.environment().map(|(place, _)| place).collect();
     let commands = command.map_or(1, |place| space.dimensions[place].choices.len());
@@ -75,7 +75,7 @@ pub fn joint_cells(space: &SearchSpace, rows: &[&SearchRow]) -> (f64, usize) {
 }
 
 /// Whether a flight was simulated to the end.
-pub fn is_flown(row: &SearchRow) -> bool {
+pub(crate) fn is_flown(row: &SearchRow) -> bool {
     !row.outcome.margin.is_nan()
 }
 

@@ -14,7 +14,7 @@ use std::path::Path;
 
 /// How a point was drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
+pub(crate) enum Method {
     /// By the cross-entropy search.
     Search,
     /// From the distributions of the study, unbiased.
@@ -23,10 +23,10 @@ pub enum Method {
 
 impl Method {
     /// Both, in the order of flying.
-    pub const ALL: [Method; 2] = [Method::Search, Method::Random];
+    pub(crate) const ALL: [Method; 2] = [Method::Search, Method::Random];
 
     /// The name in files.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Method::Search => "search",
             Method::Random => "random",
@@ -36,7 +36,7 @@ impl Method {
 
 /// A flight of a search.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SearchRow {
+pub(crate) struct SearchRow {
     /// How its point was drawn.
     pub method: Method,
     /// Its number in objective and method, from 1.
@@ -49,7 +49,7 @@ pub struct SearchRow {
 
 /// What all flights of a file have in common.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SearchBasis {
+pub(crate) struct SearchBasis {
     /// System, study and models as hashes.
     pub evidence: String,
     /// The scenario.
@@ -60,7 +60,7 @@ pub struct SearchBasis {
 
 /// The flights of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SearchLog {
+pub(crate) struct SearchLog {
     /// What they have in common.
     pub basis: SearchBasis,
     /// The flights in the order of flying.
@@ -72,7 +72,7 @@ impl SearchLog {
     ///
     /// # Errors
     /// The file is damaged.
-    pub fn read(path: &Path, basis: SearchBasis) -> Result<Self, SafetyError> {
+    pub(crate) fn read(path: &Path, basis: SearchBasis) -> Result<Self, SafetyError> {
         let mut rows = vec![];
         if path.exists() {
             let table = texts::read(path)?;
@@ -105,7 +105,7 @@ impl SearchLog {
     }
 
     /// The stored outcome of a point.
-    pub fn outcome(
+    pub(crate) fn outcome(
         &self,
         (objective, method, run): (SearchObjective, Method, usize),
         point: &SearchPoint,
@@ -118,7 +118,7 @@ impl SearchLog {
     }
 
     /// Takes a flight; one with the same number is replaced.
-    pub fn push(&mut self, row: SearchRow) {
+    pub(crate) fn push(&mut self, row: SearchRow) {
         let key = |row: &SearchRow| (row.line.objective, row.method, row.run);
         match self.rows.iter_mut().find(|known| key(known) == key(&row)) {
             Some(known) => *known = row,
@@ -127,7 +127,7 @@ impl SearchLog {
     }
 
     /// The flights of an objective and a method.
-    pub fn of(
+    pub(crate) fn of(
         &self,
         objective: SearchObjective,
         method: Method,
@@ -139,7 +139,7 @@ impl SearchLog {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write<'p>(
+    pub(crate) fn write<'p>(
         &self,
         path: &Path,
         space: impl Fn(SearchObjective) -> Result<&'p SearchSpace, SearchError>,

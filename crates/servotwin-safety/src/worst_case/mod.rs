@@ -5,9 +5,9 @@
 //! - [`envelope`]: what was not searched
 //! - [`summary`]: the findings, the comparison with random flights, and the figure
 
-pub mod envelope;
+pub(crate) mod envelope;
 pub mod finding_line;
-pub mod log;
+pub(crate) mod log;
 pub mod summary;
 
 use crate::error::SafetyError;
@@ -31,7 +31,7 @@ use std::sync::Arc;
 use summary::ObjectiveSummary;
 
 /// The file of all flights.
-pub const FILE: &str = "worst-case.csv";
+pub(crate) const FILE: &str = "worst-case.csv";
 
 /// The largest number of flights of each method: their points have numbers of their own.
 pub const MAX_RUNS: usize = MAX_POINTS / 2;

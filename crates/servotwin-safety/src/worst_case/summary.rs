@@ -82,7 +82,7 @@ impl ObjectiveSummary {
     ///
     /// # Errors
     /// The command of a finding cannot be read.
-    pub fn new(
+    pub(crate) fn new(
         study: &Study,
         space: &SearchSpace,
         log: &SearchLog,
@@ -109,7 +109,7 @@ impl ObjectiveSummary {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn draw(
+    pub(crate) fn draw(
         &self,
         results: &StudyResultsFolder,
         log: &SearchLog,
@@ -209,7 +209,7 @@ fn held_fixed(study: &Study, space: &SearchSpace) -> Vec<String> {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_cells(
+pub(crate) fn write_cells(
     results: &StudyResultsFolder,
     summaries: &[ObjectiveSummary],
 ) -> Result<PathBuf, SafetyError> {

@@ -24,7 +24,7 @@ use servotwin_io::nearest::nearest;
 use std::path::Path;
 
 /// The format of map files that this version reads.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 /// How columns of a log become signals of a system.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,7 +129,7 @@ impl Map {
     }
 
     /// The number of inputs; the following channels are sensors.
-    pub fn inputs(&self) -> usize {
+    pub(crate) fn inputs(&self) -> usize {
         self.inputs
     }
 
@@ -153,7 +153,7 @@ impl Map {
     }
 
     /// The time column and its unit in s; 1 for dates. `None` where rows have a fixed rate.
-    pub fn time_column(&self) -> Option<(&str, f64)> {
+    pub(crate) fn time_column(&self) -> Option<(&str, f64)> {
         match self.time {
             Time::Column { place, unit_s, .. } => Some((&self.wanted.names[place], unit_s)),
             Time::Rate { .. } => None,
@@ -161,7 +161,7 @@ impl Map {
     }
 
     /// Converts a row to a sample; `rows` counts the earlier rows.
-    pub fn sample(&self, row: &LogRow, rows: u64) -> Stamped {
+    pub(crate) fn sample(&self, row: &LogRow, rows: u64) -> Stamped {
         let time_s = self.time_s(row, rows);
         let value = |channel: &Channel| match channel.from {
             Origin::Column { place, factor, offset } => in_si(row.values[place], factor, offset),
@@ -171,25 +171,25 @@ impl Map {
     }
 
     /// The first value outside its physical range.
-    pub fn impossible(&self, sample: &Stamped) -> Option<(&str, f64)> {
+    pub(crate) fn impossible(&self, sample: &Stamped) -> Option<(&str, f64)> {
         let values = sample.values.iter().enumerate();
         let mut outside = values.filter(|(n, value)| !value.is_nan() && !self.can_be(*n, **value));
         outside.next().map(|(channel, value)| (self.id(channel), *value))
     }
 
     /// Whether a value lies in the physical range of its channel.
-    pub fn can_be(&self, channel: usize, value: f64) -> bool {
+    pub(crate) fn can_be(&self, channel: usize, value: f64) -> bool {
         let (low, high) = self.possible(channel);
         (low..=high).contains(&value)
     }
 
     /// Whether a column of the log supplies a channel.
-    pub fn is_column(&self, channel: usize) -> bool {
+    pub(crate) fn is_column(&self, channel: usize) -> bool {
         matches!(self.channels[channel].from, Origin::Column { .. })
     }
 
     /// The constant that the map or the system gives a channel.
-    pub fn constant(&self, channel: usize) -> Option<f64> {
+    pub(crate) fn constant(&self, channel: usize) -> Option<f64> {
         match self.channels[channel].from {
             Origin::Value(value) | Origin::Default(value) => Some(value),
             _ => None,
@@ -197,22 +197,22 @@ impl Map {
     }
 
     /// How long a value of a channel replaces missing values after it, s.
-    pub fn hold_s(&self, channel: usize) -> f64 {
+    pub(crate) fn hold_s(&self, channel: usize) -> f64 {
         self.channels[channel].hold_s
     }
 
     /// Whether a channel has values at all.
-    pub fn is_known(&self, channel: usize) -> bool {
+    pub(crate) fn is_known(&self, channel: usize) -> bool {
         self.channels[channel].from != Origin::Nothing
     }
 
     /// Whether an input uses the system's default, because neither a column nor a person supplies it.
-    pub fn is_default(&self, channel: usize) -> bool {
+    pub(crate) fn is_default(&self, channel: usize) -> bool {
         matches!(self.channels[channel].from, Origin::Default(_))
     }
 
     /// The physical range of a channel, SI.
-    pub fn possible(&self, channel: usize) -> (f64, f64) {
+    pub(crate) fn possible(&self, channel: usize) -> (f64, f64) {
         self.channels[channel].possible
     }
 
@@ -250,7 +250,7 @@ impl Map {
     }
 
     /// The unit in which the column of a channel is read.
-    pub fn unit(&self, channel: usize) -> &'static NamedUnit {
+    pub(crate) fn unit(&self, channel: usize) -> &'static NamedUnit {
         self.channels[channel].unit
     }
 

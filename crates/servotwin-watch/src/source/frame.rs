@@ -104,7 +104,7 @@ impl Frames {
     }
 
     /// The offset of the clock of its dates from UTC, s; `None` before the first one, or if it has no zone.
-    pub fn zone_s(&self) -> Option<f64> {
+    pub(crate) fn zone_s(&self) -> Option<f64> {
         self.clock.borrow().zone_s()
     }
 
@@ -133,14 +133,14 @@ impl Frames {
     }
 
     /// Resets a row.
-    pub fn begin(&self, row: &mut LogRow) {
+    pub(crate) fn begin(&self, row: &mut LogRow) {
         row.values.clear();
         row.values.resize(self.wanted.names.len(), f64::NAN);
         row.forget_bad();
     }
 
     /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
-    pub fn add(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
+    pub(crate) fn add(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
         let before = row.bad;
         let filled = || vec![false; self.places.len()];
         let mut filler = Filler { frames: self, row, filled: filled(), twice: None };
@@ -164,7 +164,7 @@ impl Frames {
     }
 
     /// Completes a row that was assembled from objects; it must have a time.
-    pub fn end(&self, row: &mut LogRow) -> Read {
+    pub(crate) fn end(&self, row: &mut LogRow) -> Read {
         self.wanted.continue_time(row, &mut self.clock.borrow_mut());
         with_time(&self.wanted, row)
     }
@@ -279,18 +279,18 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
 }
 
 /// The columns of a line that may stand behind the mark of a comment.
-pub fn marked_columns(line: &[u8]) -> Option<Vec<String>> {
+pub(crate) fn marked_columns(line: &[u8]) -> Option<Vec<String>> {
     columns(behind_mark(line).unwrap_or(line))
 }
 
 /// What stands behind the mark of a comment.
-pub fn behind_mark(line: &[u8]) -> Option<&[u8]> {
+pub(crate) fn behind_mark(line: &[u8]) -> Option<&[u8]> {
     let rest = line.trim_ascii_start().strip_prefix(b"#")?;
     Some(rest.trim_ascii_start())
 }
 
 /// The JSON object of a line, which may stand in a list of one object a line.
-pub fn object(line: &[u8]) -> Option<&[u8]> {
+pub(crate) fn object(line: &[u8]) -> Option<&[u8]> {
     let text = line.trim_ascii();
     let text = text.strip_prefix(b"[").map_or(text, <[u8]>::trim_ascii_start);
     let end = text.iter().rposition(|byte| !matches!(byte, b',' | b']' | b' ' | b'\t' | b'\r'))?;

@@ -19,7 +19,7 @@ const PREAMBLE: usize = 100;
 const BEGINNING: usize = 400;
 
 /// An open text file with its parser.
-pub struct Lines {
+pub(crate) struct Lines {
     path: PathBuf,
     reader: Box<dyn BufRead + Send>,
     frames: Frames,
@@ -31,7 +31,7 @@ pub struct Lines {
 
 impl Lines {
     /// Opens a file that must have the wanted columns.
-    pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
+    pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
         require(path, open(path)?, wanted)?;
         let size = std::fs::metadata(path).map_or(0, |data| data.len());
         Ok(Lines {
@@ -102,7 +102,7 @@ fn require(
 
 /// The columns of a file. A line of units may follow the header of cells. For objects, the keys of all lines are
 /// gathered.
-pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let lines = first_lines(path, open(path)?, BEGINNING)?;
     let heads = &lines[..lines.len().min(PREAMBLE)];
     let none = || no_header(path.display().to_string(), &lines);
@@ -218,7 +218,7 @@ fn first_lines(
 
 /// The result of reading a line into a buffer.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Line {
+pub(crate) enum Line {
     /// A line, without its line end.
     Whole,
     /// A line without a line end: the stream ended in it.
@@ -230,7 +230,7 @@ pub enum Line {
 }
 
 /// Reads a line, which ends with LF, CR LF or CR.
-pub fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
+pub(crate) fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
     line.clear();
     let (mut any, mut too_long) = (false, false);
     loop {

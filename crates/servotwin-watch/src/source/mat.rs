@@ -39,7 +39,7 @@ const NUMBERS: std::ops::RangeInclusive<u8> = 6..=15;
 ///
 /// # Errors
 /// It cannot be read, is damaged, or lacks a column.
-pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let address = path.display().to_string();
     let mut reader = Reader { wanted: Some(wanted), found: vec![] };
     reader.file(path)?;
@@ -75,7 +75,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError
 ///
 /// # Errors
 /// It cannot be read, is damaged, or has no column.
-pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let mut reader = Reader { wanted: None, found: vec![] };
     reader.file(path)?;
     if reader.found.is_empty() {

@@ -22,7 +22,7 @@ use std::io::{self, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 /// The column with the message time.
-pub const LOG_TIME: &str = "log_time";
+pub(crate) const LOG_TIME: &str = "log_time";
 
 /// The largest chunk or record, bytes.
 const LARGEST: usize = 1 << 28;
@@ -42,7 +42,7 @@ struct InOrder {
 }
 
 /// Opens a file that must have the wanted columns.
-pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let Survey { columns, is_in_order } = survey(path, Some(wanted))?;
     let known: Vec<String> = columns.into_iter().map(|column| column.name).collect();
     if let Some(error) = SourceError::lacking(&path.display().to_string(), wanted, &known) {
@@ -127,7 +127,7 @@ impl Source for InOrder {
 }
 
 /// The columns of all channels, with the time and its unit.
-pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let found = survey(path, None)?.columns;
     match found.len() {
         1 => {

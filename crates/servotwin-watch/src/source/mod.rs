@@ -15,7 +15,7 @@ mod mcap;
 #[cfg(feature = "mf4")]
 mod mf4;
 #[cfg(feature = "mqtt")]
-pub mod mqtt;
+pub(crate) mod mqtt;
 mod object;
 mod stdin;
 mod survey;
@@ -38,10 +38,10 @@ pub use frame::Flaw;
 pub use survey::{LogColumn, is_time_name};
 
 /// The unit of a date as text.
-pub const DATE: &str = "date";
+pub(crate) const DATE: &str = "date";
 
 /// How long a live source waits before it reports a pause.
-pub const PAUSE: Duration = Duration::from_millis(200);
+pub(crate) const PAUSE: Duration = Duration::from_millis(200);
 
 /// The columns to read, in this order.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -512,7 +512,7 @@ fn plain(topic: &str) -> String {
 
 impl Flaw {
     /// The kind under which it is counted.
-    pub fn kind(&self) -> Irregularity {
+    pub(crate) fn kind(&self) -> Irregularity {
         match self {
             Flaw::Noise => Irregularity::Noise,
             Flaw::TooLong => Irregularity::TooLong,

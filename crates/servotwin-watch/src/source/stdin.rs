@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 const WAITING: usize = 4096;
 
 /// A stream of lines.
-pub struct Stdin {
+pub(crate) struct Stdin {
     lines: Receiver<io::Result<(Line, Vec<u8>)>>,
     frames: Frames,
     place: u64,
@@ -18,7 +18,7 @@ pub struct Stdin {
 
 impl Stdin {
     /// Starts the reading thread.
-    pub fn new(stream: impl io::Read + Send + 'static, wanted: &Wanted) -> Self {
+    pub(crate) fn new(stream: impl io::Read + Send + 'static, wanted: &Wanted) -> Self {
         let (send, lines) = sync_channel(WAITING);
         std::thread::spawn(move || {
             let mut reader = BufReader::new(stream);
@@ -69,7 +69,7 @@ impl Source for Stdin {
 }
 
 /// The columns of the first line that names any.
-pub fn columns(mut stream: impl BufRead) -> Result<Vec<String>, SourceError> {
+pub(crate) fn columns(mut stream: impl BufRead) -> Result<Vec<String>, SourceError> {
     let (mut line, mut first, mut marked) = (vec![], vec![], None);
     loop {
         if next_line(&mut stream, &mut line).map_err(|cause| failed(&cause))? == Line::None {

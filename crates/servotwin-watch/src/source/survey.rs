@@ -68,12 +68,12 @@ impl LogColumn {
 
     /// A column with the unit given by the log.
     #[cfg(feature = "mf4")]
-    pub fn in_unit(name: impl Into<String>, unit: impl Into<String>) -> Self {
+    pub(crate) fn in_unit(name: impl Into<String>, unit: impl Into<String>) -> Self {
         LogColumn { unit: unit.into(), ..LogColumn::named(name) }
     }
 
     /// The typical difference between its numbers; `None` where they do not grow.
-    pub fn step(&self) -> Option<f64> {
+    pub(crate) fn step(&self) -> Option<f64> {
         let steps = self.head.windows(2).map(|pair| pair[1] - pair[0]);
         let mut steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
         steps.sort_by(f64::total_cmp);
@@ -82,7 +82,7 @@ impl LogColumn {
     }
 
     /// Whether its numbers are whole and grow by one from row to row.
-    pub fn counts_rows(&self) -> bool {
+    pub(crate) fn counts_rows(&self) -> bool {
         self.head.len() > 2
             && self.head[0].fract() == 0.0
             && self.head.windows(2).all(|pair| pair[1] - pair[0] == 1.0)

@@ -26,7 +26,7 @@ impl TableRows {
     ///
     /// # Errors
     /// The file cannot be read, or lacks a column.
-    pub fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
+    pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
         let known = ParquetReader::open(path)?;
         require(&path.display().to_string(), known.schema(), wanted)?;
         let names: Vec<&str> = wanted.names.iter().map(String::as_str).collect();
@@ -121,7 +121,7 @@ impl Source for TableRows {
 
 /// The columns of a file with their units. If a column's first text is a date, its unit is `date`. Numbers are read
 /// only from columns that may hold the time.
-pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let reader = ParquetReader::open(path)?;
     let columns = reader.schema().columns();
     let named = |is_read: &dyn Fn(&Column) -> bool| -> Vec<&str> {

@@ -160,7 +160,7 @@ impl Shared {
 }
 
 /// A UDP source.
-pub struct Udp {
+pub(crate) struct Udp {
     address: SocketAddr,
     datagrams: Receiver<io::Result<Datagram>>,
     shared: Arc<Shared>,
@@ -185,7 +185,7 @@ fn bind(address: SocketAddr) -> Result<UdpSocket, SourceError> {
 
 impl Udp {
     /// Listens at an address.
-    pub fn open(
+    pub(crate) fn open(
         address: SocketAddr,
         allowed: Allowed,
         wanted: &Wanted,
@@ -297,7 +297,7 @@ pub(super) fn is_pause(error: &io::Error) -> bool {
 }
 
 /// The columns of the first datagram that names any; waits for it.
-pub fn columns(address: SocketAddr, allowed: &Allowed) -> Result<Vec<String>, SourceError> {
+pub(crate) fn columns(address: SocketAddr, allowed: &Allowed) -> Result<Vec<String>, SourceError> {
     let socket = bind(address)?;
     let mut senders = Senders { allowed: allowed.clone(), locked: None };
     let mut datagram = vec![0; LARGEST];

@@ -12,11 +12,11 @@ use servotwin_diagnosis::residual::Window;
 pub const DIMENSIONLESS: &str = "1";
 
 /// The entry of healthy rows in the columns for faults.
-pub const HEALTHY: &str = "healthy";
+pub(crate) const HEALTHY: &str = "healthy";
 
 /// The fault of a row as an index in [`Study::faults`], and its intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shown {
+pub(crate) struct Shown {
     /// `None` for a healthy row.
     pub fault: Option<usize>,
     /// 0 for a healthy row.
@@ -24,7 +24,7 @@ pub struct Shown {
 }
 
 /// The columns for the faults of rows: name, kind, intensity, nominal intensity in the study, and the right answers.
-pub fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column> {
+pub(crate) fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column> {
     let fault = |row: &Shown| row.fault.map(|fault| &study.faults[fault]);
     let class = |row: &Shown| fault(row).map(|fault| &study.classes[fault.class]);
     let text = |name: &str, of: &dyn Fn(&Shown) -> Option<&'s String>, what: &str| {
@@ -54,7 +54,7 @@ pub fn largest_column(sensor: &str) -> String {
 }
 
 /// The largest absolute residual of every sensor.
-pub fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
+pub(crate) fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
     let column = |(place, sensor): (usize, &Sensor)| {
         let largest = windows.iter().map(|window| window.largest(place)).collect();
         let what = format!("Largest |r'| of the sensor {}, as a part of its scale.", sensor.name);
@@ -92,13 +92,13 @@ pub fn feature_columns_of<'n>(names: impl IntoIterator<Item = &'n str>) -> Vec<&
 
 /// The features of a window in every view ([`servotwin_diagnosis::hierarchy`]); `orders` are the sensor orders of all
 /// views but the first ([`Sensors::rotations`]).
-pub fn seen(sensors: &Sensors, orders: &[Vec<usize>], window: &Window) -> Vec<Vec<f64>> {
+pub(crate) fn seen(sensors: &Sensors, orders: &[Vec<usize>], window: &Window) -> Vec<Vec<f64>> {
     let others = orders.iter().map(|order| values(sensors, &window.reordered(order)));
     std::iter::once(values(sensors, window)).chain(others).collect()
 }
 
 /// The columns of all features in every view.
-pub fn feature_columns<'f>(
+pub(crate) fn feature_columns<'f>(
     features: impl Iterator<Item = &'f Feature>,
     rows: &[Vec<Vec<f64>>],
 ) -> Vec<Column> {

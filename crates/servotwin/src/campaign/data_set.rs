@@ -55,7 +55,7 @@ pub(super) struct Maker<'m> {
 
 impl Maker<'_> {
     /// The data set of a range of variants with the given rows.
-    pub fn table(&self, variants: Range<usize>, rows: &[PartRow]) -> Table {
+    pub(crate) fn table(&self, variants: Range<usize>, rows: &[PartRow]) -> Table {
         let run = |number| plan::run(self.campaign.study, self.suite, number);
         let runs: Vec<Run> = variants.map(run).collect();
         let mut columns = self.label_columns(&runs);

@@ -51,7 +51,7 @@ impl VariantEffort {
 
     /// Whether the variant takes more than five times the steps of its twin, i.e. something in it oscillates too fast
     /// for the sensors to show it. An oscillation as slow as the command costs no additional steps.
-    pub fn rings(&self) -> bool {
+    pub(crate) fn rings(&self) -> bool {
         self.steps_per_s > RINGING * self.twin_steps_per_s
     }
 

@@ -31,12 +31,12 @@ pub struct Share {
 
 impl Share {
     /// Creates the share with a number from 1 to `of`; `None` if out of range.
-    pub fn new(number: usize, of: usize) -> Option<Self> {
+    pub(crate) fn new(number: usize, of: usize) -> Option<Self> {
         (1..=of).contains(&number).then_some(Share { number, of })
     }
 
     /// Whether it contains a part; the parts of all campaigns of a study are numbered consecutively.
-    pub fn holds(self, part: usize) -> bool {
+    pub(crate) fn holds(self, part: usize) -> bool {
         part % self.of == self.number - 1
     }
 }
@@ -171,23 +171,23 @@ impl PartFiles {
     }
 
     /// Number of parts.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.parts.len()
     }
 
     /// The variants of a part; empty beyond the last part.
-    pub fn variants_of(&self, part: usize) -> Range<usize> {
+    pub(crate) fn variants_of(&self, part: usize) -> Range<usize> {
         self.parts.get(part).cloned().unwrap_or_default()
     }
 
     /// The parts that are absent or unusable. Damaged parts and parts of another campaign are made again.
-    pub fn missing(&self, among: impl IntoIterator<Item = usize>) -> BTreeSet<usize> {
+    pub(crate) fn missing(&self, among: impl IntoIterator<Item = usize>) -> BTreeSet<usize> {
         let wanted = among.into_iter().filter(|&part| part < self.count());
         wanted.filter(|&part| self.sound(part).is_none()).collect()
     }
 
     /// Whether all parts of this campaign seem to exist, judged by their heads.
-    pub fn seem_complete(&self) -> bool {
+    pub(crate) fn seem_complete(&self) -> bool {
         (0..self.count()).all(|part| {
             let path = self.path(part);
             let head = path.exists().then(|| ParquetReader::open(path));
@@ -212,7 +212,7 @@ impl PartFiles {
     ///
     /// # Errors
     /// [`CampaignError::Unfinished`] if the part cannot be used.
-    pub fn rows(&self, study: &Study, part: usize) -> Result<Vec<PartRow>, CampaignError> {
+    pub(crate) fn rows(&self, study: &Study, part: usize) -> Result<Vec<PartRow>, CampaignError> {
         match self.sound(part) {
             Some(table) => Ok(PartRow::from_table(study, &table)?),
             None => Err(CampaignError::Unfinished {
@@ -223,7 +223,7 @@ impl PartFiles {
     }
 
     /// The first part that is damaged.
-    pub fn damaged(&self) -> Option<PathBuf> {
+    pub(crate) fn damaged(&self) -> Option<PathBuf> {
         let is_damaged = |&part: &usize| {
             let path = self.path(part);
             let is_other = || table::read(&path).is_ok_and(|table| !self.is_own(&table));
@@ -233,12 +233,16 @@ impl PartFiles {
     }
 
     /// Number of variants without a usable part.
-    pub fn missing_variants(&self) -> usize {
+    pub(crate) fn missing_variants(&self) -> usize {
         self.missing(0..self.count()).into_iter().map(|part| self.variants_of(part).len()).sum()
     }
 
     /// Writes a part with the rows of its variants.
-    pub fn write(&self, part: usize, rows: &BTreeMap<usize, PartRow>) -> Result<(), CampaignError> {
+    pub(crate) fn write(
+        &self,
+        part: usize,
+        rows: &BTreeMap<usize, PartRow>,
+    ) -> Result<(), CampaignError> {
         let table = PartRow::to_table(rows)?;
         let table = table.with_metadata("fingerprint", self.fingerprint.clone());
         let sum = checksum(&table);

@@ -46,7 +46,7 @@ struct Variation {
 ///
 /// # Errors
 /// Training fails.
-pub fn evaluate(
+pub(crate) fn evaluate(
     data: &DataSet,
     settings: &HierarchySettings,
     holding: Holding,

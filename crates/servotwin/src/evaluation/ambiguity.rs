@@ -31,10 +31,10 @@ pub struct Ambiguity {
 }
 
 /// The least share of tests with which a pair connects two kinds.
-pub const GROUPING: f64 = 0.05;
+pub(crate) const GROUPING: f64 = 0.05;
 
 /// Counts the confusions of traced outcomes.
-pub fn evaluate(data: &DataSet, outcomes: &[Vec<RowOutcome>]) -> Ambiguity {
+pub(crate) fn evaluate(data: &DataSet, outcomes: &[Vec<RowOutcome>]) -> Ambiguity {
     let mut tests = vec![0u64; data.kinds.len()];
     let mut counts: BTreeMap<(u32, u32, Question), u64> = BTreeMap::new();
     for outcome in outcomes.iter().flatten() {

@@ -25,7 +25,7 @@ pub const ALARMS: f64 = 0.015;
 
 /// The same of windows in flight where specimens differ from their twin, because some differ more than those of training.
 /// With 0.9 % instead, one of 2,400 healthy plants with another structure lost an actuator.
-pub const SPECIMEN_ALARMS: f64 = 0.005;
+pub(crate) const SPECIMEN_ALARMS: f64 = 0.005;
 
 /// The largest width of a band, relative to the largest residual it was learned from.
 pub const MAX_OVER_LARGEST: f64 = 2.0;

@@ -60,7 +60,7 @@ fn prepared(
 ///
 /// # Errors
 /// What training returns.
-pub fn evaluate(
+pub(crate) fn evaluate(
     data: &DataSet,
     settings: &EvaluationSettings,
     workers: Workers,
@@ -79,7 +79,7 @@ pub fn evaluate(
 ///
 /// # Errors
 /// What training returns.
-pub fn random_thirds(
+pub(crate) fn random_thirds(
     data: &DataSet,
     settings: &EvaluationSettings,
     workers: Workers,

@@ -20,7 +20,7 @@ use std::collections::BTreeMap;
 const FOLDS: usize = 3;
 
 /// The share of answers on left-out commands that the confidence threshold withholds.
-pub const WITHHELD: f64 = 0.02;
+pub(crate) const WITHHELD: f64 = 0.02;
 
 /// A trained committee.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +47,7 @@ pub struct Reliability {
 ///
 /// # Errors
 /// Training fails.
-pub fn train(
+pub(crate) fn train(
     data: &DataSet,
     settings: &HierarchySettings,
     rows: &[usize],
@@ -159,7 +159,10 @@ fn true_class(data: &DataSet, stage: &Stage, row: usize) -> Option<u32> {
 }
 
 /// Measures the calibration of the outcomes' confidence.
-pub fn reliability(outcomes: &[RowOutcome], is_right: impl Fn(&RowOutcome) -> bool) -> Reliability {
+pub(crate) fn reliability(
+    outcomes: &[RowOutcome],
+    is_right: impl Fn(&RowOutcome) -> bool,
+) -> Reliability {
     const BINS: usize = 10;
     let mut bins = vec![(0.0, 0u64, 0u64); BINS];
     let mut squares = 0.0;

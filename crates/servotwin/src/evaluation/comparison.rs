@@ -43,7 +43,7 @@ struct Job<'a> {
 const EPOCHS: usize = 50;
 
 /// Every classifier with a study's default settings; the tree has the paper's depth, and the perceptron fewer epochs.
-pub fn quick_classifiers() -> Vec<classifiers::Settings> {
+pub(crate) fn quick_classifiers() -> Vec<classifiers::Settings> {
     let settings = |kind: &ClassifierKind| {
         let mut settings = classifiers::Settings::default_of(*kind);
         match &mut settings {
@@ -60,7 +60,7 @@ pub fn quick_classifiers() -> Vec<classifiers::Settings> {
 ///
 /// # Errors
 /// Training fails.
-pub fn evaluate(
+pub(crate) fn evaluate(
     data: &DataSet,
     hierarchy: &HierarchySettings,
     list: &[classifiers::Settings],

@@ -38,7 +38,7 @@ pub struct FeatureInfo {
 
 impl FeatureInfo {
     /// The features of a study; those that need its extra sensor only if `extra` is set.
-    pub fn of_study(study: &Study, extra: bool) -> Vec<Self> {
+    pub(crate) fn of_study(study: &Study, extra: bool) -> Vec<Self> {
         let features = data_features(study).into_iter().filter(|f| extra || !f.extra);
         let info = |f: crate::campaign::DataFeature| FeatureInfo {
             name: f.feature.name,
@@ -164,7 +164,7 @@ struct Origin<'t> {
 
 impl DataSet {
     /// The indices of named commands; names without a row are left out.
-    pub fn commands(&self, names: &[String]) -> Vec<u32> {
+    pub(crate) fn commands(&self, names: &[String]) -> Vec<u32> {
         let known = self.examples.names().actions.iter().enumerate();
         known.filter(|(_, name)| names.contains(name)).map(|(place, _)| place as u32).collect()
     }
@@ -263,7 +263,7 @@ impl DataSet {
     ///
     /// # Errors
     /// [`EvaluationError::NothingDetectable`] if there are none.
-    pub fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
+    pub(crate) fn detectable(&self) -> Result<Vec<usize>, EvaluationError> {
         let rows = self.rows_where(Purpose::Test, |row| !row.is_healthy && row.is_detected());
         match rows.is_empty() {
             true => Err(EvaluationError::NothingDetectable { faults: self.faults().len() }),
@@ -277,7 +277,7 @@ impl DataSet {
     }
 
     /// Whether there are training rows separate from the judged ones.
-    pub fn has_training(&self) -> bool {
+    pub(crate) fn has_training(&self) -> bool {
         self.rows.iter().any(|row| row.purpose == Purpose::Train)
     }
 
@@ -311,7 +311,11 @@ impl DataSet {
     ///
     /// # Errors
     /// [`EvaluationError::Cancelled`]; a value that is not finite.
-    pub fn with_moved(&self, moving: &Moving, workers: Workers) -> Result<Self, EvaluationError> {
+    pub(crate) fn with_moved(
+        &self,
+        moving: &Moving,
+        workers: Workers,
+    ) -> Result<Self, EvaluationError> {
         let rows = self.rows_where(Purpose::Train, |row| row.excess > LEAST_EXCESS);
         let specimens = self.specimens();
         let views = self.examples.views();
@@ -369,7 +373,7 @@ impl DataSet {
     ///
     /// # Errors
     /// [`EvaluationError::NoFeatures`] if none is left.
-    pub fn with_features(
+    pub(crate) fn with_features(
         &self,
         choice: impl Fn(&FeatureInfo) -> bool,
     ) -> Result<Self, EvaluationError> {
@@ -397,7 +401,7 @@ impl DataSet {
     ///
     /// # Errors
     /// [`EvaluationError::NoFeatures`] if none is left.
-    pub fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
+    pub(crate) fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
         self.with_features(|feature| feature.teaches.of_windows())
     }
 
@@ -405,7 +409,7 @@ impl DataSet {
     ///
     /// # Errors
     /// Never for a data set that could be read.
-    pub fn for_committee(&self) -> Result<Self, EvaluationError> {
+    pub(crate) fn for_committee(&self) -> Result<Self, EvaluationError> {
         let columns = 0..self.features.len();
         let hidden = columns.filter(|&column| !self.features[column].teaches.of_windows());
         Ok(DataSet { examples: Arc::new(self.examples.hiding(hidden.collect())?), ..self.clone() })
@@ -415,14 +419,14 @@ impl DataSet {
     ///
     /// # Errors
     /// Never for a data set that could be read.
-    pub fn all_sensors_below(&self) -> Result<Self, EvaluationError> {
+    pub(crate) fn all_sensors_below(&self) -> Result<Self, EvaluationError> {
         let all = (0..self.features.len()).collect();
         let read = vec![all; self.examples.names().actuators.len()];
         Ok(DataSet { examples: Arc::new(self.examples.reading(read)?), ..self.clone() })
     }
 
     /// The feature families, in the order of the features.
-    pub fn families(&self) -> Vec<String> {
+    pub(crate) fn families(&self) -> Vec<String> {
         let mut families: Vec<String> = vec![];
         for feature in &self.features {
             if !families.contains(&feature.family) {
@@ -433,7 +437,7 @@ impl DataSet {
     }
 
     /// The component of a kind: its name without the last part.
-    pub fn component(&self, kind: u32) -> &str {
+    pub(crate) fn component(&self, kind: u32) -> &str {
         let kind = &self.kinds[kind as usize];
         kind.rsplit_once('.').map_or(kind, |(component, _)| component)
     }

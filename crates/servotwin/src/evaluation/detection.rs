@@ -43,13 +43,13 @@ pub struct Least {
 }
 
 /// The share of faults that are detected or, if `is_detected` is false, not detected.
-pub fn share(data: &DataSet, is_detected: bool) -> Rate {
+pub(crate) fn share(data: &DataSet, is_detected: bool) -> Rate {
     let holds = |row: usize| trial(data, row, data.rows[row].is_detected() == is_detected);
     Rate::clustered(&data.faults().into_iter().map(holds).collect::<Vec<_>>())
 }
 
 /// Evaluates detection over a data set.
-pub fn evaluate(data: &DataSet) -> Detection {
+pub(crate) fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
     Detection {
         detected: share(data, true),

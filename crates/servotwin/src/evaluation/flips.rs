@@ -45,7 +45,7 @@ pub struct Moving<'w> {
 }
 
 /// A perturbed window.
-pub struct Moved {
+pub(crate) struct Moved {
     /// The window after the perturbation.
     pub window: Window,
     /// The factor by which its fault was scaled.
@@ -67,7 +67,7 @@ pub struct Flips {
 
 impl Moving<'_> {
     /// The features of a window in every view.
-    pub fn views(&self, window: &Window, views: usize) -> Vec<Vec<f64>> {
+    pub(crate) fn views(&self, window: &Window, views: usize) -> Vec<Vec<f64>> {
         let of = |view: usize| {
             let order = self.sensors.rotated(views, view).filter(|_| view > 0);
             let seen = order.map(|order| window.reordered(&order));
@@ -78,7 +78,7 @@ impl Moving<'_> {
     }
 
     /// The perturbed windows of a row, with its fault unchanged.
-    pub fn moved(&self, row: usize) -> Vec<Window> {
+    pub(crate) fn moved(&self, row: usize) -> Vec<Window> {
         let mut errors = NormalDeviates::new(self.seed_of(row));
         let window = &self.windows[row];
         (0..self.draws).map(|draw| self.disturbed(window, draw, &mut errors)).collect()
@@ -86,7 +86,7 @@ impl Moving<'_> {
 
     /// The perturbed windows of a row. Every second draw has a weaker fault, in one of the `specimens`: rows without a
     /// fault.
-    pub fn spread(&self, row: usize, specimens: &[usize]) -> Vec<Moved> {
+    pub(crate) fn spread(&self, row: usize, specimens: &[usize]) -> Vec<Moved> {
         let mut errors = NormalDeviates::new(self.seed_of(row));
         let mut choices = Choices::stream(self.seed_of(row), 1);
         let window = &self.windows[row];
@@ -127,7 +127,7 @@ struct Seen {
 ///
 /// # Errors
 /// [`EvaluationError::Cancelled`], or the hierarchy has other features.
-pub fn evaluate(
+pub(crate) fn evaluate(
     data: &DataSet,
     hierarchy: &Hierarchy,
     moving: &Moving,

@@ -18,7 +18,7 @@ use servotwin_learning::explained::{self, LEVEL, Origins};
 use servotwin_learning::metrics::{Rate, Trial};
 
 /// The protocols whose isolation is reported: kinds that were not trained, and known kinds under new commands.
-pub const PROTOCOLS: [Protocol; 2] = [Protocol::KindLeftOut, Protocol::NewCommand];
+pub(crate) const PROTOCOLS: [Protocol; 2] = [Protocol::KindLeftOut, Protocol::NewCommand];
 
 /// When a fault counts as isolated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,10 +106,9 @@ struct JudgedFault {
 }
 
 /// The inputs of an evaluation.
-pub struct IsolationInputs<'i> {
+pub(crate) struct IsolationInputs<'i> {
     /// The data with the features of the trees.
     pub data: &'i DataSet,
-    #[expect(missing_docs)]
     pub settings: &'i EvaluationSettings,
     /// The diagnosis trained on all rows.
     pub trained: &'i Trained,
@@ -123,7 +122,7 @@ impl IsolationInputs<'_> {
     ///
     /// # Errors
     /// Training fails.
-    pub fn evaluate(
+    pub(crate) fn evaluate(
         &self,
         protocol: Protocol,
         committee: &[Vec<RowOutcome>],

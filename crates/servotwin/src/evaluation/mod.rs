@@ -5,12 +5,12 @@
 //! what may stay not isolated, and flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and
 //! seeds give the same bytes, on any number of threads.
 
-pub mod ablation;
+pub(crate) mod ablation;
 pub mod ambiguity;
 pub mod bands;
 pub mod baseline;
 pub mod committee;
-pub mod comparison;
+pub(crate) mod comparison;
 pub mod data_set;
 pub mod detection;
 mod error;
@@ -18,7 +18,7 @@ pub mod flips;
 pub mod isolation;
 pub mod model_file;
 pub mod protocol;
-pub mod run;
+pub(crate) mod run;
 
 pub use data_set::{DataSet, FeatureInfo, TrainingFilter};
 pub use error::EvaluationError;
@@ -100,7 +100,7 @@ impl Default for EvaluationSettings {
 
 impl EvaluationSettings {
     /// Reduces an evaluation for a quick study.
-    pub fn quick(mut self) -> Self {
+    pub(crate) fn quick(mut self) -> Self {
         // Training a committee without each kind of fault in turn would lengthen the evaluation by half.
         self.committee_protocols.retain(|protocol| *protocol == Protocol::NewCommand);
         EvaluationSettings { ablation: false, ..self }
@@ -108,7 +108,7 @@ impl EvaluationSettings {
 }
 
 /// Settings for the nine trees with a depth limit.
-pub fn trees(criterion: Criterion, depth: usize) -> Training {
+pub(crate) fn trees(criterion: Criterion, depth: usize) -> Training {
     Training::all(classifiers::Settings::Cart(classifiers::cart::Settings {
         criterion,
         max_depth: Some(depth),

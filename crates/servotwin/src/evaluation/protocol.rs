@@ -66,7 +66,7 @@ impl Default for Holding {
 impl Protocol {
     /// The protocol whose results are quoted: a new command, or without training commands a fault at an intensity that
     /// was never seen.
-    pub fn headline(data: &DataSet) -> Self {
+    pub(crate) fn headline(data: &DataSet) -> Self {
         if data.has_training() { Protocol::NewCommand } else { Protocol::UnseenIntensity }
     }
 
@@ -81,7 +81,7 @@ impl Protocol {
     }
 
     /// Which stages of the hierarchy it evaluates.
-    pub fn scope(self) -> Scope {
+    pub(crate) fn scope(self) -> Scope {
         match self {
             Protocol::KindLeftOut => Scope::Action,
             Protocol::UnseenIntensity => Scope::AllTracing,
@@ -274,13 +274,13 @@ impl ProtocolResult {
 }
 
 /// A protocol's result with the outcome of every held-out row, by split.
-pub type JudgedProtocol = (ProtocolResult, Vec<Vec<RowOutcome>>);
+pub(crate) type JudgedProtocol = (ProtocolResult, Vec<Vec<RowOutcome>>);
 
 /// Runs a protocol; also returns the outcomes behind the result. `None` if the data set has too few groups.
 ///
 /// # Errors
 /// Training fails.
-pub fn evaluate(
+pub(crate) fn evaluate(
     protocol: Protocol,
     data: &DataSet,
     settings: &HierarchySettings,
@@ -301,7 +301,7 @@ pub fn evaluate(
 ///
 /// # Errors
 /// A split cannot be made, or the hierarchy does not fit the data.
-pub fn evaluate_trained(
+pub(crate) fn evaluate_trained(
     data: &DataSet,
     hierarchy: &Hierarchy,
     holding: Holding,
@@ -331,7 +331,7 @@ pub(super) fn judged_splits(
 }
 
 /// Computes a protocol's result from its outcomes.
-pub fn summary(
+pub(crate) fn summary(
     protocol: Protocol,
     data: &DataSet,
     outcomes: &[Vec<RowOutcome>],

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 
 /// Which stages are trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Scope {
+pub(crate) enum Scope {
     /// All stages.
     All,
     /// Only the stages that find the actuator and the action. The detail of a kind without training has no right answer.
@@ -25,7 +25,7 @@ pub enum Scope {
 
 /// The answers for a test row.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RowOutcome {
+pub(crate) struct RowOutcome {
     /// The index of the row.
     pub row: usize,
     /// The hierarchy's answer; each stage relies on the one above.
@@ -42,7 +42,7 @@ pub struct RowOutcome {
 ///
 /// # Errors
 /// Training fails.
-pub fn run(
+pub(crate) fn run(
     data: &DataSet,
     settings: &HierarchySettings,
     splits: &[Split],
@@ -57,7 +57,7 @@ pub fn run(
 }
 
 /// Disables settings that need views if the data set has none.
-pub fn settled(data: &DataSet, settings: &HierarchySettings) -> HierarchySettings {
+pub(crate) fn settled(data: &DataSet, settings: &HierarchySettings) -> HierarchySettings {
     let has_views = data.examples.views() == data.examples.names().actuators.len();
     HierarchySettings {
         mirror: settings.mirror && has_views,
@@ -88,7 +88,7 @@ fn run_split(
 ///
 /// # Errors
 /// Training fails.
-pub fn fit(
+pub(crate) fn fit(
     data: &DataSet,
     settings: &HierarchySettings,
     rows: &[usize],
@@ -119,7 +119,7 @@ fn fit_scope(
 ///
 /// # Errors
 /// [`servotwin_diagnosis::Error::LengthMismatch`] if the hierarchy has other features.
-pub fn ask(
+pub(crate) fn ask(
     data: &DataSet,
     hierarchy: &Hierarchy,
     rows: &[usize],
@@ -196,7 +196,7 @@ fn trace(
 }
 
 /// The first question that was answered wrongly.
-pub fn first_error(data: &DataSet, outcome: &RowOutcome) -> Option<Question> {
+pub(crate) fn first_error(data: &DataSet, outcome: &RowOutcome) -> Option<Question> {
     let truth = data.examples.labels()[outcome.row];
     let actuator = Some(truth.actuator).filter(|_| !data.rows[outcome.row].is_healthy);
     if outcome.said.actuator != actuator {

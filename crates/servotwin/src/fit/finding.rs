@@ -13,7 +13,7 @@ use super::{Fit, FitError, FitResults};
 use servotwin_io::text::number;
 
 /// Largest sliding mean that is attributed to chance, in its standard deviations.
-pub const MEAN_LIMIT: f64 = 6.0;
+pub(crate) const MEAN_LIMIT: f64 = 6.0;
 /// Largest excess of a mean square that is attributed to chance, in its standard deviations.
 const EXCESS_LIMIT: f64 = 6.0;
 /// A mean square below this is never a finding: the declared noise is not known more precisely.

@@ -16,7 +16,7 @@ use std::sync::atomic::Ordering;
 const TURNS: usize = 3;
 
 /// The calibration flight and its information about the unknowns.
-pub struct Fleet<'p, 's> {
+pub(crate) struct Fleet<'p, 's> {
     problem: &'p Fit<'s>,
     record: &'p FitRecord,
     linear: Linear,
@@ -26,7 +26,7 @@ pub struct Fleet<'p, 's> {
 
 /// A fitted specimen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Specimen {
+pub(crate) struct Specimen {
     /// The unknowns, in standard deviations of their tolerances.
     pub z: Vec<f64>,
     /// The parameters in the form of a variant: (component, parameter, value).
@@ -38,7 +38,7 @@ impl<'p, 's> Fleet<'p, 's> {
     ///
     /// # Errors
     /// The nominal twin cannot be simulated.
-    pub fn new(problem: &'p Fit<'s>) -> Result<Self, FitError> {
+    pub(crate) fn new(problem: &'p Fit<'s>) -> Result<Self, FitError> {
         let record = problem.records.first().ok_or(FitError::NoRecord)?;
         if problem.unknowns.is_empty() {
             return Err(FitError::NoUnknown);
@@ -51,7 +51,7 @@ impl<'p, 's> Fleet<'p, 's> {
     }
 
     /// The covariance of the unknowns, common to all specimens; `None` if an unknown is not determined.
-    pub fn covariance(&self) -> Option<Symmetric> {
+    pub(crate) fn covariance(&self) -> Option<Symmetric> {
         self.curvature.inverse()
     }
 
@@ -60,7 +60,10 @@ impl<'p, 's> Fleet<'p, 's> {
     ///
     /// # Errors
     /// The run was stopped.
-    pub fn fit(&self, measured: &[Vec<f64>]) -> Result<Vec<Result<Specimen, FitError>>, FitError> {
+    pub(crate) fn fit(
+        &self,
+        measured: &[Vec<f64>],
+    ) -> Result<Vec<Result<Specimen, FitError>>, FitError> {
         let start = vec![0.0; self.problem.unknowns.len()];
         let mut all = vec![Ok(start); measured.len()];
         for _ in 0..TURNS {

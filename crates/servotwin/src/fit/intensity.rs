@@ -61,7 +61,10 @@ pub struct Diagnosed {
 ///
 /// # Errors
 /// See [`Fit::solve`]; or the twin cannot be simulated with a candidate.
-pub fn intensity(problem: &Fit, candidates: &[(usize, usize)]) -> Result<Vec<Diagnosed>, FitError> {
+pub(crate) fn intensity(
+    problem: &Fit,
+    candidates: &[(usize, usize)],
+) -> Result<Vec<Diagnosed>, FitError> {
     let each = candidates.iter().map(|&fault| of_candidate(problem, fault));
     Ok(compared(each.collect::<Result<Vec<_>, _>>()?))
 }

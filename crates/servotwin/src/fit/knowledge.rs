@@ -65,7 +65,7 @@ pub struct FitKnowledge {
 impl FitKnowledge {
     /// From the information of the records and the values of the unknowns; `None` if an unknown without a prior is not
     /// determined at all.
-    pub fn new(unknowns: &[Unknown], z: &[f64], information: &Symmetric) -> Option<Self> {
+    pub(crate) fn new(unknowns: &[Unknown], z: &[f64], information: &Symmetric) -> Option<Self> {
         let priors: Vec<f64> = unknowns.iter().map(|unknown| unknown.prior).collect();
         let curvature = information.plus_diagonal(&priors);
         let covariance = curvature.inverse()?;

@@ -22,29 +22,24 @@ impl Symmetric {
         Self { size, values }
     }
 
-    /// Number of rows.
-    pub fn size(&self) -> usize {
-        self.size
-    }
-
     /// The entry at a row and column.
-    pub fn at(&self, row: usize, column: usize) -> f64 {
+    pub(crate) fn at(&self, row: usize, column: usize) -> f64 {
         self.values[row * self.size + column]
     }
 
     /// The matrix with a diagonal added.
-    pub fn plus_diagonal(&self, diagonal: &[f64]) -> Self {
+    pub(crate) fn plus_diagonal(&self, diagonal: &[f64]) -> Self {
         let added = |row, column| if row == column { diagonal[row] } else { 0.0 };
         Self::new(self.size, |row, column| self.at(row, column) + added(row, column))
     }
 
     /// The submatrix of the given rows and columns.
-    pub fn part(&self, which: &[usize]) -> Self {
+    pub(crate) fn part(&self, which: &[usize]) -> Self {
         Self::new(which.len(), |row, column| self.at(which[row], which[column]))
     }
 
     /// Its product with a vector.
-    pub fn times(&self, vector: &[f64]) -> Vec<f64> {
+    pub(crate) fn times(&self, vector: &[f64]) -> Vec<f64> {
         let rows = self.values.chunks(self.size.max(1));
         rows.map(|row| dot(row, vector)).collect()
     }
@@ -68,13 +63,13 @@ impl Symmetric {
     }
 
     /// The solution of A x = b; `None` if the matrix is not positive definite.
-    pub fn solve(&self, b: &[f64]) -> Option<Vec<f64>> {
+    pub(crate) fn solve(&self, b: &[f64]) -> Option<Vec<f64>> {
         let l = self.factor()?;
         Some(back_substituted(&l, self.size, b))
     }
 
     /// The inverse; `None` if the matrix is not positive definite.
-    pub fn inverse(&self) -> Option<Self> {
+    pub(crate) fn inverse(&self) -> Option<Self> {
         let (l, n) = (self.factor()?, self.size);
         let unit = |place: usize| (0..n).map(|i| f64::from(u8::from(i == place))).collect();
         let columns: Vec<Vec<f64>> =
@@ -114,7 +109,7 @@ impl Symmetric {
     /// and released when their slope points inwards again. Where that goes in circles, one unknown changes at a time, the
     /// first that must, which ends for every positive definite matrix (Murty 1974). `None` if the matrix is not positive
     /// definite, or no minimum was found.
-    pub fn minimum_within(&self, g: &[f64], bounds: &[(f64, f64)]) -> Option<Vec<f64>> {
+    pub(crate) fn minimum_within(&self, g: &[f64], bounds: &[(f64, f64)]) -> Option<Vec<f64>> {
         const MOST_TURNS: usize = 10_000;
         const TURNS_AT_ONCE: usize = 50;
         let n = self.size;
@@ -157,7 +152,7 @@ impl Symmetric {
 }
 
 /// The scalar product of two vectors.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 

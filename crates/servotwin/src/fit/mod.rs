@@ -18,24 +18,24 @@
 //! A fit is a finding or an update, never both: parameters must not absorb the effect of a fault.
 
 pub mod design;
-pub mod finding;
-pub mod fleet;
+pub(crate) mod finding;
+pub(crate) mod fleet;
 pub mod history;
 pub mod intensity;
-pub mod knowledge;
+pub(crate) mod knowledge;
 pub mod linear;
-pub mod onset;
+pub(crate) mod onset;
 mod plausible;
-pub mod record;
+pub(crate) mod record;
 pub mod repair;
 mod response;
 mod solve;
-pub mod suspects;
+pub(crate) mod suspects;
 #[cfg(test)]
 mod tests;
 pub mod trend;
 pub mod unknown;
-pub mod verdict;
+pub(crate) mod verdict;
 mod write;
 
 pub use finding::{FitFinding, SensorFit};

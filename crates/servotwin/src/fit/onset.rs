@@ -61,7 +61,7 @@ pub(super) struct Guess {
 
 impl Guess {
     /// Whether the guess is worth a fit, given the cost without an onset.
-    pub fn is_worth(&self, constant: f64) -> bool {
+    pub(crate) fn is_worth(&self, constant: f64) -> bool {
         constant - self.cost > 0.5 * SCORE_LIMIT * SCORE_LIMIT
     }
 }
@@ -77,7 +77,7 @@ pub(super) struct Begun {
 
 impl Begun {
     /// The onset with its score (FO2), if it is accepted.
-    pub fn onset(&self, constant: f64) -> Option<FoundOnset> {
+    pub(crate) fn onset(&self, constant: f64) -> Option<FoundOnset> {
         let gain = (constant - self.minimum.cost).max(0.0);
         let left = mean_square(&self.minimum);
         let score = (2.0 * gain / left).sqrt();
@@ -124,7 +124,7 @@ impl Sums {
 
 impl<'l> Moments<'l> {
     /// The candidate moments of a problem's record; `None` with several records, or with a record too short.
-    pub fn new(problem: &Fit, linear: &'l Linear) -> Option<Self> {
+    pub(crate) fn new(problem: &Fit, linear: &'l Linear) -> Option<Self> {
         let [record] = &problem.records[..] else { return None };
         let first = problem.first_sample(record);
         let first_s = first as f64 * record.period_s;
@@ -149,7 +149,7 @@ impl<'l> Moments<'l> {
     }
 
     /// The best moment by (FO1) for the residuals of a fault from the first sample on.
-    pub fn least(
+    pub(crate) fn least(
         &self,
         problem: &Fit,
         residuals: &[f64],
@@ -173,7 +173,7 @@ impl<'l> Moments<'l> {
     }
 
     /// The largest error of a guessed moment, s.
-    pub fn reach_s(&self) -> f64 {
+    pub(crate) fn reach_s(&self) -> f64 {
         2.0 * self.between_s()
     }
 }

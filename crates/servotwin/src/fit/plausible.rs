@@ -45,7 +45,7 @@ pub(super) struct ComparedRecord<'r> {
 
 impl<'r> ComparedRecord<'r> {
     /// Compares a record with a twin, given the residuals of its samples from `first` on.
-    pub fn new(
+    pub(crate) fn new(
         system: &'r System,
         record: &'r FitRecord,
         deviations: &[f64],
@@ -102,7 +102,7 @@ impl<'r> ComparedRecord<'r> {
     ///
     /// # Errors
     /// The first mistake that the record shows.
-    pub fn check(&self, system: &System) -> Result<(), RecordError> {
+    pub(crate) fn check(&self, system: &System) -> Result<(), RecordError> {
         let Self { pairs, first, .. } = self;
         if let Some((sample, found)) = self.late.as_ref().filter(|(sample, _)| *sample > 0) {
             let from_s = (first + sample) as f64 * self.pairs[0].record.period_s;
@@ -133,7 +133,7 @@ impl<'r> ComparedRecord<'r> {
     ///
     /// # Errors
     /// What `rerun` reports.
-    pub fn input_mistake<E>(
+    pub(crate) fn input_mistake<E>(
         &self,
         system: &System,
         input: usize,
@@ -148,7 +148,7 @@ impl<'r> ComparedRecord<'r> {
     }
 
     /// An input that stands still although the actuator does not; see [`Comparisons::still_input`].
-    pub fn still_input(
+    pub(crate) fn still_input(
         &self,
         rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, FitError>,
     ) -> Result<Option<InputMistake>, FitError> {
@@ -156,7 +156,7 @@ impl<'r> ComparedRecord<'r> {
     }
 
     /// The comparisons of all sensors.
-    pub fn into_comparisons(self) -> Comparisons {
+    pub(crate) fn into_comparisons(self) -> Comparisons {
         self.beside
     }
 

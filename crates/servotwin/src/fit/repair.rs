@@ -40,7 +40,7 @@ pub struct Repair {
 }
 
 /// The repairs in a series, ordered by time. Only the last may be unconfirmed, if it is at the last flight.
-pub fn repairs(points: &[Point]) -> Vec<Repair> {
+pub(crate) fn repairs(points: &[Point]) -> Vec<Repair> {
     let errors = scaled_errors(points);
     let starts = starts(points, &errors);
     let repair = |place: usize| Repair {

@@ -17,7 +17,7 @@ use std::sync::atomic::Ordering;
 
 /// How derivatives are approximated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DerivativeScheme {
+pub(crate) enum DerivativeScheme {
     /// One-sided difference.
     Forward,
     /// Two-sided difference.
@@ -25,11 +25,11 @@ pub enum DerivativeScheme {
 }
 
 /// Residuals (FR1), ordered by record, sample and sensor.
-pub type Residuals = Vec<f64>;
+pub(crate) type Residuals = Vec<f64>;
 
 /// The residuals and their derivatives at a point.
 #[derive(Clone, Debug)]
-pub struct Linear {
+pub(crate) struct Linear {
     /// The unknowns at the point.
     pub z: Vec<f64>,
     /// The residuals at `z`.
@@ -47,7 +47,7 @@ impl Linear {
     }
 
     /// Computes Jᵀ r.
-    pub fn pull(&self, residuals: &[f64]) -> Vec<f64> {
+    pub(crate) fn pull(&self, residuals: &[f64]) -> Vec<f64> {
         self.columns.iter().map(|column| dot(column, residuals)).collect()
     }
 }

@@ -26,7 +26,7 @@ use servotwin_model::signal::Piecewise;
 use std::fmt;
 
 /// Largest score that is attributed to chance among a hundred suspects, in standard deviations.
-pub const SCORE_LIMIT: f64 = 5.0;
+pub(crate) const SCORE_LIMIT: f64 = 5.0;
 /// The intensity whose effect is compared.
 pub(super) const INTENSITY: f64 = 0.2;
 /// The fraction by which a clock runs fast in the comparison: less time has passed than it shows.
@@ -53,9 +53,9 @@ const CLEARLY: f64 = 2.0;
 const AT_ONCE: usize = 8;
 
 /// The name of the suspect *fast clock*.
-pub const CLOCK: &str = "clock";
+pub(crate) const CLOCK: &str = "clock";
 /// The name of the suspect *late sensors*.
-pub const DELAY: &str = "delay";
+pub(crate) const DELAY: &str = "delay";
 
 /// A possible cause of a finding.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +89,7 @@ impl Suspect {
     }
 
     /// The suspect as a sentence.
-    pub fn sentence(&self) -> String {
+    pub(crate) fn sentence(&self) -> String {
         let Self { name, intensity, .. } = self;
         let (size, is_more) = (intensity.abs(), *intensity > 0.0);
         match name.as_str() {

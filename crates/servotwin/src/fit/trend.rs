@@ -215,7 +215,12 @@ pub(super) mod tests {
     use crate::signal::random::NormalDeviates;
 
     /// Flights 0, 1, 2 … with a given level and normal errors.
-    pub fn series(count: usize, seed: u64, error: f64, level: impl Fn(f64) -> f64) -> Vec<Point> {
+    pub(crate) fn series(
+        count: usize,
+        seed: u64,
+        error: f64,
+        level: impl Fn(f64) -> f64,
+    ) -> Vec<Point> {
         let mut random = NormalDeviates::new(seed);
         let point = |n: usize| {
             let at = n as f64;

@@ -12,7 +12,7 @@ use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
 
 /// Specimens outside this many standard deviations are not delivered.
-pub const TOLERANCE_SIGMAS: f64 = 3.0;
+pub(crate) const TOLERANCE_SIGMAS: f64 = 3.0;
 /// The step of differences for a parameter, in standard deviations of its tolerance. It must be large compared with the
 /// solver's errors.
 const PARAMETER_STEP: f64 = 0.5;
@@ -116,7 +116,7 @@ impl Unknown {
     }
 
     /// The intensity of a fault, without prior knowledge.
-    pub fn fault(system: &System, component: usize, fault: usize) -> Self {
+    pub(crate) fn fault(system: &System, component: usize, fault: usize) -> Self {
         let instance = &system.network().components[component];
         Self {
             name: format!("{}.{}", instance.id, instance.component.spec().faults[fault].name),
@@ -168,7 +168,7 @@ impl Unknown {
 
     /// The deviation of its first parameter in a list of overrides, in standard deviations of the tolerance; 0 if it is
     /// not in the list, and for a fault.
-    pub fn sigmas(&self, overrides: &[(usize, usize, f64)]) -> f64 {
+    pub(crate) fn sigmas(&self, overrides: &[(usize, usize, f64)]) -> f64 {
         let Moved::Parameters { members, .. } = &self.moved else { return 0.0 };
         let (component, parameter, nominal) = members[0];
         let own = overrides.iter().find(|own| (own.0, own.1) == (component, parameter));
@@ -176,7 +176,7 @@ impl Unknown {
     }
 
     /// Adds the unknown to a variant.
-    pub fn apply(
+    pub(crate) fn apply(
         &self,
         z: f64,
         overrides: &mut Vec<(usize, usize, f64)>,

@@ -20,7 +20,7 @@ const FOLLOWS: f64 = 0.9;
 ///
 /// # Errors
 /// The diagnosis reads a sensor that the study does not have; the twin cannot be simulated with its usual inputs.
-pub fn boundaries(
+pub(crate) fn boundaries(
     study: &Study,
     sensors: &[DiagnosedSensor],
     watched: usize,

@@ -217,7 +217,7 @@ impl<'f> ClosedLoopFlight<'f> {
     }
 
     /// The residuals at the last sample, as [`Session::residual`].
-    pub fn residuals(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn residuals(&self) -> impl Iterator<Item = f64> {
         let pairs = self.measured.iter().zip(self.expected()).enumerate();
         pairs.map(|(sensor, (&value, &twin))| self.session().residual(sensor, value, twin))
     }

@@ -14,7 +14,7 @@ pub(super) struct EvidencePeak {
 
 impl EvidencePeak {
     /// Follows the chosen actions of actuators.
-    pub fn new(diagnoser: &Diagnoser, is_chosen: impl Fn(usize, usize) -> bool) -> Self {
+    pub(crate) fn new(diagnoser: &Diagnoser, is_chosen: impl Fn(usize, usize) -> bool) -> Self {
         let names = diagnoser.names();
         let actions = 0..names.actions.len();
         let all = (0..names.actuators.len())
@@ -24,12 +24,12 @@ impl EvidencePeak {
     }
 
     /// The largest evidence of windows of any length.
-    pub fn largest(&self) -> f64 {
+    pub(crate) fn largest(&self) -> f64 {
         self.by_length.iter().copied().fold(0.0, f64::max)
     }
 
     /// Takes the evidence of the windows that end at the session's last sample.
-    pub fn take(&mut self, session: &Session) {
+    pub(crate) fn take(&mut self, session: &Session) {
         for (length, largest) in self.by_length.iter_mut().enumerate() {
             if !session.has_new_window(length) {
                 continue;

@@ -136,7 +136,7 @@ impl Nearness {
 
 impl HealthyMetrics {
     /// Counts the time without a fault in finished flights.
-    pub fn new(rows: &[&FlightOutcome]) -> Self {
+    pub(crate) fn new(rows: &[&FlightOutcome]) -> Self {
         let sum = |of: fn(&FlightOutcome) -> u64| rows.iter().map(|row| of(row)).sum::<u64>();
         let (alarms, shutdowns) = (sum(|row| row.early_alarms), sum(|row| row.early_shutdowns));
         let hours = rows.iter().map(|row| row.healthy_s()).sum::<f64>() / 3600.0;
@@ -204,7 +204,7 @@ pub struct FlightGroup {
 
 impl FlightGroup {
     /// The name for readers. Flights of [`JUDGE`] have that of their scenario alone.
-    pub fn title(&self) -> String {
+    pub(crate) fn title(&self) -> String {
         let FlightGroup { suite, scenario, missing } = self;
         let suite = if suite == JUDGE { String::new() } else { format!("{suite}, ") };
         let without =

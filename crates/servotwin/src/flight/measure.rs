@@ -67,7 +67,7 @@ pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
 };
 
 /// A shutdown was needed, and was not the first action.
-pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
+pub(crate) const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
     name: "shutdown_missed_of_all",
     sentence: "{off} missed (of all)",
     of: CountedFaults::new(

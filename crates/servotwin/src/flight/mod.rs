@@ -16,7 +16,7 @@
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //! - [`unseen_faults`]: the response to faults outside the training data
 
-pub mod boundaries;
+pub(crate) mod boundaries;
 pub mod closed_loop;
 pub mod cost;
 mod evidence;

@@ -125,27 +125,27 @@ pub struct FlightOutcome {
 
 impl FlightOutcome {
     /// Whether something was wrong.
-    pub fn is_fault(&self) -> bool {
+    pub(crate) fn is_fault(&self) -> bool {
         self.onset_s.is_some()
     }
 
     /// The time without a fault, s.
-    pub fn healthy_s(&self) -> f64 {
+    pub(crate) fn healthy_s(&self) -> f64 {
         self.onset_s.unwrap_or(f64::INFINITY).min(self.duration_s)
     }
 
     /// Whether the first action was right and the fault was visible.
-    pub fn is_isolated(&self) -> bool {
+    pub(crate) fn is_isolated(&self) -> bool {
         self.first == FirstAction::Right && self.visible_s.is_some()
     }
 
     /// The time from visibility to the right action, s.
-    pub fn waited_s(&self) -> Option<f64> {
+    pub(crate) fn waited_s(&self) -> Option<f64> {
         Some((self.right_action_s? - self.visible_s?).max(0.0))
     }
 
     /// Whether the first action was right, or none was and none is needed.
-    pub fn is_right(&self) -> bool {
+    pub(crate) fn is_right(&self) -> bool {
         match self.first {
             FirstAction::None => self.needed == Needed::Nothing,
             first => first == FirstAction::Right,
@@ -153,7 +153,7 @@ impl FlightOutcome {
     }
 
     /// The largest evidence for a shutdown in windows of any kind.
-    pub fn largest_shutdown_evidence(&self) -> f64 {
+    pub(crate) fn largest_shutdown_evidence(&self) -> f64 {
         self.shutdown_evidence.max(self.corrected_shutdown_evidence)
     }
 }

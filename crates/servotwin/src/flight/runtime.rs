@@ -153,7 +153,7 @@ impl<'s> Runtime<'s> {
     }
 
     /// Simulates the twin with other steps than those of training. Call it before the first sample.
-    pub fn stepping(mut self, settings: SolverSettings) -> Self {
+    pub(crate) fn stepping(mut self, settings: SolverSettings) -> Self {
         let program = &self.study.system.program;
         let period_s = self.session.diagnoser().period_s;
         self.settings = settings;
@@ -298,12 +298,12 @@ impl<'s> Runtime<'s> {
     }
 
     /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
-    pub fn reset_alarm(&mut self) {
+    pub(crate) fn reset_alarm(&mut self) {
         self.session.reset_alarm();
     }
 
     /// Restarts twin and diagnosis, because later samples are unrelated to earlier ones. Units that are off stay off.
-    pub fn restart(&mut self) {
+    pub(crate) fn restart(&mut self) {
         self.is_settled = false;
         self.buses.fill(Bus::default());
         self.session.restart();
@@ -337,7 +337,7 @@ impl<'s> Runtime<'s> {
     ///
     /// # Errors
     /// The state does not fit. The runtime must not be used then.
-    pub fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RuntimeError> {
+    pub(crate) fn restore(&mut self, checkpoint: &Checkpoint) -> Result<(), RuntimeError> {
         if checkpoint.buses.len() != self.buses.len() {
             return Err(Error::CorruptModel { broken: "the checkpoint has other inputs" }.into());
         }

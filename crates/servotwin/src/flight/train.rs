@@ -50,7 +50,7 @@ const NOISE_ALLOWANCE_NATS: f64 = 0.5;
 
 /// Settings for windows of flights: bands are learned as well. Windows contain the noise of their flight, so they need
 /// no perturbation.
-pub fn settings() -> EvaluationSettings {
+pub(crate) fn settings() -> EvaluationSettings {
     let training = evaluation::trees(Criterion::Entropy, DEPTH);
     let committee = Training::all(classifiers::Settings::BoostedTrees(boosted_trees::Settings {
         trees: boosted_trees::MAX_TREES,
@@ -116,7 +116,7 @@ pub fn diagnoser(
 ///
 /// # Errors
 /// The models do not fit the sensors.
-pub fn of_records(
+pub(crate) fn of_records(
     (study, scenario, sensors): (&Study, Scenario, usize),
     panel: Panel,
     novelty: Novelty,
@@ -309,7 +309,7 @@ const NOT_FLOWN: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
 ///
 /// # Errors
 /// A command cannot be flown.
-pub fn environment(study: &Study, is_full: bool) -> Result<InputChecks, CampaignError> {
+pub(crate) fn environment(study: &Study, is_full: bool) -> Result<InputChecks, CampaignError> {
     let network = study.system.network();
     let mut flown = vec![NOT_FLOWN; network.inputs.len()];
     let mut reach = |input: usize, value: f64| {

@@ -116,7 +116,7 @@ impl TrainingWindows {
     }
 
     /// The flights that were not used.
-    pub fn left_out(&self) -> LeftOut {
+    pub(crate) fn left_out(&self) -> LeftOut {
         let mut on_the_move = self.on_the_move.clone();
         on_the_move.sort_unstable();
         LeftOut { failed: self.failed as u64, on_the_move }
@@ -283,7 +283,7 @@ pub fn learn(
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
-pub fn add_hard_negatives(
+pub(crate) fn add_hard_negatives(
     design: &WindowDesign,
     is_full: bool,
     taken: &mut TrainingWindows,

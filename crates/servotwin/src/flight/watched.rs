@@ -37,7 +37,7 @@ pub(super) struct Truth {
 
 impl Truth {
     /// The truth of a planned flight of a study.
-    pub fn planned(study: &Study, flight: &Run) -> Self {
+    pub(crate) fn planned(study: &Study, flight: &Run) -> Self {
         let fault = flight.fault.map(|fault| &study.faults[fault]);
         let class = fault.map(|fault| &study.classes[fault.class]);
         let name = |of: Option<&String>| of.map_or(HEALTHY, String::as_str).to_owned();
@@ -412,7 +412,7 @@ pub(super) struct RaisedLog {
 
 impl RaisedLog {
     /// Takes the outcome of a sample. An action that changes only its details is no new one.
-    pub fn take(&mut self, outcome: &Outcome) {
+    pub(crate) fn take(&mut self, outcome: &Outcome) {
         let before = self.raised.last().map(|raised| (raised.actuator, raised.action));
         let is_new = |raised: &Raised| raised.sample == outcome.sample;
         if let Some(raised) = outcome.raised.filter(is_new)
@@ -460,13 +460,13 @@ impl OutOfBand {
 
 impl OutOfBands {
     /// For a diagnoser with a number of window lengths, and a fault that begins at the sample `onset`.
-    pub fn new(lengths: usize, onset: u64) -> Self {
+    pub(crate) fn new(lengths: usize, onset: u64) -> Self {
         let out_of_band = vec![OutOfBand::default(); lengths];
         OutOfBands { onset, out_of_band, seen: None, by_chance: 0 }
     }
 
     /// Takes the windows that end at a sample.
-    pub fn look(&mut self, index: u64, session: &Session) {
+    pub(crate) fn look(&mut self, index: u64, session: &Session) {
         let diagnoser = session.diagnoser();
         if index == self.onset {
             self.out_of_band.fill(OutOfBand::default());

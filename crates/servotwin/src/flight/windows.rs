@@ -28,7 +28,7 @@ impl WindowDesign<'_> {
     /// The kinds of windows: of absolute residuals, and where specimens differ from their twins, the shortest also of
     /// baseline-corrected residuals. A longer baseline-corrected window would hold a single sudden motion, to which every
     /// specimen responds differently, in all of its panes. Counting it five times would shut down healthy actuators.
-    pub fn kinds(&self) -> Vec<WindowKind> {
+    pub(crate) fn kinds(&self) -> Vec<WindowKind> {
         let kind = |window_s: f64, is_baseline_corrected: bool| WindowKind {
             span: span(window_s, self.study.sample_period_s),
             is_baseline_corrected,
@@ -53,7 +53,7 @@ impl WindowDesign<'_> {
     }
 
     /// The settings of the baseline; `None` if windows are not baseline-corrected.
-    pub fn baseline(&self) -> Option<baseline::BaselineSettings> {
+    pub(crate) fn baseline(&self) -> Option<baseline::BaselineSettings> {
         let period_s = self.study.sample_period_s;
         let pane = span(self.shortest_s(), period_s).pane_samples;
         let Tuning { baseline_settle_s, baseline_memory_s, .. } = Tuning::default();

@@ -73,7 +73,7 @@ impl FlightResults {
     }
 
     /// Whether the results have the full sizes and cover every scenario of the study.
-    pub fn is_full_of(&self, study: &Study) -> bool {
+    pub(crate) fn is_full_of(&self, study: &Study) -> bool {
         let has =
             |scenario: Scenario| self.judged().any(|own| own.group.scenario == scenario.name());
         self.is_full && scenarios(study).into_iter().all(has)

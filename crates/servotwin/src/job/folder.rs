@@ -86,7 +86,7 @@ impl Folder {
     }
 
     /// The file with the outcomes of a suite of flights in a scenario.
-    pub fn outcomes(&self, suite: &str, scenario: &str) -> PathBuf {
+    pub(crate) fn outcomes(&self, suite: &str, scenario: &str) -> PathBuf {
         self.0.join(format!("outcomes-{suite}-{scenario}.parquet"))
     }
 
@@ -96,7 +96,7 @@ impl Folder {
     }
 
     /// The file with the results in sealed environments.
-    pub fn sealed_flights(&self) -> PathBuf {
+    pub(crate) fn sealed_flights(&self) -> PathBuf {
         self.0.join("flights-sealed.json")
     }
 

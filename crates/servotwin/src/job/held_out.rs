@@ -21,7 +21,7 @@ const STEP_NATS: f64 = 1.0;
 /// # Errors
 /// [`JobError::UnsafeInHealth`] if no margin suffices; [`JobError::HeldOutFailed`] if a flight cannot be finished; a twin
 /// cannot be simulated.
-pub fn with_margin(
+pub(crate) fn with_margin(
     (study, is_full): (&Study, bool),
     scenario: Scenario,
     diagnoser: Diagnoser,

@@ -119,7 +119,7 @@ impl Manifest {
     }
 
     /// The stored hash of a file, if known.
-    pub fn hash_of(&self, file: &str) -> Option<&FileHash> {
+    pub(crate) fn hash_of(&self, file: &str) -> Option<&FileHash> {
         self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
     }
 
@@ -127,7 +127,7 @@ impl Manifest {
     ///
     /// # Errors
     /// It cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), FileError> {
+    pub(crate) fn write(&self, folder: &Path) -> Result<(), FileError> {
         manifest::write(folder, self)
     }
 }

@@ -7,7 +7,7 @@
 pub mod data_card;
 mod error;
 pub mod flights;
-pub mod folder;
+pub(crate) mod folder;
 mod held_out;
 pub mod hold;
 pub mod manifest;
@@ -238,7 +238,7 @@ pub fn evaluate_all(
 ///
 /// # Errors
 /// As [`train_all`] and [`evaluate_all`].
-pub fn train_and_evaluate(
+pub(crate) fn train_and_evaluate(
     folder: &Folder,
     study: &Study,
     subjects: &[Subject],

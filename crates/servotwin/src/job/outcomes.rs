@@ -62,7 +62,7 @@ impl Basis {
     ///
     /// # Errors
     /// The diagnoser's file cannot be read.
-    pub fn of(
+    pub(crate) fn of(
         folder: &Folder,
         (study, is_full): (&Study, bool),
         scenario: Scenario,
@@ -167,7 +167,7 @@ impl FlownSuite {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn write(&self, folder: &Folder) -> Result<(), JobError> {
+    pub(crate) fn write(&self, folder: &Folder) -> Result<(), JobError> {
         let mut rows = outcome::table(&self.outcomes);
         rows.metadata.extend(self.metadata());
         let path = folder.outcomes(&self.suite, &self.scenario);
@@ -216,7 +216,7 @@ pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watchin
 ///
 /// # Errors
 /// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written.
-pub fn fly(
+pub(crate) fn fly(
     folder: &Folder,
     (study, is_full): (&Study, bool),
     suite: &Suite,
@@ -322,7 +322,7 @@ pub fn healthy(folder: &Folder) -> Result<Vec<FlownSuite>, JobError> {
 ///
 /// # Errors
 /// The file cannot be read, or contradicts the manifest.
-pub fn stored(
+pub(crate) fn stored(
     folder: &Folder,
     suite: &str,
     scenario: Scenario,

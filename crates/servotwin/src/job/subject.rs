@@ -78,7 +78,7 @@ impl Subject {
     }
 
     /// The number of measured sensors that the diagnosis reads.
-    pub fn sensors(self, study: &Study) -> usize {
+    pub(crate) fn sensors(self, study: &Study) -> usize {
         if self.extra_sensor() { study.measured.len() } else { study.base_sensors() }
     }
 

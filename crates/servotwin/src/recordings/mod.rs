@@ -49,7 +49,7 @@ mod nominal;
 pub mod novelty;
 mod records;
 mod twin;
-pub mod windows;
+pub(crate) mod windows;
 
 pub use nominal::Nominal;
 pub use windows::{NominalFit, NominalSource, Nominals, Windows};
@@ -108,7 +108,7 @@ pub struct RecordingStudy {
 /// A column that is learned from the windows.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Target {
+pub(crate) struct Target {
     /// The column.
     pub column: String,
     /// Its value without a fault, if it has one.

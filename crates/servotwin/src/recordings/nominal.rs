@@ -28,7 +28,7 @@ pub struct Nominal {
 
 impl Nominal {
     /// Learns from the healthy rows of columns; `None` if none of them is complete.
-    pub fn learn(measured: &[f64], inputs: &[&[f64]], healthy: &[usize]) -> Option<Self> {
+    pub(crate) fn learn(measured: &[f64], inputs: &[&[f64]], healthy: &[usize]) -> Option<Self> {
         let has_all = |row: &usize| {
             measured[*row].is_finite() && inputs.iter().all(|column| column[*row].is_finite())
         };
@@ -66,7 +66,7 @@ impl Nominal {
     }
 
     /// The nominal value for given inputs.
-    pub fn at(&self, inputs: &[f64]) -> f64 {
+    pub(crate) fn at(&self, inputs: &[f64]) -> f64 {
         let terms = self.slopes.iter().zip(&self.means).zip(inputs);
         self.offset + terms.map(|((slope, mean), input)| slope * (input - mean)).sum::<f64>()
     }

@@ -159,7 +159,7 @@ impl RecordingStudy {
     }
 
     /// Whether any nominal value is learned.
-    pub fn learns_nominals(&self) -> bool {
+    pub(crate) fn learns_nominals(&self) -> bool {
         self.sensors.iter().any(|sensor| sensor.nominal_from.is_some())
     }
 

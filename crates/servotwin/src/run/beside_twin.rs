@@ -25,7 +25,12 @@ pub(crate) struct Watch<'t, O> {
 
 impl<'t, O> Watch<'t, O> {
     /// The plant of `count` sensors.
-    pub fn new(twin: &'t RecordedRun, count: usize, sensors: SensorChain, observer: O) -> Self {
+    pub(crate) fn new(
+        twin: &'t RecordedRun,
+        count: usize,
+        sensors: SensorChain,
+        observer: O,
+    ) -> Self {
         Watch { twin, sensors, measured: vec![0.0; count], observer }
     }
 }

@@ -31,7 +31,7 @@ pub struct CalibrationRecords {
 
 impl CalibrationRecords {
     /// Adds those of other flights.
-    pub fn add(&mut self, other: CalibrationRecords) {
+    pub(crate) fn add(&mut self, other: CalibrationRecords) {
         self.flown += other.flown;
         self.rejected += other.rejected;
         self.with_findings += other.with_findings;

@@ -19,7 +19,7 @@ mod error;
 pub mod fitted_twins;
 pub mod other_plant;
 pub mod plan;
-pub mod runner;
+pub(crate) mod runner;
 mod sensors;
 mod specimen;
 mod twins;

@@ -34,7 +34,7 @@ impl OtherPlants {
     ///
     /// # Errors
     /// The system is impossible with its other kinds.
-    pub fn new(study: &Study, differences: &OtherPlant) -> Result<Self, CampaignError> {
+    pub(crate) fn new(study: &Study, differences: &OtherPlant) -> Result<Self, CampaignError> {
         let mut network = study.system.network().clone();
         for &(place, kind) in &differences.kinds {
             let other = components::find(kind).expect("the study checked it");

@@ -23,7 +23,7 @@ impl Profile {
     pub const ALL: [Profile; 3] = [Profile::Step, Profile::Drift, Profile::Intermittent];
 
     /// The name in tables and reports.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Profile::Step => "at once",
             Profile::Drift => "drift",
@@ -33,11 +33,11 @@ impl Profile {
 }
 
 /// How long a growing fault takes to reach its intensity, s.
-pub const DRIFT_S: f64 = 4.0;
+pub(crate) const DRIFT_S: f64 = 4.0;
 /// Number of steps in which it grows.
 const DRIFT_STEPS: u32 = 40;
 /// How long an intermittent fault is present, and absent, s.
-pub const PULSE_S: f64 = 1.0;
+pub(crate) const PULSE_S: f64 = 1.0;
 
 /// A run of a suite.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -185,18 +185,18 @@ fn with_fault(study: &Study, suite: &Suite, number: usize) -> Run {
 
 impl Run {
     /// Whether its plant is healthy to the end.
-    pub fn is_healthy(&self) -> bool {
+    pub(crate) fn is_healthy(&self) -> bool {
         self.onset_s == f64::INFINITY
     }
 
     /// The faults that are present before the first sample.
-    pub fn at_start(&self, study: &Study) -> Vec<FaultAt> {
+    pub(crate) fn at_start(&self, study: &Study) -> Vec<FaultAt> {
         let fault = self.fault.filter(|_| self.onset_s == 0.0);
         fault.map(|fault| self.at(study, fault, 1.0)).into_iter().collect()
     }
 
     /// The course of a fault that begins later, in the form of [`crate::ensemble::Variant::later`].
-    pub fn later(&self, study: &Study) -> Vec<Later> {
+    pub(crate) fn later(&self, study: &Study) -> Vec<Later> {
         let Some(fault) = self.fault.filter(|_| self.onset_s > 0.0) else { return vec![] };
         let at = |time_s: f64, share: f64| {
             let faults = if share > 0.0 { vec![self.at(study, fault, share)] } else { vec![] };
@@ -223,7 +223,7 @@ impl Run {
     }
 
     /// The fraction of its intensity that the fault has at a time.
-    pub fn share(&self, time_s: f64) -> f64 {
+    pub(crate) fn share(&self, time_s: f64) -> f64 {
         let age = time_s - self.onset_s;
         match self.profile {
             _ if self.fault.is_none() || age < 0.0 => 0.0,

@@ -33,7 +33,7 @@ const TWIN_SAMPLES: f64 = 1e6;
 
 /// What is chosen rather than drawn.
 #[derive(Clone, Debug, Default)]
-pub struct Chosen {
+pub(crate) struct Chosen {
     /// For each environment, the deviation of its specimen in each tolerance, in standard deviations; empty if specimens
     /// are drawn.
     pub deviations: Vec<Vec<f64>>,
@@ -78,7 +78,7 @@ pub struct Runner<'s> {
 ///
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, the error of `fly`, or [`CampaignError::Cancelled`].
-pub fn in_batches<'s, E: From<CampaignError>>(
+pub(crate) fn in_batches<'s, E: From<CampaignError>>(
     study: &'s Study,
     suite: &'s Suite,
     scenario: Scenario,
@@ -99,7 +99,7 @@ pub fn in_batches<'s, E: From<CampaignError>>(
 }
 
 /// The environments of a suite from a number on, in parts of one size.
-pub fn batches(study: &Study, suite: &Suite, from: usize) -> Vec<Range<usize>> {
+pub(crate) fn batches(study: &Study, suite: &Suite, from: usize) -> Vec<Range<usize>> {
     let samples = suite.longest_s() / study.sample_period_s;
     let size = ((TWIN_SAMPLES / samples) as usize).max(1);
     let all = suite.environments;
@@ -171,7 +171,7 @@ impl<'s> Runner<'s> {
     ///
     /// # Errors
     /// A twin cannot be simulated.
-    pub fn chosen(
+    pub(crate) fn chosen(
         study: &'s Study,
         suite: &'s Suite,
         scenario: Scenario,
@@ -294,7 +294,7 @@ impl<'s> Runner<'s> {
     }
 
     /// The first of the scenarios, which all have the same plants.
-    pub fn scenario(&self) -> Scenario {
+    pub(crate) fn scenario(&self) -> Scenario {
         self.scenarios[0]
     }
 
@@ -303,22 +303,22 @@ impl<'s> Runner<'s> {
     }
 
     /// Whether a run, or the twin of its environment, began without a steady state.
-    pub fn is_on_the_move(&self, run: &Run, work: &Statistics) -> bool {
+    pub(crate) fn is_on_the_move(&self, run: &Run, work: &Statistics) -> bool {
         self.twin(run).is_on_the_move(work)
     }
 
     /// The study of the plants and their twins.
-    pub fn study(&self) -> &'s Study {
+    pub(crate) fn study(&self) -> &'s Study {
         self.study
     }
 
     /// The suite of the runs.
-    pub fn suite(&self) -> &'s Suite {
+    pub(crate) fn suite(&self) -> &'s Suite {
         self.suite
     }
 
     /// Time between samples, s.
-    pub fn period_s(&self) -> f64 {
+    pub(crate) fn period_s(&self) -> f64 {
         self.ensemble.sample_period_s
     }
 
@@ -333,7 +333,7 @@ impl<'s> Runner<'s> {
     }
 
     /// The same with modified plants, apart from healthy ones; their twins are unchanged.
-    pub fn fly_altered<'f, O: Observer>(
+    pub(crate) fn fly_altered<'f, O: Observer>(
         &'f self,
         alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
         observer: impl Fn(&Run) -> O + Sync,

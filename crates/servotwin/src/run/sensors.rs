@@ -17,19 +17,19 @@ pub(crate) struct SensorChain {
 
 impl SensorChain {
     /// The first `count` measured sensors of a study. They are perfect without random numbers for their noise.
-    pub fn new(study: &Study, count: usize, noise: Option<NormalDeviates>) -> Self {
+    pub(crate) fn new(study: &Study, count: usize, noise: Option<NormalDeviates>) -> Self {
         let imperfections = || Imperfections::of(&study.system, &study.measured[..count]);
         let noise = noise.map(|noise| (imperfections(), noise));
         SensorChain { noise, latencies: vec![], before: vec![] }
     }
 
     /// The same with a latency of each sensor, in samples, at most one.
-    pub fn with_latencies(self, latencies: Vec<f64>) -> Self {
+    pub(crate) fn with_latencies(self, latencies: Vec<f64>) -> Self {
         SensorChain { latencies, ..self }
     }
 
     /// Turns the variables of the next sample into measured values.
-    pub fn measure(&mut self, sample: &mut [f64]) {
+    pub(crate) fn measure(&mut self, sample: &mut [f64]) {
         if !self.latencies.is_empty() {
             self.delay(sample);
         }

@@ -36,7 +36,7 @@ pub(crate) fn fitted_specimen(
 
 impl<'s> SpecimenDraw<'s> {
     /// The draw of a run in a scenario, apart from the noise of its sensors.
-    pub fn of(study: &'s Study, suite: &Suite, scenario: Scenario, run: &Run) -> Self {
+    pub(crate) fn of(study: &'s Study, suite: &Suite, scenario: Scenario, run: &Run) -> Self {
         let fitted = fitted_specimen(study, suite, scenario, run);
         let seed = fitted.map_or(suite.seed_of(run.number), |number| suite.seed_of_fitted(number));
         SpecimenDraw { study, scenario, seed }
@@ -44,18 +44,18 @@ impl<'s> SpecimenDraw<'s> {
 
     /// The specimen's parameters with tolerances, whose deviations are `scatter` times as large as declared; empty if
     /// plants equal their twins.
-    pub fn parameters(self, scatter: f64) -> Overrides {
+    pub(crate) fn parameters(self, scatter: f64) -> Overrides {
         let drawn = self.tolerant().map(|r| r.specimen(self.study, self.seed, scatter));
         drawn.unwrap_or_default()
     }
 
     /// The same for chosen deviations, one for each tolerance, in standard deviations.
-    pub fn parameters_with(self, deviations: &[f64]) -> Overrides {
+    pub(crate) fn parameters_with(self, deviations: &[f64]) -> Overrides {
         self.tolerant().map(|r| r.specimen_with(self.study, deviations)).unwrap_or_default()
     }
 
     /// The random numbers of its sensors in a stream; `None` if these are perfect.
-    pub fn noise(self, stream: Stream) -> Option<NormalDeviates> {
+    pub(crate) fn noise(self, stream: Stream) -> Option<NormalDeviates> {
         let is_noisy = self.study.realism.is_some() && self.scenario.has_noise();
         is_noisy.then(|| self.seed.stream(stream))
     }

@@ -18,12 +18,12 @@ pub(crate) struct RecordedRun {
 
 impl RecordedRun {
     /// The recorded values at a sample.
-    pub fn at(&self, index: usize) -> &[f64] {
+    pub(crate) fn at(&self, index: usize) -> &[f64] {
         &self.samples[index * self.width..][..self.width]
     }
 
     /// Whether this twin or its plant, given by its solver's work, began without a steady state.
-    pub fn is_on_the_move(&self, plant: &Statistics) -> bool {
+    pub(crate) fn is_on_the_move(&self, plant: &Statistics) -> bool {
         plant.unsettled > 0 || self.work.unsettled > 0
     }
 }

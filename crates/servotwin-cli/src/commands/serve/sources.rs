@@ -25,7 +25,7 @@ struct Opened {
 }
 
 /// Opens all sources. A log is read to its end first, so that its replay can jump.
-pub fn open<'s>(
+pub(crate) fn open<'s>(
     options: &Options,
     study: &'s Study,
     global: Global,

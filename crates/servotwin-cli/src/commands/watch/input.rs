@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 /// How a source is read and judged.
 #[derive(clap::Args, Clone)]
-pub struct InputOptions {
+pub(crate) struct InputOptions {
     /// The diagnoser, a file written by `servotwin flights` [default: out/diagnoser-realistic.json, or for the built-in
     /// aileron the one that comes with the program].
     #[arg(long, value_name = "FILE")]
@@ -40,7 +40,7 @@ pub struct InputOptions {
 }
 
 /// The path of a source that is a file.
-pub fn log_of(source: &str) -> Option<PathBuf> {
+pub(crate) fn log_of(source: &str) -> Option<PathBuf> {
     match Address::parse(source) {
         Ok(Address::File(path)) => Some(path),
         _ => None,
@@ -49,7 +49,7 @@ pub fn log_of(source: &str) -> Option<PathBuf> {
 
 impl InputOptions {
     /// The source, restricted to the allowed senders.
-    pub fn address(&self, source: &str) -> Result<Address, Failure> {
+    pub(crate) fn address(&self, source: &str) -> Result<Address, Failure> {
         let address = Address::parse(source)?;
         if self.from.is_empty() || !address.is_live() {
             return Ok(address);
@@ -67,7 +67,7 @@ impl InputOptions {
 
     /// Opens a source, or the part of it that the options name, with the map of its columns. `is_study_named` states
     /// whether the user named the study.
-    pub fn open(
+    pub(crate) fn open(
         &self,
         address: &Address,
         study: &Study,
@@ -85,7 +85,7 @@ impl InputOptions {
     }
 
     /// Tries the first minute of a log with its map, and refuses one that contradicts it, before anything is judged.
-    pub fn try_log(
+    pub(crate) fn try_log(
         &self,
         address: &Address,
         map: &Map,
@@ -164,13 +164,13 @@ impl InputOptions {
 }
 
 /// Prints warnings and notes.
-pub fn tell(warnings: &[String], notes: &[String], global: Global) {
+pub(crate) fn tell(warnings: &[String], notes: &[String], global: Global) {
     warn(global, warnings);
     notes.iter().for_each(|text| note(global, text));
 }
 
 /// Builds the twin and the diagnosis.
-pub fn observer<'s>(
+pub(crate) fn observer<'s>(
     study: &'s Study,
     (path, diagnoser): (&Path, Arc<Diagnoser>),
 ) -> Result<Watcher<'s>, Failure> {
@@ -179,7 +179,7 @@ pub fn observer<'s>(
 }
 
 /// Warns of sensors that the diagnoser reads and the map lacks.
-pub fn warn_of_lacking(map: &Map, needed: &[&str], global: Global) {
+pub(crate) fn warn_of_lacking(map: &Map, needed: &[&str], global: Global) {
     let lacking: Vec<&str> = map.unmeasured().filter(|id| needed.contains(id)).collect();
     if !lacking.is_empty() {
         let lacking = lacking.join(", ");
@@ -192,13 +192,13 @@ pub fn warn_of_lacking(map: &Map, needed: &[&str], global: Global) {
 }
 
 /// The path of the default diagnoser.
-pub fn usual_diagnoser() -> PathBuf {
+pub(crate) fn usual_diagnoser() -> PathBuf {
     Folder::new("out").diagnoser(Scenario::Realistic)
 }
 
 /// The diagnoser that the options name, or that of the default output folder. If it is missing, the built-in aileron has
 /// a shipped one.
-pub fn diagnoser(
+pub(crate) fn diagnoser(
     input: &InputOptions,
     study: &Study,
     global: Global,

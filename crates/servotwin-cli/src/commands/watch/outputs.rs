@@ -28,7 +28,7 @@ use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
 /// All outputs of a watch.
-pub struct Outputs {
+pub(crate) struct Outputs {
     /// The outputs that stay in memory.
     pub shown: Shown,
     /// The outputs that are written while samples arrive.
@@ -38,7 +38,7 @@ pub struct Outputs {
 
 impl Outputs {
     /// Opens all outputs that the options name.
-    pub fn new(
+    pub(crate) fn new(
         options: &Options,
         address: &Address,
         scene: Scene,
@@ -81,7 +81,7 @@ impl Outputs {
     }
 
     /// Returns a function that shows the progress of a log. For a live source, the terminal's thread does that instead.
-    pub fn shows_progress(&self, is_live: bool) -> impl Fn(f64, Option<f64>) + use<> {
+    pub(crate) fn shows_progress(&self, is_live: bool) -> impl Fn(f64, Option<f64>) + use<> {
         let bar = self.bar.clone();
         move |time_s, share| {
             if !is_live {
@@ -94,7 +94,7 @@ impl Outputs {
     ///
     /// # Errors
     /// An output of a log cannot be written.
-    pub fn end(
+    pub(crate) fn end(
         mut self,
         options: &Options,
         counts: WatchCounts,
@@ -121,7 +121,7 @@ impl Outputs {
 }
 
 /// The outputs that stay in memory until the end.
-pub struct Shown {
+pub(crate) struct Shown {
     /// The strip of states, and the changes.
     pub strip: Strip,
     timeline: Option<Timeline>,
@@ -253,7 +253,7 @@ fn show(bar: &ProgressBar, time_s: f64, share: Option<f64>) {
 }
 
 /// The totals of a watch.
-pub struct Totals {
+pub(crate) struct Totals {
     /// The counts of the log or stream.
     pub counts: WatchCounts,
     silences: Silences,
@@ -262,14 +262,14 @@ pub struct Totals {
 
 impl Totals {
     /// The incomplete files, each with the reason.
-    pub fn lost_files(&self) -> Vec<String> {
+    pub(crate) fn lost_files(&self) -> Vec<String> {
         let lost = self.losses.iter().filter(|loss| loss.is_file);
         // The reason already begins with the name of the file.
         lost.filter_map(|loss| loss.failure.clone()).collect()
     }
 
     /// The totals as JSON, printed after the events.
-    pub fn json(&self, signals: &[&str]) -> Value {
+    pub(crate) fn json(&self, signals: &[&str]) -> Value {
         let Totals { counts, silences, .. } = self;
         let met = counts.met().map(|(kind, tally)| {
             let first = counts.place(tally);
@@ -295,7 +295,7 @@ impl Totals {
     }
 
     /// The totals as text.
-    pub fn text(&self, map: &LogMap) -> String {
+    pub(crate) fn text(&self, map: &LogMap) -> String {
         let Totals { counts, silences, .. } = self;
         let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
         let judged = counts.judged;

@@ -31,7 +31,7 @@ impl Dialect {
     }
 
     /// A description of the dialect if it differs from this toolkit's.
-    pub fn in_words(self, encoding: Encoding, decimal_comma: bool) -> Option<String> {
+    pub(crate) fn in_words(self, encoding: Encoding, decimal_comma: bool) -> Option<String> {
         let separator = match self.separator {
             b';' => Some("semicolons between cells"),
             b'\t' => Some("tabs between cells"),

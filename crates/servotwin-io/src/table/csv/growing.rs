@@ -7,7 +7,7 @@ const MISSING: [&str; 13] =
     ["NA", "N/A", "n/a", "NaN", "nan", "NAN", "null", "NULL", "Null", "#N/A", "?", "-", "--"];
 
 /// The cells of a column so far.
-pub enum Growing {
+pub(crate) enum Growing {
     /// Only empty cells and words for missing numbers.
     Unknown(Vec<String>),
     /// Values of a known kind.
@@ -15,7 +15,7 @@ pub enum Growing {
 }
 
 /// Why a cell does not fit.
-pub enum Refused {
+pub(crate) enum Refused {
     /// It is not UTF-8.
     NoUtf8,
     /// The column holds values of this kind.
@@ -38,7 +38,7 @@ impl Numbers {
     }
 
     /// Whether the decimal mark is a comma.
-    pub fn has_comma(&self) -> bool {
+    pub(crate) fn has_comma(&self) -> bool {
         self.mark == Some(b',')
     }
 
@@ -104,7 +104,7 @@ impl Numbers {
 
 impl Growing {
     /// A column without cells; `is_text` if it is known to be text.
-    pub fn new(is_text: bool) -> Self {
+    pub(crate) fn new(is_text: bool) -> Self {
         match is_text {
             true => Growing::Values(Values::Text(vec![])),
             false => Growing::Unknown(vec![]),
@@ -112,7 +112,7 @@ impl Growing {
     }
 
     /// Adds a cell. `decode` converts bytes to text.
-    pub fn push(
+    pub(crate) fn push(
         &mut self,
         cell: &[u8],
         quoted: bool,
@@ -165,7 +165,7 @@ impl Growing {
     }
 
     /// The values of the whole column; a column without any value has missing numbers.
-    pub fn finish(self) -> Values {
+    pub(crate) fn finish(self) -> Values {
         match self {
             Growing::Values(values) => values,
             Growing::Unknown(words) => Values::Float(vec![f64::NAN; words.len()]),

@@ -31,10 +31,10 @@ use growing::{Growing, Numbers, Refused};
 use records::Records;
 
 /// The format's entry in [`ALL`](super::ALL).
-pub const FORMAT: Format = Format { name: "CSV", extension: "csv", read, write };
+pub(crate) const FORMAT: Format = Format { name: "CSV", extension: "csv", read, write };
 
 /// Reads a CSV file.
-pub fn read(path: &Path) -> Result<Table, TableError> {
+pub(crate) fn read(path: &Path) -> Result<Table, TableError> {
     let unreadable = |cause| TableError::File(FileError::from_io(path, cause));
     let open = || Ok(encoding::open(path)?);
     read_again(open, unreadable, &|problem| TableError::Content {
@@ -44,7 +44,7 @@ pub fn read(path: &Path) -> Result<Table, TableError> {
 }
 
 /// Writes a CSV file atomically.
-pub fn write(path: &Path, table: &Table) -> Result<(), TableError> {
+pub(crate) fn write(path: &Path, table: &Table) -> Result<(), TableError> {
     Ok(write_atomically(path, |out| write_to(out, table))?)
 }
 

@@ -5,7 +5,7 @@ use super::Stop;
 use std::io::BufRead;
 
 /// The records of a text.
-pub struct Records<R> {
+pub(crate) struct Records<R> {
     reader: R,
     separator: u8,
     /// The bytes of all cells of the record, without quotes.
@@ -35,23 +35,23 @@ enum State {
 
 impl<R: BufRead> Records<R> {
     /// Reads the records of a reader.
-    pub fn new(reader: R, separator: u8) -> Self {
+    pub(crate) fn new(reader: R, separator: u8) -> Self {
         Records { reader, separator, bytes: vec![], ends: vec![], line: 1, next_line: 1 }
     }
 
     /// The line on which the current record begins.
-    pub fn line(&self) -> usize {
+    pub(crate) fn line(&self) -> usize {
         self.line
     }
 
     /// The cells of the current record, and whether each was quoted.
-    pub fn cells(&self) -> impl Iterator<Item = (&[u8], bool)> {
+    pub(crate) fn cells(&self) -> impl Iterator<Item = (&[u8], bool)> {
         let starts = std::iter::once(0).chain(self.ends.iter().map(|(end, _)| *end));
         starts.zip(&self.ends).map(|(start, &(end, quoted))| (&self.bytes[start..end], quoted))
     }
 
     /// Reads the next record; `false` at the end. Blank lines are skipped: an empty text would be quoted.
-    pub fn advance(&mut self) -> Result<bool, Stop> {
+    pub(crate) fn advance(&mut self) -> Result<bool, Stop> {
         self.bytes.clear();
         self.ends.clear();
         self.line = self.next_line;

@@ -34,7 +34,7 @@ impl Limits {
 
     /// 8 GB for a table and 2 GB for a column. The environment variable [`VARIABLE`] replaces the 8 GB; a column gets a
     /// quarter of it. Values that are no positive number are ignored.
-    pub fn from_environment() -> Self {
+    pub(crate) fn from_environment() -> Self {
         let given = std::env::var(VARIABLE).ok().and_then(|text| text.trim().parse::<f64>().ok());
         let gigabytes = given.filter(|gigabytes| *gigabytes > 0.0).unwrap_or(DEFAULT_GB);
         Self::of_table((gigabytes * GB) as u64)

@@ -4,13 +4,13 @@ use serde_json::{Value, json};
 
 /// Minimum and maximum of each bucket; NaN if empty.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Series {
+pub(crate) struct Series {
     buckets: Vec<(f32, f32)>,
 }
 
 impl Series {
     /// Adds a value to the last bucket, or begins a new one.
-    pub fn push(&mut self, value: f64, begins: bool) {
+    pub(crate) fn push(&mut self, value: f64, begins: bool) {
         let value = if value.is_finite() { value as f32 } else { f32::NAN };
         match self.buckets.last_mut() {
             Some(last) if !begins => *last = merged(*last, (value, value)),
@@ -19,14 +19,14 @@ impl Series {
     }
 
     /// Merges every two buckets into one.
-    pub fn halve(&mut self) {
+    pub(crate) fn halve(&mut self) {
         let pairs = self.buckets.chunks(2);
         self.buckets = pairs.map(|pair| merged(pair[0], pair[pair.len() - 1])).collect();
     }
 
     /// The values as 16-bit numbers scaled between the overall minimum and maximum, in base 64. Each bucket has its
     /// minimum, then its maximum; -32768 means none. A constant signal has no data.
-    pub fn json(&self, label: &str, unit: &str) -> Value {
+    pub(crate) fn json(&self, label: &str, unit: &str) -> Value {
         let finite = self.buckets.iter().filter(|(low, _)| !low.is_nan());
         let none = (f32::INFINITY, f32::NEG_INFINITY);
         let (low, high) = finite.fold(none, |range, bucket| merged(range, *bucket));

@@ -72,7 +72,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    pub fn link(&self, place: usize) -> u64 {
+    pub(crate) fn link(&self, place: usize) -> u64 {
         self.links.get(place).copied().unwrap_or(0)
     }
 }
@@ -80,7 +80,7 @@ impl Block {
 type Outcome<T> = Result<T, String>;
 
 impl Mdf {
-    pub fn open(path: &Path) -> Result<Self, SourceError> {
+    pub(crate) fn open(path: &Path) -> Result<Self, SourceError> {
         let failed = |cause| FileError::from_io(path, cause);
         let file = files::open(path)?;
         let size = file.metadata().map_err(failed)?.len();
@@ -131,7 +131,7 @@ impl Mdf {
     }
 
     /// Reads a block of a given kind.
-    pub fn block(&mut self, at: u64, id: &[u8; 4]) -> Outcome<Block> {
+    pub(crate) fn block(&mut self, at: u64, id: &[u8; 4]) -> Outcome<Block> {
         let (found, length, links) = self.head(at)?;
         if found != *id || length > MAX_BLOCK {
             return Err(format!("no {} block at byte {at}", String::from_utf8_lossy(&id[2..])));
@@ -261,7 +261,11 @@ impl Mdf {
     }
 
     /// Passes the records of a group, without their ids, to `take` in order.
-    pub fn records(&mut self, group: &ChannelGroup, take: &mut dyn FnMut(&[u8])) -> Outcome<()> {
+    pub(crate) fn records(
+        &mut self,
+        group: &ChannelGroup,
+        take: &mut dyn FnMut(&[u8]),
+    ) -> Outcome<()> {
         self.visited.clear();
         let mut splitter = Splitter { group, rest: vec![], left: group.records };
         let mut parts = vec![];

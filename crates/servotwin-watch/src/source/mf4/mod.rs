@@ -24,7 +24,7 @@ const MAX_VALUES: u64 = 1 << 27;
 ///
 /// # Errors
 /// The file cannot be read, is damaged or lacks a column, or a wanted column has an unsupported type.
-pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let address = path.display().to_string();
     let mut file = Mdf::open(path)?;
     let known = named(&file);
@@ -65,7 +65,7 @@ pub fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError
 ///
 /// # Errors
 /// It cannot be read or is damaged.
-pub fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let file = Mdf::open(path)?;
     let mut found = vec![LogColumn::in_unit(TIME, "s")];
     let known = named(&file).into_iter();

@@ -37,12 +37,12 @@ pub enum Authority {
 
 impl Subscription {
     /// The form of an address, for messages.
-    pub const FORM: &str = "mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=0 or 1&keep_alive=1…3600 in s\
+    pub(crate) const FORM: &str = "mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=0 or 1&keep_alive=1…3600 in s\
         &ca=FILE for mqtts]";
 
     /// Parses `mqtt://[user:password@]host[:port]/topic[,topic…][?qos=1&keep_alive=10]`. The default port is 1883, or
     /// 8883 for `mqtts://`, which also accepts `ca=FILE`.
-    pub fn parse(text: &str) -> Option<Self> {
+    pub(crate) fn parse(text: &str) -> Option<Self> {
         let (rest, is_tls) = match text.strip_prefix("mqtts://") {
             Some(rest) => (rest, true),
             None => (text.strip_prefix("mqtt://")?, false),
@@ -87,12 +87,12 @@ impl Subscription {
     }
 
     /// Whether messages may come from several topics.
-    pub fn has_several_topics(&self) -> bool {
+    pub(crate) fn has_several_topics(&self) -> bool {
         self.filters.len() > 1 || self.filters.iter().any(|filter| filter.contains(['+', '#']))
     }
 
     /// The broker's part of the address, without user and password.
-    pub fn broker(&self) -> String {
+    pub(crate) fn broker(&self) -> String {
         let secure = if self.tls.is_some() { "s" } else { "" };
         format!("mqtt{secure}://{}:{}", self.host, self.port)
     }

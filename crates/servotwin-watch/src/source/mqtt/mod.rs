@@ -7,7 +7,7 @@ mod address;
 mod client;
 mod topics;
 
-pub use address::{Authority, Subscription};
+pub use address::Subscription;
 
 use super::frame::{self, Flaw};
 use super::{LogRow, Read, Source, SourceError, Wanted};
@@ -21,7 +21,7 @@ use topics::Topics;
 const COLLECTING: Duration = Duration::from_secs(2);
 
 /// An active subscription.
-pub struct Mqtt {
+pub(crate) struct Mqtt {
     subscription: Subscription,
     mailbox: Mailbox,
     topics: Topics,
@@ -37,7 +37,7 @@ impl Mqtt {
     ///
     /// # Errors
     /// The broker is unreachable or rejects the subscription.
-    pub fn open(subscription: &Subscription, wanted: &Wanted) -> Result<Self, SourceError> {
+    pub(crate) fn open(subscription: &Subscription, wanted: &Wanted) -> Result<Self, SourceError> {
         Ok(Mqtt {
             mailbox: subscribed(subscription)?,
             topics: Topics::new(subscription, wanted),
@@ -122,7 +122,7 @@ fn subscribed(subscription: &Subscription) -> Result<Mailbox, SourceError> {
 ///
 /// # Errors
 /// The broker is unreachable or rejects the subscription.
-pub fn columns(subscription: &Subscription) -> Result<Vec<String>, SourceError> {
+pub(crate) fn columns(subscription: &Subscription) -> Result<Vec<String>, SourceError> {
     let mailbox = subscribed(subscription)?;
     let mut found: Vec<(String, Vec<String>)> = vec![];
     let mut first = None;

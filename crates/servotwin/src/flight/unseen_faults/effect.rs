@@ -75,26 +75,26 @@ pub enum Who {
 }
 
 /// An effect with the units it applies to.
-pub type On = (Who, Effect);
+pub(crate) type On = (Who, Effect);
 
 /// An effect on the unit at fault.
-pub fn own(effect: Effect) -> On {
+pub(crate) fn own(effect: Effect) -> On {
     (Who::Own, effect)
 }
 
 /// An effect on the next unit, which is then also at fault.
-pub fn other(effect: Effect) -> On {
+pub(crate) fn other(effect: Effect) -> On {
     (Who::Other, effect)
 }
 
 /// An effect on all units.
-pub fn whole(effect: Effect) -> On {
+pub(crate) fn whole(effect: Effect) -> On {
     (Who::Whole, effect)
 }
 
 /// A change of a reading or an input on its way to the diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Touch {
+pub(crate) enum Touch {
     /// The reading is missing.
     Reading(usize),
     /// A reading has additional noise with this standard deviation.
@@ -123,7 +123,7 @@ enum Change {
 
 /// All changes of an unseen fault in a flight.
 #[derive(Clone, Debug, Default)]
-pub struct Changes {
+pub(crate) struct Changes {
     list: Vec<Change>,
     /// The units at fault.
     pub at_fault: Vec<usize>,
@@ -133,7 +133,7 @@ pub struct Changes {
 
 impl Changes {
     /// Resolves effects on a unit; `None` if the study lacks one of the names.
-    pub fn new(study: &Study, unit: usize, effects: &[On]) -> Option<Self> {
+    pub(crate) fn new(study: &Study, unit: usize, effects: &[On]) -> Option<Self> {
         let units = study.units.len();
         let mut changes = Changes::default();
         for &(who, effect) in effects {
@@ -160,7 +160,7 @@ impl Changes {
     }
 
     /// The changes of readings and inputs on their way to the diagnosis, from the onset on.
-    pub fn touches(&self) -> Vec<Touch> {
+    pub(crate) fn touches(&self) -> Vec<Touch> {
         let touch = |change: &Change| match change {
             Change::Touch(touch) => Some(*touch),
             _ => None,
@@ -169,7 +169,7 @@ impl Changes {
     }
 
     /// The environment of the plant and of the twin; `None` if unchanged.
-    pub fn environments(
+    pub(crate) fn environments(
         &self,
         was: &Environment,
         flight: &Run,
@@ -199,7 +199,7 @@ impl Changes {
     }
 
     /// Faults and parameter changes from the onset on. `overrides` are those of the variant.
-    pub fn later(
+    pub(crate) fn later(
         &self,
         study: &Study,
         flight: &Run,
@@ -383,7 +383,7 @@ fn moved(
 }
 
 /// Applies changes to readings and inputs before the diagnosis.
-pub struct Touched {
+pub(crate) struct Touched {
     touches: Vec<Touch>,
     onset: usize,
     random: NormalDeviates,
@@ -395,12 +395,12 @@ pub struct Touched {
 
 impl Touched {
     /// Applies the changes from the sample `onset` on.
-    pub fn new(touches: Vec<Touch>, onset: usize, random: NormalDeviates) -> Self {
+    pub(crate) fn new(touches: Vec<Touch>, onset: usize, random: NormalDeviates) -> Self {
         Touched { touches, onset, random, measured: vec![], inputs: vec![] }
     }
 
     /// Takes a sample and applies the changes.
-    pub fn take(&mut self, index: usize, measured: &[f64], inputs: &[f64]) {
+    pub(crate) fn take(&mut self, index: usize, measured: &[f64], inputs: &[f64]) {
         self.measured.clear();
         self.measured.extend_from_slice(measured);
         self.inputs.clear();

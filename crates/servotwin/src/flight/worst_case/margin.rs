@@ -33,7 +33,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    pub fn new(objective: SearchObjective, study: &Study, flight: &Run) -> Self {
+    pub(crate) fn new(objective: SearchObjective, study: &Study, flight: &Run) -> Self {
         Target {
             objective,
             faulty: flight.fault.map(|fault| study.units[study.faults[fault].unit].clone()),
@@ -61,7 +61,7 @@ pub(super) struct MarginWatch {
 }
 
 impl MarginWatch {
-    pub fn new(session: Session, target: Target, period_s: f64) -> Self {
+    pub(crate) fn new(session: Session, target: Target, period_s: f64) -> Self {
         let diagnoser = session.diagnoser().clone();
         let names = diagnoser.names();
         let switches_off = diagnoser.tuning.switches_off(names);
@@ -99,7 +99,7 @@ impl MarginWatch {
         self.since_onset().find(is_counted)
     }
 
-    pub fn into_outcome(self) -> SearchOutcome {
+    pub(crate) fn into_outcome(self) -> SearchOutcome {
         let is_visible = self.faulty.is_some() && self.out_of_bands.seen.is_some();
         let counted = self.counted();
         let evidence = self.peak.largest();

@@ -8,7 +8,7 @@
 //! of this environment. A point has the same bits alone and among others.
 
 pub mod cross_entropy;
-pub mod margin;
+pub(crate) mod margin;
 pub mod space;
 
 use super::tracking::TrackedQuantities;

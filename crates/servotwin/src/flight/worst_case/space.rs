@@ -30,7 +30,7 @@ impl Distribution {
     }
 
     /// Draws a value.
-    pub fn draw(self, random: &mut NormalDeviates) -> f64 {
+    pub(crate) fn draw(self, random: &mut NormalDeviates) -> f64 {
         match self {
             Distribution::Choice(count) => {
                 ((random.unit() * count as f64) as usize).min(count - 1) as f64
@@ -41,7 +41,7 @@ impl Distribution {
     }
 
     /// A value within the ends, rounded so that text holds it exactly.
-    pub fn rounded(self, value: f64) -> f64 {
+    pub(crate) fn rounded(self, value: f64) -> f64 {
         let [low, high] = self.ends();
         (value.clamp(low, high) * STEPS_PER_UNIT).round() / STEPS_PER_UNIT
     }
