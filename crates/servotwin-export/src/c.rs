@@ -91,7 +91,7 @@ pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
 /// All files of a diagnoser with a twin beside it.
 ///
 /// # Errors
-/// The errors of [`files`] and [`files_of_twin`].
+/// The errors of [`files`] and `files_of_twin`.
 pub fn files_with_twin(
     diagnoser: &Diagnoser,
     twin: &ExportedTwin,

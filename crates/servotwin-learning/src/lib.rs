@@ -1,6 +1,6 @@
 //! Training of the models that `servotwin-diagnosis` runs.
 //!
-//! `no_std` with `alloc`. From the bottom up: [`samples`] holds validated training samples, and [`tree`] grows the
+//! `no_std` with `alloc`. From the bottom up: `samples` holds validated training samples, and [`tree`] grows the
 //! decision trees of CART, random forest and AdaBoost. [`classifiers`] trains all classifiers behind one trait, and
 //! [`calibration`] fits their probabilities. [`splits`] and [`metrics`] evaluate them. [`hierarchy`] trains the trees
 //! from the actuator down to the detail, [`novelty`] learns the ranges of the training data and [`explained`] the rows

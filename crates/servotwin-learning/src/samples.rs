@@ -45,7 +45,7 @@ impl Samples {
     }
 
     /// Creates samples from column-major values, with NaN for unknown values. Only decision trees and their ensembles
-    /// learn from missing values; see [`Samples::complete`].
+    /// learn from missing values; see `Samples::complete`.
     ///
     /// # Errors
     /// As [`Samples::from_columns`], but [`Error::NotFinite`] only for infinities.

@@ -4,16 +4,16 @@
 //! browser ── requests ──> server ──> flight, replay or stream (its own thread) ──> feed ──> server ──> browsers
 //! ```
 //!
-//! - [`flight`]: the flight in closed loop, with a ghost that flies the same without a diagnosis
+//! - `flight`: the flight in closed loop, with a ghost that flies the same without a diagnosis
 //! - [`measured`]: a log or a stream beside its twin
-//! - [`injection`]: faults as they are injected by hand: a step, a ramp, or intermittent
+//! - `injection`: faults as they are injected by hand: a step, a ramp, or intermittent
 //! - [`signals`]: what a frame contains, with names, units and bands
-//! - [`state`]: what viewers receive besides samples
-//! - [`session`]: a flight as viewers saw it, as one file, and its replay
+//! - `state`: what viewers receive besides samples
+//! - `session`: a flight as viewers saw it, as one file, and its replay
 //! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
-//! - [`page`]: the page, and one file that holds it with a session
-//! - [`request`]: what a viewer may ask for
-//! - [`server`]: HTTP and WebSocket, and who may come in
+//! - `page`: the page, and one file that holds it with a session
+//! - `request`: what a viewer may ask for
+//! - `server`: HTTP and WebSocket, and who may come in
 //!
 //! The flight never waits for a browser: it puts a frame into the feed and goes on. A viewer that is too slow loses
 //! frames, and the feed reports how many. The diagnosis never loses a sample.

@@ -223,7 +223,7 @@ impl WatchCounts {
         &self.tallies[kind as usize]
     }
 
-    /// All kinds that occurred, in the order of [`Irregularity::ALL`].
+    /// All kinds that occurred, in the order of `Irregularity::ALL`.
     pub fn met(&self) -> impl Iterator<Item = (Irregularity, &Tally)> {
         Irregularity::ALL.into_iter().map(|kind| (kind, self.of(kind))).filter(|(_, t)| t.count > 0)
     }

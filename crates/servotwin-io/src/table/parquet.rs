@@ -111,10 +111,10 @@ pub(crate) fn read_wanted(
     read_within(path, is_wanted, Limits::from_environment())
 }
 
-/// As [`read_wanted`], within the caller's limits.
+/// As `read_wanted`, within the caller's limits.
 ///
 /// # Errors
-/// As [`read_wanted`].
+/// As `read_wanted`.
 pub fn read_within(
     path: &Path,
     is_wanted: &dyn Fn(&str) -> bool,

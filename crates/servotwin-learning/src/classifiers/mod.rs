@@ -31,8 +31,8 @@ pub trait Fit {
     /// Trains a model. The same samples and settings give the same model bit for bit.
     ///
     /// # Errors
-    /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless the classifier is [`cart`], [`random_forest`] or
-    /// [`adaboost`], and errors of the classifier.
+    /// [`Error::SettingOutOfRange`], [`Error::Missing`] unless the classifier is [`cart`], `random_forest` or
+    /// `adaboost`, and errors of the classifier.
     fn fit(&self, samples: &Samples) -> Result<Self::Model, Error>;
 }
 

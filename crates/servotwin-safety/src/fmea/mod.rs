@@ -1,8 +1,8 @@
 //! The artefact *FMEA*: one row per fault of the system, every cell with its evidence.
 //!
 //! - [`fields`]: the columns, and what fills them
-//! - [`residuals`]: runs of the campaign, by fault
-//! - [`flights`]: closed-loop flights, with the diagnosis and without it
+//! - `residuals`: runs of the campaign, by fault
+//! - `flights`: closed-loop flights, with the diagnosis and without it
 //! - [`severity`]: the stated rule
 //! - [`mod@sheet`]: what people filled in, and how it survives
 //! - [`mod@format`]: CSV and XLSX

@@ -1,11 +1,11 @@
 //! The artefact *sensors*: what each sensor buys.
 //!
 //! - [`candidates`]: which sets of sensors leave control possible, and what they cost
-//! - [`upgrades`]: better sensors of the same kind, simulated anew
+//! - `upgrades`: better sensors of the same kind, simulated anew
 //! - [`runs`]: the runs of a scenario, and the features that a set leaves
-//! - [`judged`]: detection, isolation and shutdowns of a set on commands that it was not trained on
-//! - [`structure`]: which faults no classifier could separate with a set
-//! - [`written`]: tables and figure
+//! - `judged`: detection, isolation and shutdowns of a set on commands that it was not trained on
+//! - `structure`: which faults no classifier could separate with a set
+//! - `written`: tables and figure
 //!
 //! Every set that leaves control possible is judged, so the best set of each size and the Pareto front are exact for
 //! these runs. The system's own sensors without each single one are judged too, also where control needs it: that is
@@ -115,7 +115,7 @@ pub struct SensorTrade {
     pub candidates: Candidates,
     /// The upgrades.
     pub upgrades: Vec<SensorUpgrade>,
-    /// Every judged set, in the order of [`Candidates::sets`]; then, for each upgrade, those that hold its sensors.
+    /// Every judged set, in the order of `Candidates::sets`; then, for each upgrade, those that hold its sensors.
     pub sets: Vec<SensorSet>,
     /// The fault pairs of the system's own sensors and, with an extra sensor, of all.
     pub pairs: Vec<SetPairs>,

@@ -1,8 +1,8 @@
 //! The artefact *worst case*: the flights in which the diagnosis is closest to an error, each as a line that replays it.
 //!
-//! - [`log`]: every flight, in `safety/worst-case.csv`
+//! - `log`: every flight, in `safety/worst-case.csv`
 //! - [`finding_line`]: one line of text that replays a flight
-//! - [`envelope`]: what was not searched
+//! - `envelope`: what was not searched
 //! - [`summary`]: the findings, the comparison with random flights, and the figure
 
 pub(crate) mod envelope;
@@ -181,7 +181,7 @@ impl<'s> WorstCaseSearch<'s> {
     }
 }
 
-/// The line of a row of [`FILE`], counted from 1.
+/// The line of a row of `FILE`, counted from 1.
 ///
 /// # Errors
 /// There is no such file, row, or line in it.

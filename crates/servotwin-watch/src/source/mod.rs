@@ -147,7 +147,7 @@ pub enum Read {
     Flawed(Flaw),
     /// Input without data, such as a header.
     Nothing,
-    /// A live stream has sent nothing for [`PAUSE`].
+    /// A live stream has sent nothing for `PAUSE`.
     Pause,
     /// The connection is lost; the source is reconnecting.
     Disconnected {

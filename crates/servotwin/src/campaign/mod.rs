@@ -1,6 +1,6 @@
 //! The campaign: simulates every fault in every operating case on all cores, directly into windows.
 //!
-//! Its variants are the runs of a suite ([`Study::records`]), which [`crate::run::runner`] simulates.
+//! Its variants are the runs of a suite ([`Study::records`]), which `crate::run::runner` simulates.
 //!
 //! Variants are written in *parts*. A part is a Parquet file that appears when all its variants have ended. A resumed
 //! campaign skips existing parts. Every variant has the same bits whenever it runs, so the result has the same bytes.

@@ -26,7 +26,7 @@ pub struct Confused {
 pub struct Ambiguity {
     /// Pairs, the most frequent first.
     pub pairs: Vec<Confused>,
-    /// Kinds connected by pairs that make up at least [`GROUPING`] of a kind's tests.
+    /// Kinds connected by pairs that make up at least `GROUPING` of a kind's tests.
     pub groups: Vec<Vec<String>>,
 }
 

@@ -9,7 +9,7 @@
 //! b = exp(m + k s)
 //! ```
 //!
-//! where k is common to all sensors. It is the smallest k with which at most a share ([`ALARMS`], [`SPECIMEN_ALARMS`]) of the
+//! where k is common to all sensors. It is the smallest k with which at most a share ([`ALARMS`], `SPECIMEN_ALARMS`) of the
 //! healthy training records leave any band. The guarantee covers the false alarms of all sensors together, without assumptions about their
 //! correlation. It holds for flights like those of training.
 //!

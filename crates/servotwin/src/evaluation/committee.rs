@@ -27,7 +27,7 @@ pub(crate) const WITHHELD: f64 = 0.02;
 pub struct Committee {
     /// Calibrated boosted trees.
     pub hierarchy: Hierarchy,
-    /// The confidence that all but [`WITHHELD`] of the answers on left-out commands reach; `None` with too few
+    /// The confidence that all but `WITHHELD` of the answers on left-out commands reach; `None` with too few
     /// commands.
     pub least_confidence: Option<f64>,
 }

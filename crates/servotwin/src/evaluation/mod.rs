@@ -202,7 +202,7 @@ impl Evaluation {
         self.committee.iter().find(|result| result.protocol == protocol)
     }
 
-    /// The trees' result under the protocol that is quoted ([`Protocol::headline`]).
+    /// The trees' result under the protocol that is quoted (`Protocol::headline`).
     pub fn headline(&self) -> Option<&ProtocolResult> {
         self.protocol(Protocol::NewCommand).or_else(|| self.protocol(Protocol::UnseenIntensity))
     }

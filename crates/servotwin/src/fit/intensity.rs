@@ -69,11 +69,11 @@ pub(crate) fn intensity(
     Ok(compared(each.collect::<Result<Vec<_>, _>>()?))
 }
 
-/// Like [`intensity`], but also estimates when each fault began, if within the record ([`super::onset`]). Its intensity
+/// Like `intensity`, but also estimates when each fault began, if within the record (`super::onset`). Its intensity
 /// then applies from this moment on.
 ///
 /// # Errors
-/// See [`intensity`].
+/// See `intensity`.
 pub fn intensity_and_onset(
     problem: &Fit,
     candidates: &[(usize, usize)],

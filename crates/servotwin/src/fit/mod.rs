@@ -2,16 +2,16 @@
 //! what no tolerance explains.
 //!
 //! - [`unknown`]: what a fit may change, with priors and bounds
-//! - [`record`], `plausible`: tables of samples, and whether they can belong to this system
+//! - `record`, `plausible`: tables of samples, and whether they can belong to this system
 //! - `response`: residuals and their derivatives, one unknown per lane
 //! - `solve`: the minimum, by Gauss–Newton steps within bounds
-//! - [`knowledge`]: covariance, trade-offs and unknowns that are not seen, as sentences
-//! - [`finding`]: deviations outside tolerances; they are findings, never updates
-//! - [`suspects`]: the faults that a finding resembles
-//! - [`verdict`]: the result in one sentence
-//! - [`fleet`]: many specimens with one calibration flight, for campaigns
+//! - `knowledge`: covariance, trade-offs and unknowns that are not seen, as sentences
+//! - `finding`: deviations outside tolerances; they are findings, never updates
+//! - `suspects`: the faults that a finding resembles
+//! - `verdict`: the result in one sentence
+//! - `fleet`: many specimens with one calibration flight, for campaigns
 //! - [`intensity`]: the intensity of a fault, and the comparison of several faults
-//! - [`onset`]: when a fault began, if within the record
+//! - `onset`: when a fault began, if within the record
 //! - [`design`]: which flight determines the unknowns best
 //! - [`history`], [`trend`], [`repair`]: the flights of one tail number, the trend of wear, and repairs
 //!

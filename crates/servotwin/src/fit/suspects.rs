@@ -60,7 +60,7 @@ pub(crate) const DELAY: &str = "delay";
 /// A possible cause of a finding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
-    /// The fault's full name, or [`CLOCK`] or [`DELAY`].
+    /// The fault's full name, or `CLOCK` or `DELAY`.
     pub name: String,
     /// (FF1); for a finding √(2 ΔF) by (FF2), where ΔF is the reduction of F by the suspect.
     pub score: f64,

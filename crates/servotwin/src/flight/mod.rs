@@ -5,7 +5,7 @@
 //! - [`spreads`]: learns how the spread of healthy residuals grows with the flow
 //! - [`training_windows`]: the training windows taken out of flights, one table for each kind
 //! - [`train`]: trains a diagnoser: bands, trees and committee for each kind
-//! - [`boundaries`]: what a wrong reading of a boundary value does
+//! - `boundaries`: what a wrong reading of a boundary value does
 //! - [`runtime`]: a twin and a diagnosis beside an actuator, one call per sample
 //! - [`watcher`]: the runtime on a log or a live stream
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts

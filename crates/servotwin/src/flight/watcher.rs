@@ -109,7 +109,7 @@ impl<'s> Watcher<'s> {
         })
     }
 
-    /// As [`Runtime::stepping`].
+    /// As `Runtime::stepping`.
     pub fn stepping(mut self, settings: SolverSettings) -> Self {
         self.runtime = self.runtime.stepping(settings);
         self

@@ -285,7 +285,7 @@ fn is_usual(suite: &Suite) -> bool {
 /// share of this work to that of all work.
 ///
 /// # Errors
-/// As [`outcomes::fly`]; the results cannot be written.
+/// As `outcomes::fly`; the results cannot be written.
 pub fn fly(
     folder: &Folder,
     (study, is_full): (&Study, bool),

@@ -71,7 +71,7 @@ pub struct KindEffort {
     pub mean_steps_per_s: f64,
     /// The maximum of a variant.
     pub most_steps_per_s: f64,
-    /// Variants that ring ([`VariantEffort::rings`](crate::campaign::VariantEffort::rings)).
+    /// Variants that ring (`VariantEffort::rings`).
     pub rings: usize,
     /// Variants that began in motion, because no steady state was found.
     pub began_on_the_move: usize,

@@ -1,6 +1,6 @@
 //! The main job, stage by stage: campaign, training, evaluation. The crate `servotwin-report` presents the results.
 //!
-//! Every stage reads the files of the previous stages from the output folder ([`folder`]), so that a user can
+//! Every stage reads the files of the previous stages from the output folder (`folder`), so that a user can
 //! change one thing and repeat the rest. A [`Subject`] of the diagnosis is a data set, with or
 //! without the extra sensor.
 

@@ -312,7 +312,7 @@ pub fn write(
 /// Reads the healthy flights in environments of their own, in all scenarios.
 ///
 /// # Errors
-/// As [`stored`].
+/// As `stored`.
 pub fn healthy(folder: &Folder) -> Result<Vec<FlownSuite>, JobError> {
     let both = |suite| SCENARIOS.map(|scenario| stored(folder, suite, scenario).transpose());
     [HEALTHY, HEALTHY_OTHER_STRUCTURE].into_iter().flat_map(both).flatten().collect()

@@ -41,7 +41,7 @@
 //! healthy_groups = 3
 //! ```
 //!
-//! The windows and features are those of simulated runs. A missing number does not stop a study: see [`windows`].
+//! The windows and features are those of simulated runs. A missing number does not stop a study: see `windows`.
 
 pub mod judged;
 pub mod model;

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! - [`plan`]: the runs of a suite
-//! - [`runner`]: flies them in lanes, beside the twins of their environments
+//! - `runner`: flies them in lanes, beside the twins of their environments
 //! - [`fitted_twins`], [`other_plant`]: twins and plants that are not nominal
 //!
 //! A twin is simulated once and kept whole (`twins`); plants fly in lanes, and nothing of them is kept but what their

@@ -23,7 +23,7 @@ impl OtherPlants {
     /// The plants of a suite; `None` if they have the structure of their twins.
     ///
     /// # Errors
-    /// As [`OtherPlants::new`].
+    /// As `OtherPlants::new`.
     pub fn of(study: &Study, suite: &Suite) -> Result<Option<Self>, CampaignError> {
         let differences = study.flights.as_ref().and_then(|flights| flights.other_plant.as_ref());
         let differences = differences.filter(|_| suite.has_other_plants);

@@ -12,9 +12,9 @@ use std::str::FromStr;
 pub enum Profile {
     /// It appears at once.
     Step,
-    /// It grows to its intensity within [`DRIFT_S`].
+    /// It grows to its intensity within `DRIFT_S`.
     Drift,
-    /// It appears and disappears every [`PULSE_S`].
+    /// It appears and disappears every `PULSE_S`.
     Intermittent,
 }
 

@@ -36,7 +36,7 @@ impl Texts {
     }
 }
 
-/// Reads a CSV file in any dialect that [`super::read`] understands.
+/// Reads a CSV file in any dialect that `super::read` understands.
 ///
 /// # Errors
 /// The file cannot be read, or its content is no CSV table.

@@ -1,7 +1,7 @@
 //! A search for the flights in which the diagnosis is closest to an error.
 //!
 //! A flight is a point: command, load, air speed, pressures, temperatures, tolerances, fault and onset ([`space`]). Its
-//! *margin* is continuous, so a search can follow it long before an error occurs ([`margin`]). The search is a
+//! *margin* is continuous, so a search can follow it long before an error occurs (`margin`). The search is a
 //! cross-entropy method ([`cross_entropy`]); random points come from the distributions of the study.
 //!
 //! All points of a generation fly at once in lanes, each in an environment and with a specimen of its own beside the twin
