@@ -105,7 +105,7 @@ pub fn open_mcap(path: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, Sin
 /// # Errors
 /// [`SinkError::Feature`].
 #[cfg(not(feature = "mcap"))]
-pub(crate) fn open_mcap(path: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
+pub fn open_mcap(path: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
     Err(SinkError::Feature { what: path.display().to_string(), feature: "mcap" })
 }
 
