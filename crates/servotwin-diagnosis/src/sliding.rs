@@ -175,7 +175,7 @@ fn restore(window: &mut Window, values: &[f64], most_samples: u64) -> Result<(),
         possible(*count >= 0.0 && is_count(*count))?;
         possible(is_none || (*first >= 0.0 && is_count(*first)))?;
     }
-    let fits = window.set_values(values);
+    let fits = window.set_state(values);
     if fits {
         Ok(())
     } else {

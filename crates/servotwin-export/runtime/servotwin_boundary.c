@@ -11,9 +11,6 @@
 
 #define LEAST_BAND 1e-12
 
-/* How far a wrong reading moves the sensor next to it, in parts of its band, before it explains anything. */
-#define LEAST_MOVE 0.5
-
 static void sums_clear(servotwin_sums *sums)
 {
     sums->samples = 0.0;
@@ -79,7 +76,7 @@ static bool explains(const servotwin_boundary *boundary, int32_t length, const s
     const servotwin_real own = wrong_by * boundary->own_change;
     const servotwin_real error = SERVOTWIN_ABS(own);
     const servotwin_real moved = error * window->inverse[boundary->sensor];
-    const servotwin_real least = LEAST_MOVE * band_of(length, boundary->sensor);
+    const servotwin_real least = servotwin_tuning.least_boundary_move * band_of(length, boundary->sensor);
     bool holds = (moved > least) && (error <= servotwin_tuning.largest_boundary_error);
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];

@@ -863,7 +863,6 @@ static bool add_to_windows(servotwin_session *session, const servotwin_real *twi
 {
     const bool is_trusted = (session->outcome.alarm == SERVOTWIN_NORMAL);
     servotwin_divided_sample sample = { session->divided, session->measured, twin, session->spreads.spreads };
-    servotwin_spreads_take(&session->spreads, twin);
     servotwin_divide_by_spread(&session->spreads, session->measured, twin, session->divided);
     bool has_new =
         servotwin_stream_add(&session->streams[0], session->rings, &servotwin_stream_plans[0], &sample);

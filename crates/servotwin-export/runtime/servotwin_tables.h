@@ -101,6 +101,7 @@ typedef struct {
     servotwin_real healthy_forgotten; /* part that a sample forgets of the healthy line */
     servotwin_real line_variance; /* of an error of a line's pressure that moves with the flow */
     servotwin_real information_of_lines; /* 1 over the variance of the slopes of healthy lines */
+    servotwin_real least_boundary_move; /* parts of the band */
     servotwin_real largest_boundary_error; /* parts of scale */
 } servotwin_constants;
 

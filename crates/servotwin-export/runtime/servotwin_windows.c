@@ -210,33 +210,26 @@ static void take_turn(servotwin_stream *stream, servotwin_ring *rings, const ser
     stream->turn++;
 }
 
-void servotwin_spreads_take(servotwin_spreads *spreads, const servotwin_real *twin)
+void servotwin_divide_by_spread(servotwin_spreads *spreads, const servotwin_real *measured, const servotwin_real *twin,
+    servotwin_real *divided)
 {
+    servotwin_real reach[SERVOTWIN_SENSORS];
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         const servotwin_real x = twin[i] / servotwin_sensors[i].scale;
         const servotwin_real difference = spreads->has_last ? (x - spreads->last[i]) : 0.0;
         const servotwin_real travel = SERVOTWIN_ABS(difference) * servotwin_delay_samples;
-        spreads->reach[i] = SERVOTWIN_ABS(x) + travel;
+        reach[i] = SERVOTWIN_ABS(x) + travel;
         spreads->last[i] = x;
     }
+    spreads->has_last = true;
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         const int32_t spool = servotwin_sensors[i].spool;
         spreads->spreads[i] = 1.0;
-        if (spool != SERVOTWIN_NONE) {
-            const servotwin_real growth = servotwin_sensors[i].growth * spreads->reach[spool];
-            spreads->spreads[i] = 1.0 + growth;
-        }
-    }
-    spreads->has_last = true;
-}
-
-void servotwin_divide_by_spread(const servotwin_spreads *spreads, const servotwin_real *measured,
-    const servotwin_real *twin, servotwin_real *divided)
-{
-    for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         divided[i] = measured[i];
-        if (servotwin_sensors[i].spool != SERVOTWIN_NONE) {
+        if (spool != SERVOTWIN_NONE) {
+            const servotwin_real growth = servotwin_sensors[i].growth * reach[spool];
             const servotwin_real difference = measured[i] - twin[i];
+            spreads->spreads[i] = 1.0 + growth;
             const servotwin_real part = difference / spreads->spreads[i];
             divided[i] = twin[i] + part;
         }

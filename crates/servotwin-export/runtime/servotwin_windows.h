@@ -63,11 +63,10 @@ typedef struct {
     const uint8_t *places; /* of its lengths among all */
 } servotwin_stream_plan;
 
-/* The spreads of residuals, and how far the twin's signals reach within a delay of sensors, parts of scale. */
+/* The spreads of residuals. */
 typedef struct {
     bool has_last;
-    servotwin_real last[SERVOTWIN_SENSORS];
-    servotwin_real reach[SERVOTWIN_SENSORS];
+    servotwin_real last[SERVOTWIN_SENSORS]; /* the twin's signals at the last sample, parts of scale */
     servotwin_real spreads[SERVOTWIN_SENSORS]; /* d: in parts of the spread at rest */
 } servotwin_spreads;
 
@@ -79,19 +78,16 @@ typedef struct {
 
 void servotwin_window_clear(servotwin_window *window);
 
-/* The window with its sensors in another order, for features: it has nothing of residuals before their division. */
+/* The window with its sensors in another order, for features: it has no undivided moments. */
 void servotwin_window_reorder(const servotwin_window *window, const uint8_t *order, servotwin_window *into);
 
 servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b);
 
 void servotwin_stream_clear(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan);
 
-/* Takes the twin's values of a sample, SI. */
-void servotwin_spreads_take(servotwin_spreads *spreads, const servotwin_real *twin);
-
-/* The measured values whose residuals are those of the sample in parts of their spread. */
-void servotwin_divide_by_spread(const servotwin_spreads *spreads, const servotwin_real *measured,
-    const servotwin_real *twin, servotwin_real *divided);
+/* Divides the residuals of a sample, SI, by their spreads: `divided` differs from the twin by the divided residuals. */
+void servotwin_divide_by_spread(servotwin_spreads *spreads, const servotwin_real *measured, const servotwin_real *twin,
+    servotwin_real *divided);
 
 /* A sample whose residuals were divided by their spreads, SI. */
 typedef struct {

@@ -19,12 +19,12 @@
 //! deviations from the means of windows, so a drift of δ does no harm. (2) is the logarithm of a likelihood ratio less
 //! the price of a parameter by Schwarz, "Estimating the Dimension of a Model", Annals of Statistics 6, 1978. n counts
 //! independent samples. What is left of the residual beside the line is in part the white noise of the sensor, which is
-//! new in every sample. The other part is an error of the model, which is new in every window only. A part e of the
-//! pressure drop moves along with the flow, but is no part of the line: the quiescent flow of a valve is not the twin's. A
-//! small motion therefore tells little.
+//! new in every sample. The other part is an error of the model, which is new in every window only. The error e
+//! of the twin's pressure drop moves with the flow, because the quiescent flows of valves differ. A small motion is
+//! therefore weak evidence.
 //!
-//! All this is of residuals as they are. Where they are divided by a spread d, δ moves their mean by δ times the mean of
-//! 1/d, and the sums take the moments of the residual as measured ([`Window::undivided_variance`]).
+//! Equations (1) to (3) take residuals as measured ([`Window::undivided_variance`]). δ moves the mean of a residual that is
+//! divided by its spread d by δ times the mean of 1/d.
 //!
 //! A shutdown waits for this evidence while a wrong reading explains all that the actuator shows: what is left of the
 //! mean residuals lies within their bands, and δ is no larger than a transducer's error.
@@ -36,10 +36,6 @@ use super::tuning::Tuning;
 use crate::error::Error;
 use crate::panel::SensorBand;
 use crate::residual::Window;
-
-/// How far a wrong reading moves the sensor next to the boundary, in parts of its band, before it explains anything. Less
-/// than one: trees accuse within a band, and noise lifts a mean that stands at its edge in and out.
-const LEAST_MOVE: f64 = 0.5;
 
 /// What a wrong reading of one boundary value does.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -78,14 +74,9 @@ impl Boundary {
         effect * window.inverse_spread(sensor as usize)
     }
 
-    /// Whether a wrong reading explains a window: it moves the sensor next to the boundary by [`LEAST_MOVE`] or more, by no
-    /// more than `largest_error` in parts of scale, and what is left of all mean residuals lies within their bands.
-    pub(super) fn explains(
-        &self,
-        window: &Window,
-        bands: &[SensorBand],
-        largest_error: f64,
-    ) -> bool {
+    /// Whether a wrong reading explains a window: it moves the sensor next to the boundary by a part of its band, by no
+    /// more than a transducer's error, and what is left of all mean residuals lies within their bands.
+    pub(super) fn explains(&self, window: &Window, bands: &[SensorBand], tuning: &Tuning) -> bool {
         let half_width = |sensor: u32| bands[sensor as usize].half_width.max(1e-12);
         let (mut along, mut of) = (0.0, 0.0);
         for &(sensor, effect) in &self.effects {
@@ -99,8 +90,9 @@ impl Boundary {
             (window.mean(sensor as usize) - expected).abs() <= half_width(sensor)
         };
         let error = (wrong_by * self.effect().unwrap_or_default()).abs();
-        error * window.inverse_spread(self.sensor as usize) > LEAST_MOVE * half_width(self.sensor)
-            && error <= largest_error
+        let moved = error * window.inverse_spread(self.sensor as usize);
+        moved > tuning.least_boundary_move * half_width(self.sensor)
+            && error <= tuning.largest_boundary_error
             && self.effects.iter().all(is_left_in_band)
     }
 }
@@ -211,7 +203,7 @@ impl Doubt {
         let sensor = boundary.sensor as usize;
         let new = Sums::of(window, sensor, share);
         let is_deviating = window.mean(sensor).abs() > bands[sensor].half_width;
-        let is_explained = boundary.explains(window, bands, tuning.largest_boundary_error);
+        let is_explained = boundary.explains(window, bands, tuning);
         self.explain(is_explained, panes);
         if !is_deviating {
             (self.deviating, self.since) = (0, Sums::default());
@@ -284,6 +276,7 @@ impl Doubt {
 mod tests {
     use super::*;
     use crate::random::Random;
+    use crate::residual::DividedSample;
     use alloc::format;
     use alloc::vec;
 
@@ -305,14 +298,21 @@ mod tests {
         residual: impl Fn(f64) -> [f64; 2],
     ) -> Window {
         let mut random = Random::stream(7, start as u64);
-        let mut window = Window::new(2);
+        let mut window = Window::new(2).keeping_undivided();
         for k in 0..50 {
             let time_s = 0.01 * (start + k) as f64;
             let mut noise = || 0.005 * (random.unit() - 0.5);
             let twin = [1.0 - drop(time_s), 0.5];
             let r = residual(time_s);
             let measured = [twin[0] + r[0] + noise(), twin[1] + r[1] + noise()];
-            window.add(&measured, &twin, &[1.0, 1.0]);
+            let (judged, ones) = (&measured, &[1.0, 1.0]);
+            window.add_divided(&DividedSample {
+                judged,
+                measured: judged,
+                twin: &twin,
+                scales: ones,
+                spreads: ones,
+            });
         }
         window
     }
@@ -348,7 +348,7 @@ mod tests {
 
     /// The quiescent flow of a valve moves the pressure behind it along with a small flow, as a leak does.
     #[test]
-    fn a_motion_as_small_as_the_error_of_a_line_tells_little() {
+    fn a_small_motion_is_weak_evidence() {
         let with_flow = |part: f64| {
             let small = move |time_s: f64| part * moving(time_s);
             let residual = move |time_s: f64| [-0.04 - small(time_s), -0.02];
@@ -443,7 +443,7 @@ mod tests {
     fn a_wrong_reading_moves_all_sensors_in_its_direction_by_no_more_than_transducers_err() {
         let explains = |residual: [f64; 2]| {
             let window = window(0, |_| 0.0, |_| residual);
-            BOUNDARY().explains(&window, &bands(), 0.05)
+            BOUNDARY().explains(&window, &bands(), &Tuning::default())
         };
         assert!(explains([-0.04, -0.02]));
         assert!(explains([0.04, 0.02]));

@@ -219,6 +219,10 @@ tuning! {
     line_error: f64 = 0.0005 in 0.0..=1e6, "of scale",
         Physical, "decisions/020-doubtful-boundary.md",
         "The error of the twin's pressure drop in a line that moves with the flow: the quiescent flow of a valve differs.";
+    least_boundary_move: f64 = 0.5 in 0.0..=1e6, "of the band",
+        Statistical, "decisions/020-doubtful-boundary.md",
+        "How far a wrong boundary reading moves its sensor before it explains anything: trees accuse within a band, and \
+         noise lifts a mean at its edge in and out.";
     largest_boundary_error: f64 = 0.05 in 0.0..=1e6, "of scale",
         Physical, "decisions/020-doubtful-boundary.md",
         "The largest error of a boundary reading that a shutdown waits for: line transducers err by up to 4 % of their \

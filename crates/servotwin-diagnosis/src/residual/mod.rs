@@ -206,7 +206,7 @@ impl Window {
     }
 
     /// The window with the sensors in another order: sensor `i` of the result is sensor `order[i]` of this one.
-    /// Exchanging the actuators gives the symmetric copy of a variant. It is for features, and keeps nothing undivided.
+    /// Exchanging the actuators gives the symmetric copy of a variant. It serves features and has no undivided moments.
     pub fn reordered(&self, order: &[usize]) -> Self {
         let mut result = Self::watching(self.sensors, self.watched);
         self.reorder_into(order, &mut result);
@@ -243,7 +243,7 @@ impl Window {
         [&head[..], &self.largest, &self.mean, &self.moments].concat()
     }
 
-    /// As [`Window::to_values`], and after them what the window keeps of undivided residuals.
+    /// As [`Window::to_values`], followed by the undivided moments.
     pub fn state(&self) -> Vec<f64> {
         let mut state = self.to_values();
         state.extend(self.undivided.iter().flat_map(Undivided::numbers));
@@ -253,12 +253,11 @@ impl Window {
     /// The window of a stored list; `None` if its length does not fit the number of sensors.
     pub fn from_values(sensors: usize, watched: usize, values: &[f64]) -> Option<Self> {
         let mut window = Self::watching(sensors, watched);
-        window.set_values(values).then_some(window)
+        window.set_state(values).then_some(window)
     }
 
-    /// Restores a stored state. Returns `false` and changes nothing if the length does not fit. Does
-    /// not allocate.
-    pub fn set_values(&mut self, values: &[f64]) -> bool {
+    /// Restores a stored state. Returns `false` and changes nothing if the length does not fit. Does not allocate.
+    pub fn set_state(&mut self, values: &[f64]) -> bool {
         let [count, first, rest @ ..] = values else { return false };
         let lengths = [&self.largest, &self.mean, &self.moments].map(Vec::len);
         let undivided = undivided::NUMBERS * self.undivided.len();

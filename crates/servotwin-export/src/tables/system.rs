@@ -159,6 +159,7 @@ fn constants(text: &mut String, diagnoser: &Diagnoser) {
         number(period_s / tuning.healthy_slope_memory_s),
         number(tuning.line_error * tuning.line_error),
         number(1.0 / (deviation * deviation)),
+        number(tuning.least_boundary_move),
         number(tuning.largest_boundary_error),
     ]);
     text.push('\n');

@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 /// Share of the healthy training records that may leave a band.
 pub const ALARMS: f64 = 0.015;
 
-/// The same of windows in flight where specimens differ from their twin, because some differ more than those of training.
-/// With 0.9 % instead, one of 2,400 healthy plants with another structure lost an actuator.
+/// The share in flight where specimens differ from their twin: plants of another structure differ more than those of
+/// training. With 0.9 %, one of 2,400 healthy flights of such plants ended with a shutdown.
 pub(crate) const SPECIMEN_ALARMS: f64 = 0.005;
 
 /// The largest width of a band, relative to the largest residual it was learned from.

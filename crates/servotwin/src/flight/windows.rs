@@ -34,7 +34,7 @@ impl WindowDesign<'_> {
             is_baseline_corrected,
         };
         let absolute = self.flights.windows_s.iter().map(|&window_s| kind(window_s, false));
-        let corrected = self.is_baseline_corrected().then(|| kind(self.shortest_s(), true));
+        let corrected = self.has_specimens().then(|| kind(self.shortest_s(), true));
         absolute.chain(corrected).collect()
     }
 
@@ -42,14 +42,13 @@ impl WindowDesign<'_> {
         self.flights.windows_s.iter().copied().fold(f64::INFINITY, f64::min)
     }
 
-    fn is_baseline_corrected(&self) -> bool {
+    fn has_specimens(&self) -> bool {
         self.scenario.plants() == Plants::Specimens
     }
 
     /// The share of the healthy windows that may leave a band.
     pub(super) fn alarms(&self) -> f64 {
-        let is_of_specimens = self.scenario.plants() == Plants::Specimens;
-        if is_of_specimens { bands::SPECIMEN_ALARMS } else { bands::ALARMS }
+        if self.has_specimens() { bands::SPECIMEN_ALARMS } else { bands::ALARMS }
     }
 
     /// The settings of the baseline; `None` if windows are not baseline-corrected.
@@ -62,7 +61,7 @@ impl WindowDesign<'_> {
         let panes = (settle_s / period_s) as u32 / pane;
         let settle_samples = (panes * pane + pane / 2).max(1);
         let memory_samples = ((baseline_memory_s / period_s) as u32).max(settle_samples);
-        self.is_baseline_corrected()
+        self.has_specimens()
             .then_some(baseline::BaselineSettings { settle_samples, memory_samples })
     }
 
