@@ -25,7 +25,7 @@ use clap::{Parser, Subcommand};
 use commands::{
     cache, campaign, check, completions, components, describe, evaluate, explain, export, faults,
     faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge, prove,
-    report, results, schema, sensors, serve, simulate, study, train, watch, worst_case,
+    report, results, schema, sensors, serve, simulate, study, test, train, watch, worst_case,
 };
 use failure::Failure;
 use paths::Paths;
@@ -113,6 +113,7 @@ enum Command {
     Fit(fit::Options),
     History(history::Options),
     Flights(flights::Options),
+    Test(test::Options),
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
     Serve(Box<serve::Options>),
@@ -174,6 +175,7 @@ impl Command {
             Command::Fit(options) => fit::run(options, global),
             Command::History(options) => history::run(options, global),
             Command::Flights(options) => flights::run(options, global),
+            Command::Test(options) => test::run(options, global),
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),
             Command::Serve(options) => serve::run(options, global),

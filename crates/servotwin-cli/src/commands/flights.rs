@@ -31,10 +31,22 @@ use std::fmt::Write;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
-    study: StudyOptions,
+    pub(super) study: StudyOptions,
+    #[command(flatten)]
+    pub(super) choice: Choice,
     /// Run only this scenario.
-    #[arg(long, value_name = "SCENARIO", value_parser = ["noise", "realistic"])]
+    #[arg(long, value_name = "SCENARIO", value_parser = ["noise", "realistic"], conflicts_with = "run")]
     scenario: Option<String>,
+    /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
+    /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
+    /// output folder, before the first flight. Writes `flights-sealed.json`.
+    #[arg(long, conflicts_with_all = ["suite", "run"])]
+    sealed: bool,
+}
+
+/// What is flown.
+#[derive(clap::Args)]
+pub(crate) struct Choice {
     /// Only fly these suites of the study, separated by commas, with the diagnosers in the folder: nothing is learned. Known
     /// are judge, unseen, other_structure, other_structure_fitted, missing_sensors, healthy and healthy_other_structure; a
     /// study may have its own. An interrupted suite goes on where it was last stored.
@@ -50,70 +62,76 @@ pub(crate) struct Options {
     seed: Option<u64>,
     /// Only fly one run, such as judge#17@realistic, with the diagnoser in the folder, to the bit as among all others of its
     /// suite; print its outcome. The number is that of the table of outcomes.
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["suite", "sealed", "scenario"])]
+    #[arg(long, value_name = "RUN", conflicts_with = "suite")]
     run: Option<RunName>,
-    /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
-    /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
-    /// output folder, before the first flight. Writes `flights-sealed.json`.
-    #[arg(long, conflicts_with = "suite")]
-    sealed: bool,
 }
 
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let (study, is_full) = (options.study.read(global)?, options.study.full);
+    let study = options.study.read(global)?;
+    let named =
+        |scenario: &Scenario| options.scenario.as_ref().is_none_or(|name| name == scenario.name());
+    let scenarios: Vec<Scenario> = scenarios(&study).into_iter().filter(named).collect();
+    if study.flights.is_some() && scenarios.is_empty() {
+        return Err(Failure::Options("the study has no [realistic] for that scenario"));
+    }
+    if options.sealed {
+        return sealed(options, &study, &scenarios, global);
+    }
+    flown((&options.study, &options.choice), &study, &scenarios, global)
+}
+
+/// Learns and judges, or flies what is chosen, in the folder of the options.
+pub(super) fn flown(
+    (options, choice): (&StudyOptions, &Choice),
+    study: &Study,
+    scenarios: &[Scenario],
+    global: Global,
+) -> Result<String, Failure> {
+    let is_full = check(options, study)?;
+    let chosen = choice.suites(study, is_full)?;
+    stop::heed();
+    let folder = Folder::new(&options.out);
+    if let Some(name) = &choice.run {
+        return one_run(options, (&folder, study), name, global);
+    }
+    let _hold = options.keep(study, global)?;
+    let results = with_crew(options.threads, global, |crew| match &chosen[..] {
+        [] => flights::fly_all(&folder, (study, is_full), scenarios, crew),
+        chosen => {
+            let suites: Vec<&Suite> = chosen.iter().collect();
+            flights::fly(&folder, (study, is_full), &suites, scenarios, (crew, &|share| share))
+        }
+    })?;
+    manifest::write(&folder, study)?;
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(results)),
+        Global { quiet: true, .. } => String::new(),
+        _ => text(&folder, &results, study, &choice.suite)?,
+    })
+}
+
+/// Whether the full size is wanted, which the study must have.
+fn check(options: &StudyOptions, study: &Study) -> Result<bool, Failure> {
     if study.flights.is_none() {
         return Err(JobError::NoFlights.into());
     }
-    if is_full && !study.has_full_suites() {
+    if options.full && !study.has_full_suites() {
         return Err(Failure::Options(
             "the [suites] of the study have no full sizes, which --full asks for",
         ));
     }
-    let named =
-        |scenario: &Scenario| options.scenario.as_ref().is_none_or(|name| name == scenario.name());
-    let scenarios: Vec<Scenario> = scenarios(&study).into_iter().filter(named).collect();
-    if scenarios.is_empty() {
-        return Err(Failure::Options("the study has no [realistic] for that scenario"));
-    }
-    let chosen = options.chosen(&study)?;
-    stop::heed();
-    let folder = Folder::new(&options.study.out);
-    if let Some(name) = &options.run {
-        return one_run(options, (&folder, &study), name, global);
-    }
-    let _hold = options.study.keep(&study, global)?;
-    if options.sealed {
-        return sealed(options, &study, &scenarios, global);
-    }
-    let results = with_crew(options.study.threads, global, |crew| match &chosen[..] {
-        [] => flights::fly_all(&folder, (&study, is_full), &scenarios, crew),
-        chosen => {
-            let suites: Vec<&Suite> = chosen.iter().collect();
-            flights::fly(&folder, (&study, is_full), &suites, &scenarios, (crew, &|share| share))
-        }
-    })?;
-    manifest::write(&folder, &study)?;
-    Ok(match global {
-        Global { json: true, .. } => json(&json!(results)),
-        Global { quiet: true, .. } => String::new(),
-        _ => text(&folder, &results, &study, &options.suite)?,
-    })
+    Ok(options.full)
 }
 
 /// Flies one run and describes its outcome, with the columns of the table of outcomes.
 fn one_run(
-    options: &Options,
+    options: &StudyOptions,
     (folder, study): (&Folder, &Study),
     name: &RunName,
     global: Global,
 ) -> Result<String, Failure> {
-    let flown = outcomes::fly_run(
-        folder,
-        (study, options.study.full),
-        name,
-        workers(options.study.threads),
-    );
+    let flown = outcomes::fly_run(folder, (study, options.full), name, workers(options.threads));
     stop::check()?;
     let flown = flown?;
     if global.json {
@@ -130,11 +148,11 @@ fn one_run(
     Ok(text)
 }
 
-impl Options {
+impl Choice {
     /// The named suites.
-    fn chosen(&self, study: &Study) -> Result<Vec<Suite>, Failure> {
+    fn suites(&self, study: &Study, is_full: bool) -> Result<Vec<Suite>, Failure> {
         let suite = |name: &String| {
-            let all = || study.suites(self.study.full).filter(|s| s.purpose == Purpose::Test);
+            let all = || study.suites(is_full).filter(|s| s.purpose == Purpose::Test);
             let unknown = || {
                 let known: Vec<&str> = all().map(|suite| suite.name.as_str()).collect();
                 let range = format!("the suites of the study, {}", known.join(", ")).into();
@@ -158,7 +176,10 @@ fn sealed(
     scenarios: &[Scenario],
     global: Global,
 ) -> Result<String, Failure> {
-    let (folder, is_full) = (Folder::new(&options.study.out), options.study.full);
+    let is_full = check(&options.study, study)?;
+    stop::heed();
+    let folder = Folder::new(&options.study.out);
+    let _hold = options.study.keep(study, global)?;
     let here = std::env::current_dir().unwrap_or_default();
     let record = OpeningRecord::find(&here, folder.path());
     let sealed = with_crew(options.study.threads, global, |crew| {

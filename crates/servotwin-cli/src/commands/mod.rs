@@ -36,6 +36,7 @@ pub(crate) mod serve;
 pub(crate) mod simulate;
 pub(crate) mod study;
 mod summary;
+pub(crate) mod test;
 pub(crate) mod train;
 pub(crate) mod watch;
 pub(crate) mod worst_case;
@@ -78,7 +79,7 @@ impl SystemOption {
 }
 
 /// The study that a command runs, and where its results go.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub(crate) struct StudyOptions {
     /// A study file, the name of a built-in study (paper, spring_actuator, press_axis), or a folder with results, which
     /// stands for their study [default: paper, the paper's study of the aileron].

@@ -117,6 +117,9 @@ const OF_READERS: &[&str] = &[
     "live.md: flight.csv",
     "live.md: rig.toml",
     "live.md: session.parquet",
+    "ground-test.md: first.csv",
+    "ground-test.md: today.csv",
+    "ground-test.md: my_study.toml",
     "machines.md: my_study.toml",
 ];
 

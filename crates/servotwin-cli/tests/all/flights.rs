@@ -398,3 +398,86 @@ fn in_a_repository_openings_are_recorded_there() {
     assert_eq!(record.lines().count(), 3, "{record}");
     assert!(!Path::new(&out).join("sealed-openings.csv").exists());
 }
+
+/// Specimens with a tolerance, and tests of two seconds on the ground.
+const GROUND: &str = r#"
+[ground_test]
+command = "sine:amplitude=5deg,frequency=1Hz"
+duration_s = 5
+inputs.load_factor = [0, 0]
+wear = [{ parameters = ["cylinder.coulomb_friction_n"], times = [0.9, 1.1] }]
+[ground_test.suites]
+learn = { environments = 4, repeats = 4, healthy = 2 }
+judge = { environments = 2, repeats = 1, healthy = 1 }
+"#;
+
+#[test]
+fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
+    let folder = Folder::new("ground-test");
+    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
+    std::fs::write(&study, tiny()).unwrap();
+    let without = servotwin(&["test", &study, "--out", &out]);
+    assert!(!without.status.success());
+    assert!(stderr(&without).contains("the study has no [ground_test]"), "{}", stderr(&without));
+    assert!(!Path::new(&out).exists());
+    let tolerances = "healthy = 2\ntolerances = [{ parameters = [\"servo_valve.null_bias\"], sigma = 0.005, absolute = true }]\n";
+    std::fs::write(
+        &study,
+        tiny().replace("healthy = 2\n[flights]", &format!("{tolerances}[flights]")) + GROUND,
+    )
+    .unwrap();
+    let tested = servotwin(&["test", &study, "--out", &out]);
+    assert!(tested.status.success(), "{}", stderr(&tested));
+    let text = stdout(&tested);
+    assert!(text.contains("\n  fitted: 6 runs with a fault, 0 not finished\n"), "{text}");
+    let ground = format!("{out}/ground_test");
+    let rows = table::read(format!("{ground}/outcomes-judge-fitted.parquet")).unwrap();
+    let rows = outcome::from_table(&rows).unwrap();
+    assert_eq!(rows.len(), 8);
+    // The decision comes at the end, and the strong bias of the valve is not missed.
+    let decided = |row: &FlightOutcome| row.first_word_s.is_none_or(|at| (at - 4.98).abs() < 1e-9);
+    assert!(rows.iter().all(decided), "{rows:?}");
+    let bias = rows.iter().filter(|row| row.kind.starts_with("servo_valve.bias"));
+    assert!(bias.clone().all(|row| row.right_action_s.is_some()), "{rows:?}");
+    assert!(rows.iter().all(|row| row.early_alarms == 0), "a healthy actuator passes its test");
+    // The folder is that of a study: another suite of it is flown with what was learned, and a log is judged.
+    let more = servotwin(&[
+        "flights",
+        &ground,
+        "--out",
+        &ground,
+        "--suite",
+        "healthy",
+        "--environments",
+        "2",
+    ]);
+    assert!(more.status.success(), "{}", stderr(&more));
+    let model = format!("{ground}/diagnoser-fitted.json");
+    let log = folder.file("log.csv");
+    let simulated = [
+        "simulate",
+        "aileron_dual",
+        "--command",
+        "sine:amplitude=5deg,frequency=1Hz",
+        "--input",
+        "load_factor=0",
+    ];
+    let fault = [
+        "--noise",
+        "1",
+        "--duration",
+        "5s",
+        "--fault",
+        "actuator_1.servo_valve.bias_positive=1",
+        "--out",
+        &log,
+    ];
+    let simulated = servotwin(&[&simulated[..], &fault].concat());
+    assert!(simulated.status.success(), "{}", stderr(&simulated));
+    let watched = servotwin(&["watch", &log, "--study", &study, "--model", &model]);
+    assert!(
+        stdout(&watched).contains("4.98 s  isolated, raised: actuator 1, shut down"),
+        "{}",
+        stdout(&watched)
+    );
+}

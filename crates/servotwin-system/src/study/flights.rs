@@ -17,6 +17,7 @@
 //! measured, but not the specimen. How many flights there are, and for what, is said by suites ([`super::suites`]).
 
 use super::faults::full_name;
+use super::ground_test;
 use super::keys::{FLIGHT_S, some};
 use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
@@ -37,25 +38,28 @@ section! {
     pub(super) struct Text {
         must pub(super) duration_s: f64 = FLIGHT_S, "length of a flight with a fault";
         must pub(super) onset_s: [f64; 2], "range of the onset of the fault, s";
-        must windows_s: Vec<f64> = Value::List(1, &Value::Number(1e-3, 1e4, "s")),
+        must pub(super) windows_s: Vec<f64> = Value::List(1, &Value::Number(1e-3, 1e4, "s")),
             "lengths of the sliding windows";
-        must commands: Vec<String> = some::<Vec<String>>(),
+        must pub(super) commands: Vec<String> = some::<Vec<String>>(),
             "signals with {a..b} and {n}; the environments use them in turn";
         #[serde(default)]
-        may inputs: Ranges, "ranges of inputs, drawn for each environment";
+        may pub(super) inputs: Ranges, "ranges of inputs, drawn for each environment";
         #[serde(default)]
-        may unit_inputs: Ranges, "ranges of inputs that every channel has";
+        may pub(super) unit_inputs: Ranges, "ranges of inputs that every channel has";
         #[serde(default)]
-        may unit_parameters: Ranges, "ranges of parameters that every channel has";
-        may least_on: Option<u32> = Value::Whole(0.0, MAX_ACTUATORS as f64),
+        may pub(super) unit_parameters: Ranges, "ranges of parameters that every channel has";
+        may pub(super) least_on: Option<u32> = Value::Whole(0.0, MAX_ACTUATORS as f64),
             "minimum number of channels that stay on; default 1, or 0 for a single channel";
         #[serde(default)]
-        may draws: Vec<DrawText>,
+        may pub(super) draws: Vec<DrawText>,
             "ranges from which each specimen with tolerances draws further parameters";
-        may other_plant: Option<other_plant::Text>,
+        #[serde(default)]
+        may pub(super) wear: Vec<DrawText>,
+            "ranges from which each run draws what differs from the calibration flight of its specimen";
+        may pub(super) other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
         #[serde(default)]
-        may limits: Limits, "targets of the diagnosis";
+        may pub(super) limits: Limits, "targets of the diagnosis";
     }
 }
 
@@ -114,6 +118,10 @@ pub struct Flights {
     pub other_plant: Option<OtherPlant>,
     /// What each specimen with tolerances draws, besides its tolerances.
     pub draws: Vec<PlantDraw>,
+    /// What each run draws, besides what its specimen is: what has changed since the calibration flight.
+    pub wear: Vec<PlantDraw>,
+    /// Whether a run is a test on the ground, which ends with one decision about its only window.
+    pub is_test: bool,
     /// The minimum number of actuators that stay on; `None` for the usual one.
     pub(super) least_on: Option<u32>,
     pub(super) varied: Varied,
@@ -149,11 +157,14 @@ impl Flights {
     /// Checks the section and draws one environment from each pattern. This reports wrong names and patterns before any
     /// flight.
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        let section = KeyPath::of(&["flights"]);
-        let varied = Varied::of(text);
+        let own = reader.section_of_flights();
+        let section = at(&own);
+        let varied = Varied::of(text, &own);
         let ranges = varied.check(reader);
         let other_plant = text.other_plant.as_ref().map(|text| OtherPlant::new(text, reader));
-        let draws = other_plant::draws(reader, &section, &text.draws, &[]);
+        let draws =
+            other_plant::draws(reader, (&KeyPath::of(&["flights"]), "draws"), &text.draws, &[]);
+        let wear = other_plant::draws(reader, (&section, "wear"), &text.wear, &[]);
         text.check(reader)?;
         ranges?;
         let other_plant = other_plant.transpose()?;
@@ -167,6 +178,8 @@ impl Flights {
             limits: text.limits,
             other_plant,
             draws,
+            wear,
+            is_test: reader.text.on_ground,
             least_on: text.least_on,
             varied,
         })
@@ -178,7 +191,8 @@ impl Text {
         let d = self.duration_s;
         let [from, to] = self.onset_s;
         let inside = from >= 0.0 && to < d;
-        let section = KeyPath::of(&["flights"]);
+        let own = reader.section_of_flights();
+        let section = at(&own);
         let allowed = "two times inside of the flight, in order";
         reader.range(&section.key("onset_s"), from, inside, allowed)?;
         let units = reader.text.units.len();
@@ -197,9 +211,9 @@ impl Text {
 }
 
 /// The keys of a section of the file.
-type Section = Vec<String>;
+pub(super) type Section = Vec<String>;
 
-fn at(section: &Section) -> KeyPath<'_> {
+pub(super) fn at(section: &Section) -> KeyPath<'_> {
     KeyPath::of(&section.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
@@ -216,8 +230,7 @@ pub(super) struct Varied {
 }
 
 impl Varied {
-    fn of(text: &Text) -> Self {
-        let section = vec!["flights".to_owned()];
+    fn of(text: &Text, section: &Section) -> Self {
         let declared = |ranges: &Ranges| {
             let entries = ranges.iter();
             entries.map(|(name, range)| (name.clone(), (section.clone(), *range))).collect()
@@ -233,11 +246,10 @@ impl Varied {
     /// The same with the commands and ranges of a suite in place of those of the same name.
     pub(super) fn with(
         &self,
-        suite: &str,
+        section: Section,
         commands: Option<&Vec<String>>,
         [inputs, unit_inputs, unit_parameters]: [&Ranges; 3],
     ) -> Self {
-        let section = vec!["suites".to_owned(), suite.to_owned()];
         let mut varied = self.clone();
         if let Some(commands) = commands {
             varied.commands = (section.clone(), commands.clone());
@@ -264,7 +276,11 @@ impl Varied {
     }
 
     fn command_at(&self, position: usize) -> KeyPath<'_> {
-        at(&self.commands.0).key("commands").element(position)
+        let section = at(&self.commands.0);
+        match &self.commands.0[..] {
+            [own] if own == ground_test::SECTION => section.key("command"),
+            _ => section.key("commands").element(position),
+        }
     }
 
     /// Checks every command at the ends of its ranges.

@@ -10,6 +10,7 @@ mod complete;
 pub mod evaluating;
 pub mod faults;
 pub mod flights;
+mod ground_test;
 mod keys;
 mod laws;
 mod mistake;
@@ -95,6 +96,10 @@ section! {
         may flights: Option<flights::Text>, "flights in which a fault begins";
         #[serde(default)]
         may suites: BTreeMap<String, suites::Text>, "how many flights there are, and what for";
+        may ground_test: Option<ground_test::Text>,
+            "test on the ground: one command from rest, one window, one decision";
+        #[serde(default)]
+        may on_ground: bool, "true: the study is that of its tests on the ground";
         may quick: Option<quick::Text>, "smaller sizes of the study, used without `--full`";
         #[serde(default)]
         may full: bool, "true selects the full sizes, like `--full`";
@@ -483,7 +488,7 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
         repetitions(&all, &mut mistakes);
         // The mistakes are already noted, and must not prevent further checks.
         match Text::deserialize(format::mended(Text::KEYS, plain_table(root.get_ref()))) {
-            Ok(text) => parsed = Some(text.in_its_size()),
+            Ok(text) => parsed = Some(text.in_its_size().where_it_is()),
             Err(error) if mistakes.is_empty() => {
                 let message = error.message().to_owned();
                 mistakes.note(&(0..0), document::TomlMistake::Syntax { message });
@@ -621,17 +626,13 @@ impl Parts {
         let command_input = reader.command_input();
         let cases = reader.cases();
         let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader)).transpose();
-        let calibration = text.fitted.as_ref().map(|text| Calibration::new(text, reader));
         let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
         let evaluating = text.evaluation.as_ref().map(|text| Evaluating::new(text, reader));
-        let flights = text.flights.as_ref().map(|text| Flights::new(text, reader)).transpose();
+        let flown = Self::flown(reader);
         let reactions = Reactions::new(&text.reactions, reader);
-        let flights = flights?;
-        let suites = flights.as_ref().map(|flights| suites::suites(reader, flights)).transpose();
-        if let (None, Some(name)) = (&flights, text.suites.keys().next()) {
-            reader.empty(&KeyPath::of(&["suites", name]), "flights");
-        }
+        reader.check_ground_test();
         let (measured, sensors) = sensors?;
+        let (calibration, flights, suites) = flown?;
         Ok(Parts {
             measured,
             sensors,
@@ -641,12 +642,27 @@ impl Parts {
             command_input: command_input?,
             flights,
             realism: realism?,
-            calibration: calibration.transpose()?,
+            calibration,
             training: training?,
             evaluating: evaluating.transpose()?.unwrap_or_default(),
             reactions: reactions?,
-            suites: suites?.unwrap_or_default(),
+            suites,
         })
+    }
+
+    /// What is flown: the calibration flight, the flights, and their suites.
+    fn flown(
+        reader: &Reader,
+    ) -> Result<(Option<Calibration>, Option<Flights>, suites::Suites), Noted> {
+        let text = reader.text;
+        let calibration = text.fitted.as_ref().map(|text| Calibration::new(text, reader));
+        let flights = text.flights.as_ref().map(|text| Flights::new(text, reader)).transpose();
+        let flights = flights?;
+        let suites = flights.as_ref().map(|flights| suites::suites(reader, flights)).transpose();
+        if let (None, Some(name)) = (&flights, text.suites.keys().next()) {
+            reader.empty(&KeyPath::of(&["suites", name]), "flights");
+        }
+        Ok((calibration.transpose()?, flights, suites?.unwrap_or_default()))
     }
 }
 

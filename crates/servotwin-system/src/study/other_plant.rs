@@ -89,7 +89,7 @@ impl OtherPlant {
             return Err(Noted);
         }
         let kinds: Vec<_> = known.into_iter().flatten().collect();
-        let draws = draws(reader, &section, &text.draws, &kinds);
+        let draws = draws(reader, (&section, "draws"), &text.draws, &kinds);
         latency?;
         Ok(Self { latency_s: text.latency_s, kinds, draws })
     }
@@ -98,13 +98,12 @@ impl OtherPlant {
 /// The draws of a section.
 pub(super) fn draws(
     reader: &Reader,
-    section: &KeyPath,
+    (section, key): (&KeyPath, &'static str),
     texts: &[DrawText],
     kinds: &[(usize, &'static str)],
 ) -> Vec<PlantDraw> {
     let texts = texts.iter().enumerate();
-    let draws =
-        texts.map(|(n, draw)| of_draw(reader, section.key("draws").element(n), draw, kinds));
+    let draws = texts.map(|(n, draw)| of_draw(reader, section.key(key).element(n), draw, kinds));
     reader.sound(draws).into_iter().flatten().collect()
 }
 

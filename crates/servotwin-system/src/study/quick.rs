@@ -71,20 +71,20 @@ impl Study {
 
     /// The text of the study in its full size.
     pub fn full_text(&self) -> String {
-        if self.is_full { self.text.clone() } else { with_full(&self.text) }
+        if self.is_full { self.text.clone() } else { with_flag(&self.text, "full") }
     }
 }
 
-/// The text of a study file with `full = true` added or set.
-fn with_full(text: &str) -> String {
+/// The text of a study file with a key of its top level added or set to `true`.
+pub(super) fn with_flag(text: &str, key: &str) -> String {
     let (root, _) = DeTable::parse_recoverable(text);
-    match root.get_ref().get("full") {
+    match root.get_ref().get(key) {
         Some(value) => {
             let mut text = text.to_owned();
             text.replace_range(value.span(), "true");
             text
         }
-        None => format!("full = true\n{text}"),
+        None => format!("{key} = true\n{text}"),
     }
 }
 
@@ -109,6 +109,6 @@ mod tests {
     #[test]
     fn full_replaces_a_false_that_stands_there() {
         let text = "name = \"a\"\nfull = false # not yet\n[command]\n";
-        assert_eq!(with_full(text), "name = \"a\"\nfull = true # not yet\n[command]\n");
+        assert_eq!(with_flag(text, "full"), "name = \"a\"\nfull = true # not yet\n[command]\n");
     }
 }

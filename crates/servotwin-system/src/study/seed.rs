@@ -41,6 +41,8 @@ pub enum Stream {
     Perturbation,
     /// Points of a search.
     Search,
+    /// What differs between two tests of an actuator.
+    Wear,
 }
 
 impl Seed {

@@ -24,14 +24,13 @@
 //! suite that is `like` another has its environments, numbers, specimens and noise, so the two differ only by what the
 //! suite itself says.
 
-use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
+use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied, at};
 pub use super::keys::MAX_ENVIRONMENTS;
 use super::keys::{FLIGHT_S, FLIGHTS, SCENARIOS};
 use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
 use super::seed::Seed;
 use super::{Scenario, Study, StudyError};
-use crate::document::KeyPath;
 use crate::format::{Value, section};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -257,7 +256,8 @@ impl Suite {
         (name, text): (&str, &Text),
         (purpose, like): (Purpose, Option<&Suite>),
     ) -> Result<Self, Noted> {
-        let section = KeyPath::of(&["suites", name]);
+        let own = reader.section_of_suite(name);
+        let section = at(&own);
         let usual = |own: Option<usize>, of: fn(&Suite) -> usize| own.or(like.map(of));
         let Some(environments) = usual(text.environments, |suite| suite.environments) else {
             let field = "environments";
@@ -266,9 +266,11 @@ impl Suite {
         let duration_s =
             text.duration_s.or(like.map(|suite| suite.duration_s)).unwrap_or(flights.duration_s);
         let healthy_s = text.healthy_duration_s.or(like.map(|suite| suite.healthy_duration_s));
-        let onset_s = match text.from_start {
-            Some(true) => None,
-            _ => text.onset_s.or(like.and_then(|suite| suite.onset_s)).or(Some(flights.onset_s)),
+        let onset_s = match text.from_start.unwrap_or(flights.is_test) {
+            true => None,
+            false => {
+                text.onset_s.or(like.and_then(|suite| suite.onset_s)).or(Some(flights.onset_s))
+            }
         };
         if let Some([from, to]) = onset_s {
             let allowed = "two times inside of the flight, in order";
@@ -276,7 +278,10 @@ impl Suite {
             reader.range(&section.key("onset_s"), to, is_inside, allowed)?;
         }
         let is_other = text.plants.as_deref() == Some(OTHER);
-        let flown = [Scenario::Noise, Scenario::Realistic];
+        let flown = match flights.is_test {
+            true => vec![Scenario::Fitted],
+            false => vec![Scenario::Noise, Scenario::Realistic],
+        };
         let of_plants = move |scenario: &Scenario| !is_other || scenario.has_tolerances();
         let scenarios = match &text.scenarios {
             Some(names) => names.iter().filter_map(|name| Scenario::named(name)).collect(),
@@ -309,7 +314,7 @@ impl Suite {
             varied: {
                 let ranges = [&text.inputs, &text.unit_inputs, &text.unit_parameters];
                 let base = like.map_or(&flights.varied, |suite| &suite.varied);
-                base.with(name, text.commands.as_ref(), ranges)
+                base.with(own.clone(), text.commands.as_ref(), ranges)
             },
         };
         suite.varied.check(reader)?;
@@ -383,7 +388,8 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
             like = suites.get(other).filter(|[suite, _]| suite.draws == *other).cloned();
             if like.is_none() {
                 let known = suites.keys().map(String::as_str);
-                let at = KeyPath::of(&["suites", name, "like"]);
+                let own = reader.section_of_suite(name);
+                let at = at(&own).key("like");
                 reader.unknown(&at, "suite that is like no other", other, known);
                 has_failed = true;
                 continue;
@@ -408,6 +414,8 @@ fn is_possible(reader: &Reader, flights: &Flights, name: &str, usual: &Text) -> 
     match name {
         LEARN | JUDGE => true,
         HARD_NEGATIVES => false,
+        // In a test no fault begins, and its twin is fitted; held-out tests would be fitted anew for every margin.
+        HELD_OUT | UNSEEN | OTHER_STRUCTURE | HEALTHY_OTHER_STRUCTURE if flights.is_test => false,
         _ => has_judge && has_plants && has_calibration,
     }
 }

@@ -80,7 +80,12 @@ impl Campaign<'_> {
         let truth: Vec<Overrides> =
             (0..specimens).map(|specimen| self.pooled(specimen).parameters(1.0)).collect();
         let noise = |specimen| self.pooled(specimen).noise(Stream::Calibration);
-        let found = fit_twins(self.study, &self.ensemble(), &truth, noise)?;
+        let found = fit_twins(
+            self.study,
+            &self.ensemble(),
+            (&Unknown::of_study(self.study), &truth),
+            noise,
+        )?;
         self.write_calibration(&truth, &found)?;
         Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
     }

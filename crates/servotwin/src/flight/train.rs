@@ -48,6 +48,15 @@ const LEFT_NATS: f64 = 2.0;
 /// The same against health with a fitted twin; without any allowance, the evidence reached at most 0.02 of its limit.
 const NOISE_ALLOWANCE_NATS: f64 = 0.5;
 
+/// The share of healthy tests that may end with an action, by the committee's probabilities.
+const TEST_FALSE_ALARMS: f64 = 0.05;
+
+/// The share of tests of a faulty actuator that may end with another action, likewise.
+const TEST_WRONG_ISOLATION: f64 = 0.1;
+
+/// The largest evidence of a test: its only window may decide alone.
+const TEST_CLIP_NATS: f64 = 100.0;
+
 /// Settings for windows of flights: bands are learned as well. Windows contain the noise of their flight, so they need
 /// no perturbation.
 pub(crate) fn settings() -> EvaluationSettings {
@@ -105,7 +114,11 @@ pub fn diagnoser(
     for (sensor, spread) in diagnoser.sensors.iter_mut().zip(&design.spreads) {
         sensor.spread = *spread;
     }
-    let diagnoser = Diagnoser { baseline: design.baseline(), scatter, ..diagnoser };
+    let tuning = match design.flights.is_test {
+        true => of_test(&diagnoser, study),
+        false => diagnoser.tuning,
+    };
+    let diagnoser = Diagnoser { baseline: design.baseline(), scatter, tuning, ..diagnoser };
     diagnoser.check()?;
     Ok(diagnoser)
 }
@@ -122,24 +135,44 @@ pub(crate) fn of_records(
     novelty: Novelty,
 ) -> Result<Diagnoser, EvaluationError> {
     let span = WindowSpan { pane_samples: ensemble(study).samples() as u32, panes: 1 };
-    let is_off = vec![false; panel.trees.names.actions.len()];
     let length = Length { span, panel, novelty, baseline_corrected: None };
     let diagnoser = assembled((study, scenario, sensors), vec![length], f64::INFINITY);
-    let tuning = Tuning {
-        false_alarms_per_h: 3600.0,
-        wrong_isolation: 1.0,
-        allowance_nats: 0.0,
-        health_allowance_nats: 0.0,
-        off_allowance_nats: 0.0,
-        other_allowance_nats: 0.0,
-        least_limit_nats: f64::MIN_POSITIVE,
-        costs: Costs::usual(&is_off),
-        ..diagnoser.tuning
-    };
+    let tuning =
+        Tuning { least_limit_nats: f64::MIN_POSITIVE, ..deciding_once(&diagnoser, (3600.0, 1.0)) };
     let environment = within(study, &vec![NOT_FLOWN; study.system.network().inputs.len()]);
     let diagnoser = Diagnoser { tuning, environment, ..diagnoser };
     diagnoser.check()?;
     Ok(diagnoser)
+}
+
+/// The certainty that the decision of a test on the ground needs: its only window decides alone, from the first sample on.
+fn of_test(diagnoser: &Diagnoser, study: &Study) -> Tuning {
+    let window_s = diagnoser.lengths[0].span.samples() as f64 * study.sample_period_s;
+    let false_alarms_per_h = TEST_FALSE_ALARMS * 3600.0 / window_s;
+    Tuning {
+        clip_nats: TEST_CLIP_NATS,
+        settle_s: 0.0,
+        ..deciding_once(diagnoser, (false_alarms_per_h, TEST_WRONG_ISOLATION))
+    }
+}
+
+/// The constants of a diagnosis that decides about each window by itself: nothing is allowed for what lasts, and all errors
+/// cost the same.
+fn deciding_once(
+    Diagnoser { tuning, lengths, .. }: &Diagnoser,
+    (false_alarms_per_h, wrong_isolation): (f64, f64),
+) -> Tuning {
+    let is_off = vec![false; lengths[0].panel.trees.names.actions.len()];
+    Tuning {
+        false_alarms_per_h,
+        wrong_isolation,
+        allowance_nats: 0.0,
+        health_allowance_nats: 0.0,
+        off_allowance_nats: 0.0,
+        other_allowance_nats: 0.0,
+        costs: Costs::usual(&is_off),
+        ..tuning.clone()
+    }
 }
 
 /// A diagnoser that accepts all inputs and knows no boundaries.
@@ -257,7 +290,13 @@ fn length(
         |data: &DataSet, row: &DataRow| data.cases[row.case as usize].starts_with(HARD_NEGATIVES);
     // The guarantee of bands applies to ordinary flights, so hard negatives are excluded.
     let ordinary = data.without(|row| is_further(&data, row));
-    let bands = bands::learn(&ordinary, pools, design.alarms());
+    let mut bands = bands::learn(&ordinary, pools, design.alarms());
+    if design.flights.is_test {
+        // Every test is judged, because trees and committee see less than what leaves a band; noise alone leaves these.
+        bands.iter_mut().flatten().zip(&study.sensors.0).for_each(|(band, sensor)| {
+            band.half_width = sensor.noise;
+        });
+    }
     let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
     let data = if bands.is_some() { data.with_bands(&half_widths) } else { data };
     let widest = widest(&data, &tables[0].1.u32("variant")?, is_further);

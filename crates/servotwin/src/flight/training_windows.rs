@@ -329,14 +329,15 @@ fn planned(kinds: &[WindowKind], flight: &Run, period_s: f64, mut random: Random
     for (kind, WindowKind { span, .. }) in kinds.iter().enumerate() {
         let window_s = span.samples() as f64 * period_s;
         let mut plan = |at_s: f64, is_faulty: bool| {
-            if at_s <= flight.duration_s {
+            if (window_s - 0.5 * period_s..=flight.duration_s).contains(&at_s) {
                 let at = (at_s / period_s).round() as usize;
                 all.push(Planned { kind, at, is_faulty });
             }
         };
         if flight.fault.is_none() {
             // Windows are spaced apart to be as diverse as possible.
-            let count = (flight.duration_s / (2.0 * window_s).max(2.0)) as usize;
+            let apart_s = if span.panes == 1 { window_s } else { (2.0 * window_s).max(2.0) };
+            let count = (flight.duration_s / apart_s) as usize;
             (1..=count).for_each(|k| plan(flight.duration_s * k as f64 / count as f64, false));
             continue;
         }

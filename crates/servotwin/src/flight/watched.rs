@@ -446,7 +446,7 @@ impl OutOfBand {
     /// Takes a window of `panes` panes that ends at `index`; `None` means a window over all samples. Once there are
     /// enough consecutive windows, it returns the sample at which the first of them ended. The first and the last
     /// window share no sample, because a single sample that leaves a band by chance is in every window for a window's
-    /// length.
+    /// length. A window of one pane is judged once.
     fn take(&mut self, index: u64, has_left: bool, panes: u32) -> Option<u64> {
         if !has_left {
             self.windows = 0;
@@ -454,7 +454,8 @@ impl OutOfBand {
         }
         self.first = if self.windows == 0 { index } else { self.first };
         self.windows += 1;
-        (self.windows == panes + 1).then_some(self.first)
+        let enough = if panes > 1 { panes + 1 } else { 1 };
+        (self.windows == enough).then_some(self.first)
     }
 }
 
@@ -509,5 +510,6 @@ mod tests {
         let seen: Vec<(u64, u64)> =
             (0..).zip(taken).filter_map(|(index, first)| Some((index, first?))).collect();
         assert_eq!(seen, [(20, 15)]);
+        assert_eq!(OutOfBand::default().take(1999, true, 1), Some(1999));
     }
 }

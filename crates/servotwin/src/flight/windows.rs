@@ -27,19 +27,26 @@ pub struct WindowDesign<'s> {
 impl WindowDesign<'_> {
     /// The kinds of windows: of absolute residuals, and where specimens differ from their twins, the shortest also of
     /// baseline-corrected residuals. A longer baseline-corrected window would hold a single sudden motion, to which every
-    /// specimen responds differently, in all of its panes. Counting it five times would shut down healthy actuators.
+    /// specimen responds differently, in all of its panes. Counting it five times would shut down healthy actuators. The
+    /// window of a test is judged once, at its end.
     pub(crate) fn kinds(&self) -> Vec<WindowKind> {
+        let panes = if self.flights.is_test { 1 } else { Tuning::default().panes };
         let kind = |window_s: f64, is_baseline_corrected: bool| WindowKind {
-            span: span(window_s, self.study.sample_period_s),
+            span: span(window_s, self.study.sample_period_s, panes),
             is_baseline_corrected,
         };
         let absolute = self.flights.windows_s.iter().map(|&window_s| kind(window_s, false));
-        let corrected = self.has_specimens().then(|| kind(self.shortest_s(), true));
+        let corrected = self.has_baseline().then(|| kind(self.shortest_s(), true));
         absolute.chain(corrected).collect()
     }
 
     fn shortest_s(&self) -> f64 {
         self.flights.windows_s.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether a specimen has a healthy time of its own before a fault.
+    fn has_baseline(&self) -> bool {
+        self.has_specimens() && !self.flights.is_test
     }
 
     fn has_specimens(&self) -> bool {
@@ -54,15 +61,14 @@ impl WindowDesign<'_> {
     /// The settings of the baseline; `None` if windows are not baseline-corrected.
     pub(crate) fn baseline(&self) -> Option<baseline::BaselineSettings> {
         let period_s = self.study.sample_period_s;
-        let pane = span(self.shortest_s(), period_s).pane_samples;
-        let Tuning { baseline_settle_s, baseline_memory_s, .. } = Tuning::default();
+        let Tuning { baseline_settle_s, baseline_memory_s, panes, .. } = Tuning::default();
+        let pane = span(self.shortest_s(), period_s, panes).pane_samples;
         let settle_s = baseline_settle_s.min(SETTLE_SHARE * self.flights.onset_s[0]);
         // Half a pane later than the others, so that no sample completes windows of both.
         let panes = (settle_s / period_s) as u32 / pane;
         let settle_samples = (panes * pane + pane / 2).max(1);
         let memory_samples = ((baseline_memory_s / period_s) as u32).max(settle_samples);
-        self.has_specimens()
-            .then_some(baseline::BaselineSettings { settle_samples, memory_samples })
+        self.has_baseline().then_some(baseline::BaselineSettings { settle_samples, memory_samples })
     }
 
     /// Empty windows.
@@ -74,9 +80,8 @@ impl WindowDesign<'_> {
 }
 
 /// The panes of a window with a given length.
-fn span(window_s: f64, period_s: f64) -> WindowSpan {
+fn span(window_s: f64, period_s: f64, panes: u32) -> WindowSpan {
     let samples = (window_s / period_s).round() as u32;
-    let Tuning { panes, .. } = Tuning::default();
     WindowSpan { pane_samples: (samples / panes).max(1), panes }
 }
 

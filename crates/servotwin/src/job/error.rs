@@ -44,6 +44,9 @@ pub enum JobError {
     /// The study has no flights.
     #[error("the study has no [flights]: docs/study-format.md describes this section")]
     NoFlights,
+    /// The study has no tests on the ground.
+    #[error("the study has no [ground_test]: docs/study-format.md describes this section")]
+    NoGroundTest,
     /// Held-out flights failed, and nobody knows what they would have shown.
     #[error(
         "{scenario}: {failed} of {of} held-out healthy flights cannot be simulated to their end, so nothing shows that their \

@@ -102,7 +102,7 @@ impl FlightResults {
         };
         let mut flown = BTreeSet::new();
         for scenario in
-            SCENARIOS.into_iter().filter(|&scenario| folder.diagnoser(scenario).exists())
+            scenarios(study).into_iter().filter(|&scenario| folder.diagnoser(scenario).exists())
         {
             let basis = Basis::of(folder, (study, is_full), scenario)?;
             let model = diagnoser(folder, scenario)?;
@@ -178,10 +178,11 @@ impl Crew<'_> {
     }
 }
 
-/// The scenarios in which a study can fly.
+/// The scenarios in which a study can fly; the twins of tests on the ground are fitted.
 pub fn scenarios(study: &Study) -> Vec<Scenario> {
     let possible = |scenario: &Scenario| !scenario.has_noise() || study.realism.is_some();
-    SCENARIOS.into_iter().filter(possible).collect()
+    let all = if study.is_on_ground() { &[Scenario::Fitted][..] } else { &SCENARIOS };
+    all.iter().copied().filter(possible).collect()
 }
 
 fn flights(study: &Study) -> Result<&Flights, JobError> {

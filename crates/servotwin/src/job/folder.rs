@@ -17,6 +17,7 @@
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
 //! | `windows.parquet`, `outcomes.parquet`, `model.json`, `recordings.json` | a study of recordings |
+//! | `ground_test/` | test: all files of the tests on the ground, which are a study of their own |
 //! | `manifest.json` | every stage |
 //! | `.servotwin.lock` | every stage; always empty, see [`super::hold`] |
 //!
@@ -83,6 +84,11 @@ impl Folder {
     /// The file with the results of the flights.
     pub fn flights(&self) -> PathBuf {
         self.0.join("flights.json")
+    }
+
+    /// The folder with everything about the tests on the ground, which are a study of their own.
+    pub fn ground_test(&self) -> Folder {
+        Folder(self.0.join("ground_test"))
     }
 
     /// The file with the outcomes of a suite of flights in a scenario.

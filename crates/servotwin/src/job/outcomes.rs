@@ -1,6 +1,6 @@
 //! The outcomes of a suite in a scenario, as a folder holds them. An interrupted suite goes on where it was last stored.
 
-use super::flights::{Crew, SCENARIOS, diagnoser};
+use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
 use crate::flight::judge::HealthyMetrics;
 use crate::flight::outcome::{self, FlightOutcome};
@@ -314,8 +314,8 @@ pub fn write(
 /// # Errors
 /// As `stored`.
 pub fn healthy(folder: &Folder) -> Result<Vec<FlownSuite>, JobError> {
-    let both = |suite| SCENARIOS.map(|scenario| stored(folder, suite, scenario).transpose());
-    [HEALTHY, HEALTHY_OTHER_STRUCTURE].into_iter().flat_map(both).flatten().collect()
+    let each = |suite| Scenario::ALL.map(|scenario| stored(folder, suite, scenario).transpose());
+    [HEALTHY, HEALTHY_OTHER_STRUCTURE].into_iter().flat_map(each).flatten().collect()
 }
 
 /// Reads the outcomes of a suite in a scenario; `None` if there are none.

@@ -8,9 +8,7 @@
 //! write nothing, because a finding may be a fault. Here the plant is known to be healthy, and the twin takes the fit.
 
 use super::runner::Runner;
-use super::{
-    CampaignError, Overrides, SensorChain, calibration_flights, calibration_of, calibration_record,
-};
+use super::{CampaignError, Overrides, calibration_flights, calibration_of, calibration_record};
 use crate::fit::unknown::Moved;
 use crate::fit::{Fit, FitError, Unknown};
 use crate::parallel::Workers;
@@ -73,7 +71,7 @@ pub(super) fn fit(
 }
 
 /// Tolerances and draws, without what an environment sets.
-fn unknowns(flown: &Runner) -> Vec<Unknown> {
+pub(super) fn unknowns(flown: &Runner) -> Vec<Unknown> {
     let environments = flown.environments.iter();
     let told: BTreeSet<(usize, usize)> =
         environments.flat_map(|e| e.parameters.iter().map(|told| (told.0, told.1))).collect();
@@ -87,16 +85,12 @@ fn unknowns(flown: &Runner) -> Vec<Unknown> {
 
 /// The sensor values of each plant in its calibration flight, ordered by sample.
 fn measured(flown: &Runner, calibration: &Calibration) -> Result<Vec<Vec<f64>>, CampaignError> {
-    let (plants, ensemble) = flown.others.as_ref().expect("plants of another structure");
-    let sensors = |place| {
-        let chain = SensorChain::new(flown.study(), flown.sensors, flown.calibration_noise(place));
-        chain.with_latencies(plants.latencies(flown.seed_of_environment(place), flown.sensors))
-    };
+    let (_, ensemble) = flown.others.as_ref().expect("plants of another structure");
     calibration_flights(
         ensemble,
         calibration,
         &flown.specimens(),
-        |place, variant| plants.alter(flown.study(), flown.seed_of_environment(place), variant),
-        sensors,
+        |place, variant| flown.alter_plant(flown.seed_of_environment(place), variant),
+        |place| flown.sensors_of(flown.seed_of_environment(place), flown.calibration_noise(place)),
     )
 }

@@ -4,8 +4,8 @@
 //! that differ by the noise of their sensors alone.
 //!
 //! In the scenario *fitted*, one specimen flies all runs of an environment, and the environment's twin is fitted to its
-//! calibration flight; records have a pool of such specimens. Otherwise every run has another specimen, compared with the
-//! nominal twin. The plants of a suite may have another structure than their twins ([`OtherPlants`]), and the twins may be
+//! calibration flight; records have a pool of such specimens, and tests on the ground are such runs. Otherwise every run has
+//! another specimen, compared with the nominal twin. The plants of a suite may have another structure than their twins ([`OtherPlants`]), and the twins may be
 //! fitted to them as well.
 
 use super::fitted_twins::{self, CalibrationRecords};
@@ -225,7 +225,7 @@ impl<'s> Runner<'s> {
             let (fitted, records) = fitted_twins::fit(&self, workers)?;
             self.calibration = Some(records);
             fitted
-        } else if self.scenario().plants() == Plants::Pool {
+        } else if self.is_fitted() {
             self.fit_twins()?
         } else {
             vec![]
@@ -246,8 +246,68 @@ impl<'s> Runner<'s> {
 
     /// The parameters of the specimen of each environment.
     pub(super) fn specimens(&self) -> Vec<Overrides> {
-        let specimen = |place: usize| self.draw(self.seed_of_environment(place)).parameters(1.0);
+        let specimen = |place: usize| {
+            let seed = self.seed_of_environment(place);
+            let mut specimen = self.draw(seed).parameters(self.scatter());
+            self.draw_further(seed, &mut specimen);
+            specimen
+        };
         (0..self.environments.len()).map(specimen).collect()
+    }
+
+    /// Whether the runs are tests on the ground.
+    fn is_test(&self) -> bool {
+        let flights = self.study.flights.as_ref();
+        !self.suite.is_records && flights.is_some_and(|flights| flights.is_test)
+    }
+
+    /// Whether twins are fitted to their specimens.
+    fn is_fitted(&self) -> bool {
+        let is_pooled = self.scenario().plants() == Plants::Pool && self.others.is_none();
+        is_pooled || self.suite.is_fitted
+    }
+
+    /// The factor of all tolerances and draws.
+    fn scatter(&self) -> f64 {
+        if self.is_fitted() { 1.0 } else { self.suite.scatter }
+    }
+
+    /// Draws what a specimen has besides its tolerances. Other plants have draws of their own, and specimens of records have
+    /// tolerances alone.
+    fn draw_further(&self, seed: Seed, overrides: &mut Overrides) {
+        let is_drawn = self.others.is_none() && !self.suite.is_records;
+        if let Some(flights) = self.study.flights.as_ref().filter(|_| is_drawn)
+            && self.scenario().has_tolerances()
+        {
+            let parts = &self.study.system.network().components;
+            let mut random = seed.stream(Stream::Draws);
+            apply_draws(&flights.draws, self.scatter(), parts, &mut random, overrides);
+        }
+    }
+
+    /// Draws what differs between a test and the first one of its specimen.
+    fn wear(&self, run: &Run, overrides: &mut Overrides) {
+        if let Some(flights) = self.study.flights.as_ref().filter(|_| self.is_test()) {
+            let parts = &self.study.system.network().components;
+            let mut random = self.suite.seed_of(run.number).stream(Stream::Wear);
+            apply_draws(&flights.wear, self.suite.scatter, parts, &mut random, overrides);
+        }
+    }
+
+    /// Changes a variant of the twin's system to a plant of this seed.
+    pub(super) fn alter_plant(&self, seed: Seed, variant: &mut Variant) {
+        if let Some((plants, _)) = self.others {
+            plants.alter(self.study, seed, variant);
+        }
+    }
+
+    /// The sensors of the plant of this seed.
+    pub(super) fn sensors_of(&self, seed: Seed, noise: Option<NormalDeviates>) -> SensorChain {
+        let chain = SensorChain::new(self.study, self.sensors, noise);
+        match self.others {
+            Some((plants, _)) => chain.with_latencies(plants.latencies(seed, self.sensors)),
+            None => chain,
+        }
     }
 
     /// The noise in the calibration flight of an environment's specimen.
@@ -258,7 +318,8 @@ impl<'s> Runner<'s> {
     /// Fits the twin of each environment to its specimen.
     fn fit_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
         let noise = |environment| self.calibration_noise(environment);
-        let found = fit_twins(self.study, &self.ensemble, &self.specimens(), noise)?;
+        let unknowns = fitted_twins::unknowns(self);
+        let found = fit_twins(self.study, &self.ensemble, (&unknowns, &self.specimens()), noise)?;
         Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
     }
 
@@ -385,9 +446,7 @@ impl<'s> Runner<'s> {
                 let run = first(simulation);
                 let mut variant = self.variant(run);
                 alter(run, &mut variant);
-                if let Some((plants, _)) = self.others {
-                    plants.alter(self.study, self.plant(run), &mut variant);
-                }
+                self.alter_plant(self.plant(run), &mut variant);
                 variant
             },
             |simulation| {
@@ -411,22 +470,14 @@ impl<'s> Runner<'s> {
 
     fn variant(&self, run: &Run) -> Variant<'_> {
         let environment = self.environment(run.environment);
-        let (seed, scatter) = (self.plant(run), self.suite.scatter);
+        let seed = self.plant(run);
         let specimen = match self.deviations.get(run.environment - self.first) {
             Some(deviations) => self.draw(seed).parameters_with(deviations),
-            None if self.fitted.is_empty() => self.draw(seed).parameters(scatter),
-            None => self.draw(seed).parameters(1.0),
+            None => self.draw(seed).parameters(self.scatter()),
         };
         let mut overrides = [&environment.parameters[..], &specimen].concat();
-        // Other plants have draws of their own, and twins of the scenario *fitted* know only tolerances, as do records.
-        let is_drawn = self.others.is_none() && !self.suite.is_records;
-        if self.scenario().plants() == Plants::Specimens && is_drawn {
-            let mut random = seed.stream(Stream::Draws);
-            let parts = &self.study.system.network().components;
-            let flights = self.study.flights.as_ref();
-            let draws = flights.map_or(&[][..], |flights| &flights.draws);
-            apply_draws(draws, scatter, parts, &mut random, &mut overrides);
-        }
+        self.draw_further(seed, &mut overrides);
+        self.wear(run, &mut overrides);
         Variant {
             faults: run.at_start(self.study),
             later: run.later(self.study),
@@ -445,10 +496,7 @@ impl<'s> Runner<'s> {
     fn watch<O>(&self, run: &Run, scenario: Scenario, observer: O) -> Watch<'_, O> {
         let seed = self.suite.seed_of(run.number);
         let noise = SpecimenDraw { study: self.study, scenario, seed }.noise(Stream::Sensors);
-        let mut chain = SensorChain::new(self.study, self.sensors, noise);
-        if let Some((plants, _)) = self.others {
-            chain = chain.with_latencies(plants.latencies(self.plant(run), self.sensors));
-        }
+        let chain = self.sensors_of(self.plant(run), noise);
         Watch::new(self.twin(run), self.sensors, chain, observer)
     }
 }

@@ -1,0 +1,227 @@
+//! The test on the ground: one command from rest, one window, one decision.
+//!
+//! ```toml
+//! [ground_test]
+//! command = "sweep:amplitude=1deg,from=0.5Hz,to=20Hz,length=10s + sine:amplitude=9deg,frequency=0.4Hz,at=10s"
+//! duration_s = 20
+//! inputs.air_speed = [0, 0]
+//! wear = [{ parameters = ["cylinder.coulomb_friction_n"], times = [0.8, 1.25] }]
+//! suites.learn = { environments = 160, repeats = 4, healthy = 6 }
+//! suites.judge = { environments = 24, repeats = 1, healthy = 3 }
+//! ```
+//!
+//! The twin of an actuator is fitted to its first test, so that the residuals of a later one show what has changed. Not all
+//! that changes is a fault: `wear` declares what may differ between two tests of a healthy actuator.
+//!
+//! The tests of a study are a study of their own ([`Study::on_ground`]), with the same system, sensors, classes and
+//! specimens: the test's command stands for those of `[flights]`, the first test is the calibration flight of `[fitted]`,
+//! and `ground_test.suites` are its suites. Faults are present from the start.
+
+use super::keys::FLIGHT_S;
+use super::other_plant::DrawText;
+use super::reader::Reader;
+use super::{Parts, Study, StudyError, calibration, flights, suites};
+use crate::document::KeyPath;
+use crate::format::section;
+use crate::system::System;
+use std::cell::{OnceCell, RefCell};
+use std::collections::BTreeMap;
+
+section! {
+    /// The section of a study file.
+    pub(super) struct Text {
+        must command: String, "command of the test, from rest";
+        must duration_s: f64 = FLIGHT_S, "length of the test, and of its only window";
+        #[serde(default)]
+        may inputs: flights::Ranges, "ranges of inputs, drawn for each environment";
+        #[serde(default)]
+        may unit_inputs: flights::Ranges, "ranges of inputs that every channel has";
+        #[serde(default)]
+        may unit_parameters: flights::Ranges, "ranges of parameters that every channel has";
+        #[serde(default)]
+        may wear: Vec<DrawText>,
+            "ranges from which every test draws what differs from the first test of its actuator";
+        #[serde(default)]
+        may suites: BTreeMap<String, suites::Text>, "how many tests there are, and what for";
+    }
+}
+
+/// The name of the section.
+pub(super) const SECTION: &str = "ground_test";
+
+/// The key that makes a study that of its tests on the ground.
+pub(super) const KEY: &str = "on_ground";
+
+impl super::Text {
+    /// The text of the tests on the ground, if it is theirs.
+    pub(super) fn where_it_is(self) -> Self {
+        if self.on_ground { self.on_ground() } else { self }
+    }
+
+    fn on_ground(self) -> Self {
+        let Some(test) = self.ground_test.clone() else { return self };
+        let middle = |(name, [low, high]): (&String, &[f64; 2])| (name.clone(), 0.5 * (low + high));
+        let inputs = test.inputs.iter().map(middle).collect();
+        super::Text {
+            fitted: calibration::Text::of_test(&test.command, test.duration_s, inputs),
+            suites: test.suites,
+            flights: self.flights.map(|flights| flights::Text {
+                duration_s: test.duration_s,
+                onset_s: [0.0, 0.0],
+                windows_s: vec![test.duration_s],
+                commands: vec![test.command],
+                inputs: test.inputs,
+                unit_inputs: test.unit_inputs,
+                unit_parameters: test.unit_parameters,
+                wear: test.wear,
+                ..flights
+            }),
+            on_ground: true,
+            ..self
+        }
+    }
+}
+
+impl Reader<'_> {
+    /// A key of the section that declares the flights.
+    pub(super) fn section_of_flights(&self) -> Vec<String> {
+        vec![if self.text.on_ground { SECTION } else { "flights" }.to_owned()]
+    }
+
+    /// The section of a suite.
+    pub(super) fn section_of_suite(&self, name: &str) -> Vec<String> {
+        let mut section = if self.text.on_ground { self.section_of_flights() } else { vec![] };
+        section.extend(["suites".to_owned(), name.to_owned()]);
+        section
+    }
+
+    /// Notes the mistakes of the tests on the ground, if the study declares some and is not theirs already.
+    pub(super) fn check_ground_test(&self) {
+        let missing = match (&self.text.ground_test, &self.text.flights) {
+            (Some(_), None) => Some("flights"),
+            (None, _) if self.text.on_ground => Some(SECTION),
+            _ => None,
+        };
+        if let Some(field) = missing {
+            self.empty(&KeyPath::of(&[SECTION]), field);
+        } else if self.text.ground_test.is_some() && !self.text.on_ground {
+            let (text, mistakes) = (self.text.clone().on_ground(), self.mistakes.take());
+            let Reader { path, source, system, .. } = *self;
+            let (mistakes, document) = (RefCell::new(mistakes), OnceCell::new());
+            let doubtful = self.doubtful.clone();
+            let reader = Reader { path, source, text: &text, system, mistakes, document, doubtful };
+            let _ = Parts::flown(&reader);
+            self.mistakes.replace(reader.mistakes.into_inner());
+        }
+    }
+}
+
+impl Study {
+    /// Whether the study declares tests on the ground.
+    pub fn has_ground_test(&self) -> bool {
+        self.parsed.ground_test.is_some()
+    }
+
+    /// Whether it is the study of its tests on the ground.
+    pub fn is_on_ground(&self) -> bool {
+        self.parsed.on_ground
+    }
+
+    /// The study of its tests on the ground; `None` if it declares none.
+    ///
+    /// # Errors
+    /// Mistakes in the section `[ground_test]`.
+    pub fn on_ground(&self) -> Result<Option<Self>, StudyError> {
+        if !self.has_ground_test() {
+            return Ok(None);
+        }
+        let system = System::parse(&self.system.text, &self.path).map_err(StudyError::System)?;
+        let text = super::quick::with_flag(&self.text, KEY);
+        Self::parse_for(&text, &self.path, system).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::study::suites::{HEALTHY, JUDGE, LEARN, UNSEEN};
+    use crate::study::{Purpose, Scenario};
+
+    fn mistakes(text: &str) -> String {
+        let error = Study::parse(text, "studies/paper.toml").err().expect("a mistake");
+        error.to_string()
+    }
+
+    #[test]
+    fn tests_on_the_ground_are_a_study_with_other_flights() {
+        let study = Study::default();
+        assert!(study.has_ground_test() && !study.is_on_ground());
+        let test = study.on_ground().unwrap().unwrap();
+        assert!(test.is_on_ground() && test.text.ends_with(&study.text));
+        let (flights, in_flight) =
+            (test.flights.as_ref().unwrap(), study.flights.as_ref().unwrap());
+        assert!(flights.is_test && !in_flight.is_test);
+        assert_eq!((flights.duration_s, &flights.windows_s[..]), (20.0, &[20.0][..]));
+        assert_eq!(flights.draws, in_flight.draws, "the specimens are the same");
+        assert!(!flights.wear.is_empty() && in_flight.wear.is_empty());
+        // The stored text is that of the tests.
+        let again = Study::parse(&test.text, "study.toml").unwrap();
+        assert_eq!(again.flights.as_ref().unwrap().windows_s, flights.windows_s);
+        assert_eq!(again.on_ground().unwrap().unwrap().text, test.text);
+        assert!(study.full().unwrap().on_ground().unwrap().unwrap().is_full);
+    }
+
+    #[test]
+    fn in_a_test_a_fault_is_present_from_the_start_and_no_air_flows() {
+        let test = Study::default().on_ground().unwrap().unwrap();
+        let judge = test.suite(JUDGE, false).unwrap();
+        assert_eq!((judge.onset_s, &judge.scenarios[..]), (None, &[Scenario::Fitted][..]));
+        let judged: Vec<&str> = test.suites(false).map(|suite| suite.name.as_str()).collect();
+        assert!([LEARN, JUDGE, HEALTHY].iter().all(|name| judged.contains(name)), "{judged:?}");
+        assert!(!judged.contains(&UNSEEN), "no fault begins in a test");
+        let speed = test.system.network().inputs.iter().position(|input| input.id == "air_speed");
+        let calibration = test.calibration.as_ref().unwrap();
+        let drawn = test.environments(judge, 0..3).unwrap();
+        for inputs in drawn.iter().map(|own| &own.inputs).chain([&calibration.inputs]) {
+            assert_eq!(inputs[speed.unwrap()].value(3.0), 0.0);
+            let command = &inputs[test.command_input];
+            assert!(
+                (command.value(11.0) - calibration.inputs[test.command_input].value(11.0)).abs()
+                    < 1e-3
+            );
+        }
+        assert_eq!(test.purposes(), [Purpose::Test, Purpose::Train]);
+    }
+
+    #[test]
+    fn mistakes_in_the_section_are_found_at_their_places_by_whoever_reads_the_study() {
+        let text = &Study::default().text;
+        for (right, wrong, said) in [
+            ("inputs.air_speed = [0, 0]", "inputs.air_sped = [0, 0]", "air_sped"),
+            ("inputs.air_speed = [0, 0]", "inputs.air_speed = [0, 9000]", "air_speed"),
+            ("amplitude=9deg,frequency=0.4Hz", "amplitude=900deg,frequency=0.4Hz", "command"),
+            (
+                "\"cylinder.viscous_friction_n_s_m\"], times",
+                "\"cylinder.viscous\"], times",
+                "viscous",
+            ),
+            (
+                "judge = { environments = 24, repeats = 1, healthy = 3, full = { environments = 120",
+                "judge = { like = \"nothing\", full = { environments = 120",
+                "nothing",
+            ),
+        ] {
+            let place = text.rfind(right).expect(right);
+            let mut broken = text.clone();
+            broken.replace_range(place..place + right.len(), wrong);
+            let line = text[..place].lines().count().max(1);
+            let near = [line, line + 1].map(|line| format!("studies/paper.toml:{line}"));
+            let told = mistakes(&broken);
+            assert!(told.contains(said), "{told}");
+            assert!(near.iter().any(|near| told.contains(near)), "{near:?}: {told}");
+        }
+        let lacking =
+            "on_ground = true\n".to_owned() + &text.replace("[ground_test", "[other_test");
+        assert!(Study::parse(&lacking, "studies/paper.toml").is_err());
+    }
+}
