@@ -74,6 +74,12 @@ impl super::Text {
                 unit_inputs: test.unit_inputs,
                 unit_parameters: test.unit_parameters,
                 wear: test.wear,
+                // In time is an action at the end.
+                limits: flights::Limits {
+                    latency_s: test.duration_s,
+                    latency_unfitted_s: test.duration_s,
+                    ..flights.limits
+                },
                 ..flights
             }),
             on_ground: true,
