@@ -31,9 +31,9 @@ use std::fmt::Write;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
-    pub(super) study: StudyOptions,
+    study: StudyOptions,
     #[command(flatten)]
-    pub(super) choice: Choice,
+    choice: Choice,
     /// Run only this scenario.
     #[arg(long, value_name = "SCENARIO", value_parser = ["noise", "realistic"], conflicts_with = "run")]
     scenario: Option<String>,

@@ -10,8 +10,8 @@ use servotwin::job::{Folder, JobError};
 /// Train the decision of the test on the ground, and measure what it finds.
 ///
 /// An actuator runs the command of the study's section `[ground_test]` from rest, beside a twin that was fitted to its first
-/// test. The decision comes at the end. Writes the same files as `servotwin flights` into the folder `ground_test` of the output
-/// folder.
+/// test. The decision comes at the end. Writes the same files as `servotwin flights` into the folder `ground_test` of the
+/// output folder.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]

@@ -16,39 +16,22 @@
 
 use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
-use super::{Purpose, Seed, Stream, ground_test};
+use super::{Flights, Purpose, Seed, Stream, ground_test};
 use crate::document::KeyPath;
 use crate::format::{Value, section};
 use crate::signal::Signal;
-use crate::signal::bus::as_sent;
 use servotwin_model::hash::{Canonical, Fingerprint};
 use servotwin_model::signal::Piecewise;
-use std::collections::BTreeMap;
 
 section! {
     /// The section of a study file.
     pub(super) struct Text {
         must command: Signal, "command of the calibration flight";
         must duration_s: f64 = Value::Number(5.0, 1e4, "s"), "length of the calibration flight";
-        #[serde(default)]
-        may inputs: BTreeMap<String, f64>, "values of other inputs there; their defaults where not given";
         must judge: usize = SOME_SPECIMENS, "number of specimens for the evaluation";
         must learn: usize = SOME_SPECIMENS, "number of specimens for the training commands";
         must in_each_case: usize = SOME_SPECIMENS,
             "number of specimens in each group that run the same case";
-    }
-}
-
-impl Text {
-    /// The first test on the ground of every specimen; `None` for a command that cannot be read, which is a mistake of its
-    /// section.
-    pub(super) fn of_test(
-        command: &str,
-        duration_s: f64,
-        inputs: BTreeMap<String, f64>,
-    ) -> Option<Self> {
-        let command = command.parse().ok()?;
-        Some(Text { command, duration_s, inputs, judge: 1, learn: 1, in_each_case: 1 })
     }
 }
 
@@ -66,33 +49,26 @@ pub struct Calibration {
 
 impl Calibration {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        let section =
-            KeyPath::of(&[if reader.text.on_ground { ground_test::SECTION } else { "fitted" }]);
-        if reader.text.realistic.as_ref().is_none_or(|realistic| realistic.has_no_tolerances()) {
-            return Err(reader.empty(&section, "realistic.tolerances"));
-        }
+        needs_tolerances(reader, "fitted")?;
         let Text { duration_s, judge, learn, in_each_case, .. } = *text;
         let fits = in_each_case <= judge.min(learn);
         let allowed = "at most judge, and at most learn";
-        let at = section.key("in_each_case");
+        let at = KeyPath::of(&["fitted", "in_each_case"]);
         reader.range(&at, in_each_case as f64, fits, allowed)?;
         let command = reader.command_input()?;
         let mut inputs = reader.default_inputs();
-        for (name, value) in &text.inputs {
-            let at = section.key("inputs").key(name);
-            let input = reader.input(&at.name(), name)?;
-            inputs[input] = reader.constant(&at, input, *value)?;
-        }
         let signal = Ok(text.command.clone());
-        let at = section.key("command");
-        let built = reader.signal(&at, "command", signal, command, duration_s)?;
-        inputs[command] = match reader.text.on_ground {
-            // The first test reads the command as all others do.
-            true => as_sent(&built, 1.0 / reader.text.sample_hz, duration_s)
-                .expect("a signal is finite"),
-            false => built,
-        };
+        let at = KeyPath::of(&["fitted", "command"]);
+        inputs[command] = reader.signal(&at, "command", signal, command, duration_s)?;
         Ok(Self { inputs, duration_s, judge, learn, in_each_case })
+    }
+
+    /// The first test on the ground, to which the twin of every later one is fitted.
+    pub(super) fn first_test(flights: &Flights, reader: &Reader) -> Result<Self, Noted> {
+        needs_tolerances(reader, ground_test::SECTION)?;
+        let inputs = flights.varied.usual(reader, flights.duration_s)?.inputs;
+        let duration_s = flights.duration_s;
+        Ok(Self { inputs, duration_s, judge: 1, learn: 1, in_each_case: 1 })
     }
 
     /// The number of specimens in a pool.
@@ -105,6 +81,14 @@ impl Calibration {
     pub fn specimen(&self, purpose: Purpose, case: usize, seed: Seed) -> usize {
         let dealt = seed.choices(Stream::Pool).index(self.in_each_case);
         (case * self.in_each_case + dealt) % self.specimens(purpose)
+    }
+}
+
+/// Specimens without tolerances would all equal their twins.
+fn needs_tolerances(reader: &Reader, section: &'static str) -> Result<(), Noted> {
+    match reader.text.realistic.as_ref().is_none_or(|realistic| realistic.has_no_tolerances()) {
+        true => Err(reader.empty(&KeyPath::of(&[section]), "realistic.tolerances")),
+        false => Ok(()),
     }
 }
 

@@ -53,9 +53,6 @@ section! {
         #[serde(default)]
         may pub(super) draws: Vec<DrawText>,
             "ranges from which each specimen with tolerances draws further parameters";
-        #[serde(default)]
-        may pub(super) wear: Vec<DrawText>,
-            "ranges from which each run draws what differs from the calibration flight of its specimen";
         may pub(super) other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
         #[serde(default)]
@@ -118,10 +115,9 @@ pub struct Flights {
     pub other_plant: Option<OtherPlant>,
     /// What each specimen with tolerances draws, besides its tolerances.
     pub draws: Vec<PlantDraw>,
-    /// What each run draws, besides what its specimen is: what has changed since the calibration flight.
+    /// What each test on the ground draws, besides what its specimen is: the changes since the first test. Empty in
+    /// flight.
     pub wear: Vec<PlantDraw>,
-    /// Whether a run is a test on the ground, which ends with one decision about its only window.
-    pub is_test: bool,
     /// The minimum number of actuators that stay on; `None` for the usual one.
     pub(super) least_on: Option<u32>,
     pub(super) varied: Varied,
@@ -164,7 +160,7 @@ impl Flights {
         let other_plant = text.other_plant.as_ref().map(|text| OtherPlant::new(text, reader));
         let draws =
             other_plant::draws(reader, (&KeyPath::of(&["flights"]), "draws"), &text.draws, &[]);
-        let wear = other_plant::draws(reader, (&section, "wear"), &text.wear, &[]);
+        let wear = other_plant::draws(reader, (&section, "wear"), reader.wear(), &[]);
         text.check(reader)?;
         ranges?;
         let other_plant = other_plant.transpose()?;
@@ -179,7 +175,6 @@ impl Flights {
             other_plant,
             draws,
             wear,
-            is_test: reader.text.on_ground,
             least_on: text.least_on,
             varied,
         })
@@ -283,18 +278,35 @@ impl Varied {
         }
     }
 
+    /// The environment of the first command, in the middle of its ranges and of those of inputs that all actuators share.
+    /// Everything else has its default.
+    pub(super) fn usual(&self, reader: &Reader, duration_s: f64) -> Result<Environment, Noted> {
+        let (commands, inputs) = (self.commands.clone(), self.inputs.clone());
+        let shared = Varied { commands, inputs, ..Varied::default() };
+        shared.middle(reader, 0, duration_s)
+    }
+
+    /// The environment in the middle of the ranges of a command.
+    fn middle(
+        &self,
+        reader: &Reader,
+        pattern: usize,
+        duration_s: f64,
+    ) -> Result<Environment, Noted> {
+        let command = &vec![0.5; count_ranges(&self.commands.1[pattern])];
+        let seed = Seed::of(0, "", pattern as u64);
+        let chosen = ChosenEnvironment { seed, pattern, command, shares: &[] };
+        self.environment(reader, &chosen, String::new(), duration_s)
+    }
+
     /// Checks every command at the ends of its ranges.
     pub(super) fn check_commands(&self, reader: &Reader, longest_s: f64) -> Result<(), Noted> {
         let driven = reader.command_input()?;
         for (at, pattern) in self.patterns() {
             let _ = check_pattern(reader, &at, pattern, driven, longest_s);
         }
-        let one_each = (0..self.commands.1.len()).map(|pattern| {
-            let ranges = vec![0.5; count_ranges(&self.commands.1[pattern])];
-            let seed = Seed::of(0, "", pattern as u64);
-            let chosen = ChosenEnvironment { seed, pattern, command: &ranges, shares: &[] };
-            self.environment(reader, &chosen, String::new(), longest_s)
-        });
+        let one_each =
+            (0..self.commands.1.len()).map(|pattern| self.middle(reader, pattern, longest_s));
         let all = reader.sound(one_each);
         if all.len() == self.commands.1.len() { Ok(()) } else { Err(Noted) }
     }

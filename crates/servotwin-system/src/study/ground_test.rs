@@ -10,17 +10,17 @@
 //! suites.judge = { environments = 24, repeats = 1, healthy = 3 }
 //! ```
 //!
-//! The twin of an actuator is fitted to its first test, so that the residuals of a later one show what has changed. Not all
-//! that changes is a fault: `wear` declares what may differ between two tests of a healthy actuator.
+//! The twin of an actuator is fitted to its first test, so that the residuals of a later one show changes alone. `wear`
+//! declares the changes between two tests of a healthy actuator.
 //!
 //! The tests of a study are a study of their own ([`Study::on_ground`]), with the same system, sensors, classes and
-//! specimens: the test's command stands for those of `[flights]`, the first test is the calibration flight of `[fitted]`,
-//! and `ground_test.suites` are its suites. Faults are present from the start.
+//! specimens. The test's command stands for those of `[flights]`, the first test for the calibration flight of `[fitted]`,
+//! and `ground_test.suites` for `[suites]`. Faults are present from the start.
 
 use super::keys::FLIGHT_S;
 use super::other_plant::DrawText;
 use super::reader::Reader;
-use super::{Parts, Study, StudyError, calibration, flights, suites};
+use super::{Parts, Study, StudyError, flights, suites};
 use crate::document::KeyPath;
 use crate::format::section;
 use crate::system::System;
@@ -49,21 +49,11 @@ section! {
 /// The name of the section.
 pub(super) const SECTION: &str = "ground_test";
 
-/// The key that makes a study that of its tests on the ground.
-pub(super) const KEY: &str = "on_ground";
-
 impl super::Text {
-    /// The text of the tests on the ground, if it is theirs.
-    pub(super) fn where_it_is(self) -> Self {
-        if self.on_ground { self.on_ground() } else { self }
-    }
-
-    fn on_ground(self) -> Self {
+    /// The text of the study of its tests on the ground; the same text without such tests.
+    pub(super) fn on_ground(self) -> Self {
         let Some(test) = self.ground_test.clone() else { return self };
-        let middle = |(name, [low, high]): (&String, &[f64; 2])| (name.clone(), 0.5 * (low + high));
-        let inputs = test.inputs.iter().map(middle).collect();
         super::Text {
-            fitted: calibration::Text::of_test(&test.command, test.duration_s, inputs),
             suites: test.suites,
             flights: self.flights.map(|flights| flights::Text {
                 duration_s: test.duration_s,
@@ -73,8 +63,7 @@ impl super::Text {
                 inputs: test.inputs,
                 unit_inputs: test.unit_inputs,
                 unit_parameters: test.unit_parameters,
-                wear: test.wear,
-                // In time is an action at the end.
+                // An action at the end of a test is in time.
                 limits: flights::Limits {
                     latency_s: test.duration_s,
                     latency_unfitted_s: test.duration_s,
@@ -89,13 +78,19 @@ impl super::Text {
 }
 
 impl Reader<'_> {
-    /// A key of the section that declares the flights.
-    pub(super) fn section_of_flights(&self) -> Vec<String> {
+    /// The ranges of wear, where the study is that of its tests on the ground.
+    pub(super) fn wear(&self) -> &[DrawText] {
+        let test = self.text.ground_test.as_ref().filter(|_| self.text.on_ground);
+        test.map_or(&[], |test| &test.wear)
+    }
+
+    /// The section that declares the flights.
+    pub(super) fn section_of_flights(&self) -> flights::Section {
         vec![if self.text.on_ground { SECTION } else { "flights" }.to_owned()]
     }
 
     /// The section of a suite.
-    pub(super) fn section_of_suite(&self, name: &str) -> Vec<String> {
+    pub(super) fn section_of_suite(&self, name: &str) -> flights::Section {
         let mut section = if self.text.on_ground { self.section_of_flights() } else { vec![] };
         section.extend(["suites".to_owned(), name.to_owned()]);
         section
@@ -123,11 +118,6 @@ impl Reader<'_> {
 }
 
 impl Study {
-    /// Whether the study declares tests on the ground.
-    pub fn has_ground_test(&self) -> bool {
-        self.parsed.ground_test.is_some()
-    }
-
     /// Whether it is the study of its tests on the ground.
     pub fn is_on_ground(&self) -> bool {
         self.parsed.on_ground
@@ -138,11 +128,11 @@ impl Study {
     /// # Errors
     /// Mistakes in the section `[ground_test]`.
     pub fn on_ground(&self) -> Result<Option<Self>, StudyError> {
-        if !self.has_ground_test() {
+        if self.parsed.ground_test.is_none() {
             return Ok(None);
         }
         let system = System::parse(&self.system.text, &self.path).map_err(StudyError::System)?;
-        let text = super::quick::with_flag(&self.text, KEY);
+        let text = super::quick::with_flag(&self.text, "on_ground");
         Self::parse_for(&text, &self.path, system).map(Some)
     }
 }
@@ -161,12 +151,11 @@ mod tests {
     #[test]
     fn tests_on_the_ground_are_a_study_with_other_flights() {
         let study = Study::default();
-        assert!(study.has_ground_test() && !study.is_on_ground());
+        assert!(!study.is_on_ground());
         let test = study.on_ground().unwrap().unwrap();
         assert!(test.is_on_ground() && test.text.ends_with(&study.text));
         let (flights, in_flight) =
             (test.flights.as_ref().unwrap(), study.flights.as_ref().unwrap());
-        assert!(flights.is_test && !in_flight.is_test);
         assert_eq!((flights.duration_s, &flights.windows_s[..]), (20.0, &[20.0][..]));
         assert_eq!(flights.draws, in_flight.draws, "the specimens are the same");
         assert!(!flights.wear.is_empty() && in_flight.wear.is_empty());

@@ -488,7 +488,10 @@ fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
         repetitions(&all, &mut mistakes);
         // The mistakes are already noted, and must not prevent further checks.
         match Text::deserialize(format::mended(Text::KEYS, plain_table(root.get_ref()))) {
-            Ok(text) => parsed = Some(text.in_its_size().where_it_is()),
+            Ok(text) => {
+                let text = text.in_its_size();
+                parsed = Some(if text.on_ground { text.on_ground() } else { text });
+            }
             Err(error) if mistakes.is_empty() => {
                 let message = error.message().to_owned();
                 mistakes.note(&(0..0), document::TomlMistake::Syntax { message });
@@ -655,14 +658,18 @@ impl Parts {
         reader: &Reader,
     ) -> Result<(Option<Calibration>, Option<Flights>, suites::Suites), Noted> {
         let text = reader.text;
-        let calibration = text.fitted.as_ref().map(|text| Calibration::new(text, reader));
         let flights = text.flights.as_ref().map(|text| Flights::new(text, reader)).transpose();
+        let fitted = text.fitted.as_ref().filter(|_| !text.on_ground);
+        let calibration = fitted.map(|text| Calibration::new(text, reader)).transpose();
         let flights = flights?;
+        let first_test = flights.as_ref().filter(|_| text.on_ground);
+        let first_test = first_test.map(|flights| Calibration::first_test(flights, reader));
         let suites = flights.as_ref().map(|flights| suites::suites(reader, flights)).transpose();
         if let (None, Some(name)) = (&flights, text.suites.keys().next()) {
             reader.empty(&KeyPath::of(&["suites", name]), "flights");
         }
-        Ok((calibration.transpose()?, flights, suites?.unwrap_or_default()))
+        let calibration = first_test.transpose()?.or(calibration?);
+        Ok((calibration, flights, suites?.unwrap_or_default()))
     }
 }
 

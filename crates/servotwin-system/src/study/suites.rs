@@ -266,7 +266,7 @@ impl Suite {
         let duration_s =
             text.duration_s.or(like.map(|suite| suite.duration_s)).unwrap_or(flights.duration_s);
         let healthy_s = text.healthy_duration_s.or(like.map(|suite| suite.healthy_duration_s));
-        let onset_s = match text.from_start.unwrap_or(flights.is_test) {
+        let onset_s = match text.from_start.unwrap_or(reader.text.on_ground) {
             true => None,
             false => {
                 text.onset_s.or(like.and_then(|suite| suite.onset_s)).or(Some(flights.onset_s))
@@ -278,7 +278,7 @@ impl Suite {
             reader.range(&section.key("onset_s"), to, is_inside, allowed)?;
         }
         let is_other = text.plants.as_deref() == Some(OTHER);
-        let flown = match flights.is_test {
+        let flown = match reader.text.on_ground {
             true => vec![Scenario::Fitted],
             false => vec![Scenario::Noise, Scenario::Realistic],
         };
@@ -410,12 +410,15 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
 fn is_possible(reader: &Reader, flights: &Flights, name: &str, usual: &Text) -> bool {
     let has_judge = reader.text.suites.contains_key(JUDGE);
     let has_plants = usual.plants.is_none() || flights.other_plant.is_some();
-    let has_calibration = usual.fitted.is_none() || reader.text.fitted.is_some();
+    let has_calibration =
+        usual.fitted.is_none() || reader.text.fitted.is_some() || reader.text.on_ground;
     match name {
         LEARN | JUDGE => true,
         HARD_NEGATIVES => false,
         // In a test no fault begins, and its twin is fitted; held-out tests would be fitted anew for every margin.
-        HELD_OUT | UNSEEN | OTHER_STRUCTURE | HEALTHY_OTHER_STRUCTURE if flights.is_test => false,
+        HELD_OUT | UNSEEN | OTHER_STRUCTURE | HEALTHY_OTHER_STRUCTURE if reader.text.on_ground => {
+            false
+        }
         _ => has_judge && has_plants && has_calibration,
     }
 }

@@ -114,7 +114,7 @@ pub fn diagnoser(
     for (sensor, spread) in diagnoser.sensors.iter_mut().zip(&design.spreads) {
         sensor.spread = *spread;
     }
-    let tuning = match design.flights.is_test {
+    let tuning = match study.is_on_ground() {
         true => of_test(&diagnoser, study),
         false => diagnoser.tuning,
     };
@@ -291,8 +291,8 @@ fn length(
     // The guarantee of bands applies to ordinary flights, so hard negatives are excluded.
     let ordinary = data.without(|row| is_further(&data, row));
     let mut bands = bands::learn(&ordinary, pools, design.alarms());
-    if design.flights.is_test {
-        // Every test is judged, because trees and committee see less than what leaves a band; noise alone leaves these.
+    if study.is_on_ground() {
+        // Noise alone leaves these bands, so trees and committee judge every test.
         bands.iter_mut().flatten().zip(&study.sensors.0).for_each(|(band, sensor)| {
             band.half_width = sensor.noise;
         });

@@ -30,7 +30,7 @@ impl WindowDesign<'_> {
     /// specimen responds differently, in all of its panes. Counting it five times would shut down healthy actuators. The
     /// window of a test is judged once, at its end.
     pub(crate) fn kinds(&self) -> Vec<WindowKind> {
-        let panes = if self.flights.is_test { 1 } else { Tuning::default().panes };
+        let panes = if self.study.is_on_ground() { 1 } else { Tuning::default().panes };
         let kind = |window_s: f64, is_baseline_corrected: bool| WindowKind {
             span: span(window_s, self.study.sample_period_s, panes),
             is_baseline_corrected,
@@ -46,7 +46,7 @@ impl WindowDesign<'_> {
 
     /// Whether a specimen has a healthy time of its own before a fault.
     fn has_baseline(&self) -> bool {
-        self.has_specimens() && !self.flights.is_test
+        self.has_specimens() && !self.study.is_on_ground()
     }
 
     fn has_specimens(&self) -> bool {

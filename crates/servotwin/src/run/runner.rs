@@ -4,9 +4,9 @@
 //! that differ by the noise of their sensors alone.
 //!
 //! In the scenario *fitted*, one specimen flies all runs of an environment, and the environment's twin is fitted to its
-//! calibration flight; records have a pool of such specimens, and tests on the ground are such runs. Otherwise every run has
-//! another specimen, compared with the nominal twin. The plants of a suite may have another structure than their twins ([`OtherPlants`]), and the twins may be
-//! fitted to them as well.
+//! calibration flight. Tests on the ground are such runs, and records have a pool of such specimens. Otherwise every run has
+//! another specimen, compared with the nominal twin. The plants of a suite may have another structure than their twins
+//! ([`OtherPlants`]), and the twins may be fitted to them as well.
 
 use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
@@ -255,12 +255,6 @@ impl<'s> Runner<'s> {
         (0..self.environments.len()).map(specimen).collect()
     }
 
-    /// Whether the runs are tests on the ground.
-    fn is_test(&self) -> bool {
-        let flights = self.study.flights.as_ref();
-        !self.suite.is_records && flights.is_some_and(|flights| flights.is_test)
-    }
-
     /// Whether twins are fitted to their specimens.
     fn is_fitted(&self) -> bool {
         let is_pooled = self.scenario().plants() == Plants::Pool && self.others.is_none();
@@ -285,9 +279,9 @@ impl<'s> Runner<'s> {
         }
     }
 
-    /// Draws what differs between a test and the first one of its specimen.
-    fn wear(&self, run: &Run, overrides: &mut Overrides) {
-        if let Some(flights) = self.study.flights.as_ref().filter(|_| self.is_test()) {
+    /// Draws the changes of a specimen since its first test on the ground.
+    fn draw_wear(&self, run: &Run, overrides: &mut Overrides) {
+        if let Some(flights) = self.study.flights.as_ref().filter(|_| !self.suite.is_records) {
             let parts = &self.study.system.network().components;
             let mut random = self.suite.seed_of(run.number).stream(Stream::Wear);
             apply_draws(&flights.wear, self.suite.scatter, parts, &mut random, overrides);
@@ -477,7 +471,7 @@ impl<'s> Runner<'s> {
         };
         let mut overrides = [&environment.parameters[..], &specimen].concat();
         self.draw_further(seed, &mut overrides);
-        self.wear(run, &mut overrides);
+        self.draw_wear(run, &mut overrides);
         Variant {
             faults: run.at_start(self.study),
             later: run.later(self.study),
