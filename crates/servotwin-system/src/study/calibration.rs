@@ -66,7 +66,7 @@ impl Calibration {
     /// The first test on the ground, to which the twin of every later one is fitted.
     pub(super) fn first_test(flights: &Flights, reader: &Reader) -> Result<Self, Noted> {
         needs_tolerances(reader, ground_test::SECTION)?;
-        let inputs = flights.varied.usual(reader, flights.duration_s)?.inputs;
+        let inputs = flights.varied.shared_middle(reader, flights.duration_s)?.inputs;
         let duration_s = flights.duration_s;
         Ok(Self { inputs, duration_s, judge: 1, learn: 1, in_each_case: 1 })
     }

@@ -280,7 +280,11 @@ impl Varied {
 
     /// The environment of the first command, in the middle of its ranges and of those of inputs that all actuators share.
     /// Everything else has its default.
-    pub(super) fn usual(&self, reader: &Reader, duration_s: f64) -> Result<Environment, Noted> {
+    pub(super) fn shared_middle(
+        &self,
+        reader: &Reader,
+        duration_s: f64,
+    ) -> Result<Environment, Noted> {
         let (commands, inputs) = (self.commands.clone(), self.inputs.clone());
         let shared = Varied { commands, inputs, ..Varied::default() };
         shared.middle(reader, 0, duration_s)

@@ -145,7 +145,7 @@ pub(crate) fn of_records(
     Ok(diagnoser)
 }
 
-/// The certainty that the decision of a test on the ground needs: its only window decides alone, from the first sample on.
+/// The constants of a test on the ground: its only window decides, and begins with the first sample.
 fn of_test(diagnoser: &Diagnoser, study: &Study) -> Tuning {
     let window_s = diagnoser.lengths[0].span.samples() as f64 * study.sample_period_s;
     let false_alarms_per_h = TEST_FALSE_ALARMS * 3600.0 / window_s;
@@ -156,8 +156,8 @@ fn of_test(diagnoser: &Diagnoser, study: &Study) -> Tuning {
     }
 }
 
-/// The constants of a diagnosis that decides about each window by itself: nothing is allowed for what lasts, and all errors
-/// cost the same.
+/// The constants of a diagnosis that decides about each window alone: without allowances for what persists, and with equal
+/// costs of all errors.
 fn deciding_once(
     Diagnoser { tuning, lengths, .. }: &Diagnoser,
     (false_alarms_per_h, wrong_isolation): (f64, f64),

@@ -36,17 +36,12 @@ impl WindowDesign<'_> {
             is_baseline_corrected,
         };
         let absolute = self.flights.windows_s.iter().map(|&window_s| kind(window_s, false));
-        let corrected = self.has_baseline().then(|| kind(self.shortest_s(), true));
+        let corrected = self.has_specimens().then(|| kind(self.shortest_s(), true));
         absolute.chain(corrected).collect()
     }
 
     fn shortest_s(&self) -> f64 {
         self.flights.windows_s.iter().copied().fold(f64::INFINITY, f64::min)
-    }
-
-    /// Whether a specimen has a healthy time of its own before a fault.
-    fn has_baseline(&self) -> bool {
-        self.has_specimens() && !self.study.is_on_ground()
     }
 
     fn has_specimens(&self) -> bool {
@@ -68,7 +63,8 @@ impl WindowDesign<'_> {
         let panes = (settle_s / period_s) as u32 / pane;
         let settle_samples = (panes * pane + pane / 2).max(1);
         let memory_samples = ((baseline_memory_s / period_s) as u32).max(settle_samples);
-        self.has_baseline().then_some(baseline::BaselineSettings { settle_samples, memory_samples })
+        self.has_specimens()
+            .then_some(baseline::BaselineSettings { settle_samples, memory_samples })
     }
 
     /// Empty windows.

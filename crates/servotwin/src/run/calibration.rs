@@ -62,7 +62,7 @@ pub(crate) fn calibration_record(
     let sensors = study.measured[..sensors].to_vec();
     let (inputs, period_s) = (&calibration.inputs, study.sample_period_s);
     let logged = FitRecord::logged("calibration flight", inputs, sensors, period_s, measured);
-    // A test has fast commands, which its twin reads as they are sent, and a log does not hold between its samples.
+    // The twin of a test reads its fast command as it is sent. A log would lose it between its samples.
     match study.is_on_ground() {
         true => FitRecord { inputs: inputs.clone(), ..logged },
         false => logged,
