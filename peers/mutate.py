@@ -186,7 +186,7 @@ class Bench:
         lines = (dict(zip(rows[0], map(float, row))) for row in rows[1:])
         self.write("log.jsonl", "".join(json.dumps(line) + "\n" for line in lines))
         self.must("study", "study.toml", "--out", "out")
-        self.must("flights", "study.toml", "--out", "out")
+        self.must("study", "study.toml", "--suite", "flights", "--out", "out")
         watch = ["watch", "log.csv", "--study", "study.toml", "--model", "out/diagnoser-realistic.json"]
         self.must(*watch, "--mcap", "log.mcap", "--checkpoint", "checkpoint.json")
         self.must("watch", "log.csv", "--study", "study.toml", "--make-map", "map.toml")
@@ -202,7 +202,7 @@ class Bench:
         stages = lambda *names: [[name, "out"] for name in names]
         part = next(p for p in sorted((self.folder / "out/parts").iterdir())).relative_to(self.folder)
         return {
-            "study": ("study.toml", [["check", "@"], ["campaign", "@", "--out", "new"]]),
+            "study": ("study.toml", [["check", "@"], ["study", "@", "--suite", "records", "--out", "new"]]),
             "study of two": ("tiny.toml", [["check", "@"]]),
             "system": ("system.toml", [["check", "@"], ["describe", "@"],
                                        ["simulate", "@", "--duration", "0.1s", "--out", "s.csv"]]),
@@ -212,9 +212,9 @@ class Bench:
             "traces": ("x.csv", [["features", "@", "--study", "traces.toml", "--out", "f.csv"]]),
             "diagnoser": ("out/diagnoser-realistic.json", [["watch", "log.csv", *study, "--model", "@", "--html", "w.html"]]),
             "checkpoint": ("checkpoint.json", [watch("log.csv", "--checkpoint", "@", "--resume")]),
-            "data set": ("out/dataset-ideal.parquet", stages("train", "evaluate")),
-            "part": (str(part), stages("merge", "features")),
-            "diagnoser of records": ("out/records-ideal.json", [["explain", "0", "--out", "out", "--subject", "ideal"]]),
+            "data set": ("out/dataset-ideal.parquet", [["run", "cases#0@ideal", "out"]]),
+            "part": (str(part), stages("features")),
+            "diagnoser of records": ("out/records-ideal.json", [["run", "cases#0@ideal", "out"]]),
             "results": ("out/evaluation.json", stages("report")),
             "flights": ("out/flights.json", stages("report")),
             "manifest": ("manifest.json", stages("report")),

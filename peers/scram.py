@@ -37,10 +37,10 @@ def main(folder):
         print("SCRAM is not installed: apt-get install scram", file=sys.stderr)
         return 1
     safety = pathlib.Path(folder) / "safety"
-    numbers = json.loads((safety / "faulttree.json").read_text())
+    numbers = json.loads((safety / "fault-tree.json").read_text())
     mistakes, compared, farthest = [], 0, 0.0
     for suffix, end in (("", "point"), ("-low", "low"), ("-high", "high")):
-        results = analysed(safety / f"faulttree{suffix}.xml").find("results")
+        results = analysed(safety / f"fault-tree{suffix}.xml").find("results")
         found = {one.get("name"): one for one in results.findall("sum-of-products")}
         for top in numbers["tops"]:
             name, own = top["id"], top["probability"][end]

@@ -294,7 +294,7 @@ def check_end(watch, code, failures):
 def soak(options, folder):
     binary = pathlib.Path(options.binary).resolve()
     study, map_file = HERE / "soak.toml", folder / "map.toml"
-    run([binary, "flights", study, "--out", folder / "out", "-q"])
+    run([binary, "study", study, "--suite", "flights", "--out", folder / "out", "-q"])
     log = Log(binary, folder, options.seconds)
     run([binary, "watch", folder / "healthy.csv", "--make-map", map_file, "-q"])
     files = {"map": map_file, "study": study, "model": folder / "out" / "diagnoser-realistic.json"}

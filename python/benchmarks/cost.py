@@ -16,6 +16,7 @@ import polars
 from studies import ROOT, binary, run
 
 MANY = 10_000_000
+RECORDS = ("--suite", "records")
 SCENARIO = ("--scenario", "realistic")
 
 
@@ -47,7 +48,7 @@ def size(folder, pattern):
 def share(folder, study, number, *scenarios):
     """Cost of a share of the parts, and the folder of its files."""
     out = folder / f"out-{number.replace('/', '-')}"
-    cost = run(binary(), "campaign", study, "--out", out, "--share", number, "--quiet", *scenarios)
+    cost = run(binary(), "study", study, *RECORDS, "--out", out, "--share", number, "--quiet", *scenarios)
     return cost, out
 
 
@@ -69,7 +70,7 @@ def main():
         brief = folder / "short.toml"
         brief.write_text(short(paper()), encoding="utf-8")
         _, out = share(folder / "short", brief, "1/1", *SCENARIO)
-        merge = run(binary(), "merge", out, "--quiet", *SCENARIO)
+        merge = run(binary(), "study", out, *RECORDS, "--quiet", *SCENARIO)
         rows = rows_of(out)
         table = size(out, "dataset-*.parquet") / rows
         merged = merge.processor_s / rows

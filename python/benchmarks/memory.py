@@ -13,6 +13,7 @@ from pathlib import Path
 from studies import binary, many, run
 
 PARTS = 20
+RECORDS = ("--suite", "records")
 
 
 def measure(variants, folder):
@@ -20,12 +21,12 @@ def measure(variants, folder):
     study.write_text(many(variants), encoding="utf-8")
     parts, whole = folder / "parts", folder / "whole"
     costs = [
-        run(binary(), "campaign", study, "--out", parts, "--share", f"{k}/{PARTS}", "--quiet")
+        run(binary(), "study", study, *RECORDS, "--out", parts, "--share", f"{k}/{PARTS}", "--quiet")
         for k in range(1, PARTS + 1)
     ]
-    merge = run(binary(), "merge", parts, "--quiet")
+    merge = run(binary(), "study", parts, *RECORDS, "--quiet")
     shutil.rmtree(parts)
-    all_at_once = run(binary(), "campaign", study, "--out", whole, "--quiet")
+    all_at_once = run(binary(), "study", study, *RECORDS, "--out", whole, "--quiet")
     shutil.rmtree(whole)
     return max(cost.memory_mb for cost in costs), merge, all_at_once
 

@@ -25,7 +25,7 @@ def study_text():
 
 
 def command_line(study, out):
-    return run(binary(), "campaign", study, "--out", out, "--threads", "2", "--quiet")
+    return run(binary(), "study", study, "--suite", "records", "--out", out, "--threads", "2", "--quiet")
 
 
 def python(study, out):

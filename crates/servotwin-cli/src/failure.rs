@@ -1,7 +1,6 @@
 //! The reasons why a command fails, and their exit codes.
 
 use crate::hint;
-use crate::incomplete::Incomplete;
 use servotwin::campaign::CampaignError;
 use servotwin::evaluation::EvaluationError;
 use servotwin::figure::FigureError;
@@ -62,7 +61,7 @@ pub(crate) enum Failure {
     /// A word that no component has.
     #[error(
         "error: no component has '{word}'; {}",
-        meant(.nearest.as_deref(), "'servotwin components' lists all")
+        meant(.nearest.as_deref(), "'servotwin catalog' lists all")
     )]
     NoComponent { word: String, nearest: Option<String> },
     /// A word that no command has.
@@ -192,9 +191,6 @@ pub(crate) enum Failure {
     /// Wear reaches its threshold.
     #[error("alarm: {}", .alarms.join("; "))]
     Alarm { output: String, alarms: Vec<String> },
-    /// Parts of a campaign are missing in a merge.
-    #[error("error: {0}")]
-    PartsMissing(Box<Incomplete>),
     /// Standard output cannot be written.
     #[error("error: standard output: {0}")]
     Print(io::Error),
@@ -292,7 +288,6 @@ impl Failure {
             Failure::Safety(error) => of_safety(error),
             Failure::Export(error) => of_export(error),
             Failure::NotProven { .. } => 1,
-            Failure::PartsMissing(_) => 4,
             Failure::Stopped | Failure::StoppedOnTheWay => 130,
         }
     }
@@ -369,7 +364,7 @@ fn of_evaluation(error: &EvaluationError) -> u8 {
 }
 
 /// The hint after a name whose list of alternatives is too long for a message.
-const LIST_OF_NAMES: &str = "; 'servotwin describe' and 'servotwin faults' list them";
+const LIST_OF_NAMES: &str = "; 'servotwin describe' and 'servotwin describe --faults' list them";
 
 impl fmt::Display for Named {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -14,7 +14,7 @@ pub(crate) fn of_job(error: &JobError) -> String {
         JobError::Study(error) => error.to_string(),
         JobError::NoDataSet { folder } => {
             let folder = folder.display();
-            format!("error: {error}; 'servotwin campaign --out {folder}' makes it")
+            format!("error: {error}; 'servotwin study --suite records --out {folder}' makes it")
         }
         JobError::OtherResults { .. } => {
             format!("error: {error} (--out), or --replace removes them")

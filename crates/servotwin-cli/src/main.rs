@@ -9,23 +9,22 @@
 //! | 1 | the run failed, or a result could not be written |
 //! | 2 | wrong usage: an option, a signal, a name that the system does not have |
 //! | 3 | a system file (or another input file) is missing or has mistakes |
-//! | 4 | parts of a campaign are missing: run them, then merge again |
 //! | 130 | stopped by Ctrl-C or another request to end; no file was left half-written |
 
 mod commands;
 mod failure;
 mod hint;
-mod incomplete;
 mod out;
 mod paths;
 mod render;
 mod stop;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+#[cfg(feature = "serve")]
+use commands::serve;
 use commands::{
-    cache, campaign, check, completions, components, describe, evaluate, explain, export, faults,
-    faulttree, features, fit, flights, fly, fmea, function_rate, history, init, man, merge, prove,
-    report, results, schema, sensors, serve, simulate, study, test, train, watch, worst_case,
+    catalog, check, describe, export, fault_tree, features, fit, fly, fmea, history, init, prove,
+    report, run, sensors, simulate, study, test, tools, watch, worst_case,
 };
 use failure::Failure;
 use paths::Paths;
@@ -98,43 +97,56 @@ impl Compile {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 success, 1 the run failed, 2 wrong usage, \
-    3 an input file is missing or has mistakes, 4 parts of a campaign are missing, 130 stopped by Ctrl-C or another request to end.";
+    3 an input file is missing or has mistakes, 130 stopped by Ctrl-C or another request to end.";
 
+/// The groups of commands in the help, each with the command that it begins with.
+const GROUPS: [(&str, &str); 6] = [
+    ("Model", "catalog"),
+    ("Study", "study"),
+    ("Operation", "fly"),
+    ("Safety", "fmea"),
+    ("Export", "export"),
+    ("Tools", "tools"),
+];
+
+const START: &str = "\
+Start here:
+  servotwin fly              a fault, its evidence and the verdict, within seconds
+  servotwin watch LOG        diagnose a record of your own
+  servotwin study            train and evaluate a diagnosis: the paper's, or that of your own study
+";
+
+/// The commands, in the groups of the help.
 #[derive(Subcommand)]
 enum Command {
-    Study(study::Options),
+    Catalog(catalog::Options),
+    Init(init::Options),
+    Check(check::Options),
+    Describe(describe::Options),
     Simulate(Box<simulate::Options>),
-    Faults(faults::Options),
-    Campaign(campaign::Options),
-    Merge(merge::Options),
-    Features(features::Options),
-    Train(train::Options),
-    Evaluate(evaluate::Options),
-    Fit(fit::Options),
-    History(history::Options),
-    Flights(flights::Options),
-    Test(test::Options),
+
+    Study(study::Options),
+    Run(run::Options),
+    Report(report::Options),
+
     Fly(Box<fly::Options>),
     Watch(Box<watch::Options>),
+    #[cfg(feature = "serve")]
     Serve(Box<serve::Options>),
-    Report(report::Options),
+    Test(test::Options),
+    Fit(fit::Options),
+    History(history::Options),
+    Features(features::Options),
+
     Fmea(fmea::Options),
-    Faulttree(faulttree::Options),
-    FunctionRate(function_rate::Options),
+    FaultTree(fault_tree::Options),
     Sensors(sensors::Options),
     WorstCase(worst_case::Options),
+
     Export(export::Options),
     Prove(prove::Options),
-    Results(results::Options),
-    Explain(explain::Options),
-    Describe(describe::Options),
-    Check(check::Options),
-    Components(components::Options),
-    Init(init::Options),
-    Cache(cache::Options),
-    Schema(schema::Options),
-    Man(man::Options),
-    Completions(completions::Options),
+
+    Tools(tools::Options),
 }
 
 impl Command {
@@ -147,10 +159,10 @@ impl Command {
             Command::Fit(options) => options.paths(),
             Command::History(options) => options.paths(),
             Command::Watch(options) => options.paths(),
+            #[cfg(feature = "serve")]
             Command::Serve(options) => options.paths(),
             Command::Fmea(options) => options.paths(),
-            Command::Faulttree(options) => options.paths(),
-            Command::FunctionRate(options) => options.paths(),
+            Command::FaultTree(options) => options.paths(),
             Command::Sensors(options) => options.paths(),
             Command::Export(options) => options.paths(),
             Command::Describe(options) => options.paths(),
@@ -161,49 +173,56 @@ impl Command {
     /// Returns the text for standard output.
     fn run(&self, global: Global) -> Result<String, Failure> {
         match self {
+            Command::Catalog(options) => catalog::run(options, global),
+            Command::Init(options) => init::run(options, global),
+            Command::Check(options) => check::run(options, global),
+            Command::Describe(options) => describe::run(options, global),
             Command::Simulate(options) => simulate::run(options, global),
-            Command::Faults(options) => faults::run(options, global),
-            Command::Study(options) => study::run(options, global).map_err(Failure::on_the_way),
-            Command::Campaign(options) => {
-                campaign::run(options, global).map_err(Failure::on_the_way)
-            }
-            Command::Merge(options) => merge::run(options, global),
-            Command::Features(options) => features::run(options, global),
-            Command::Train(options) => train::run(options, global),
-            Command::Evaluate(options) => evaluate::run(options, global),
-            Command::Explain(options) => explain::run(options, global),
-            Command::Fit(options) => fit::run(options, global),
-            Command::History(options) => history::run(options, global),
-            Command::Flights(options) => flights::run(options, global),
-            Command::Test(options) => test::run(options, global),
+            Command::Study(options) => study::run(options, global),
+            Command::Run(options) => run::run(options, global),
+            Command::Report(options) => report::run(options, global),
             Command::Fly(options) => fly::run(options, global),
             Command::Watch(options) => watch::run(options, global),
+            #[cfg(feature = "serve")]
             Command::Serve(options) => serve::run(options, global),
-            Command::Report(options) => report::run(options, global),
+            Command::Test(options) => test::run(options, global),
+            Command::Fit(options) => fit::run(options, global),
+            Command::History(options) => history::run(options, global),
+            Command::Features(options) => features::run(options, global),
             Command::Fmea(options) => fmea::run(options, global),
-            Command::Faulttree(options) => faulttree::run(options, global),
-            Command::FunctionRate(options) => function_rate::run(options, global),
+            Command::FaultTree(options) => fault_tree::run(options, global),
             Command::Sensors(options) => sensors::run(options, global),
             Command::WorstCase(options) => worst_case::run(options, global),
             Command::Export(options) => export::run(options, global),
             Command::Prove(options) => prove::run(options, global),
-            Command::Results(options) => results::run(options, global),
-            Command::Describe(options) => describe::run(options, global),
-            Command::Check(options) => check::run(options, global),
-            Command::Components(options) => components::run(options, global),
-            Command::Init(options) => init::run(options, global),
-            Command::Cache(options) => cache::run(options, global),
-            Command::Schema(options) => Ok(schema::run(options)),
-            Command::Man(options) => man::run(options),
-            Command::Completions(options) => Ok(completions::run(options)),
+            Command::Tools(options) => tools::run(options, global),
         }
     }
+}
+
+/// The command line with its commands in groups.
+fn command_line() -> clap::Command {
+    let command = Cli::command();
+    let mut groups = String::new();
+    for own in command.get_subcommands() {
+        let name = own.get_name();
+        if let Some((group, _)) = GROUPS.iter().find(|(_, first)| *first == name) {
+            groups += &format!("\n{group}\n");
+        }
+        let about = own.get_about().map(ToString::to_string).unwrap_or_default();
+        groups += &format!("  {name:<11} {about}\n");
+    }
+    let template = format!(
+        "{{about}}\n\n{{usage-heading}} {{usage}}\n\n{START}{groups}\nOptions:\n{{options}}{{after-help}}"
+    );
+    command.help_template(template)
 }
 
 fn main() -> ExitCode {
     stop::listen();
     report_full_files();
-    let cli = Cli::parse();
+    let cli =
+        Cli::from_arg_matches(&command_line().get_matches()).unwrap_or_else(|error| error.exit());
     cli.global.compile.set(cli.global.quiet);
     let paths = cli.command.paths();
     paths.remove_leftovers();

@@ -136,20 +136,19 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
-const WRITERS: [(&str, &str); 13] = [
-    ("study.toml", "campaign STUDY --out FOLDER"),
-    ("system.toml", "campaign STUDY --out FOLDER"),
-    ("dataset-", "features FOLDER"),
-    ("data-card.md", "features FOLDER"),
-    ("calibration-", "campaign STUDY --scenario fitted --out FOLDER"),
-    ("records-", "train FOLDER"),
-    ("diagnoser-", "flights STUDY --out FOLDER"),
-    ("band-", "band STUDY --out FOLDER"),
-    ("flights.json", "flights STUDY --out FOLDER"),
-    ("outcomes-", "flights STUDY --out FOLDER"),
-    ("flights-sealed.json", "flights STUDY --sealed --out FOLDER"),
-    ("left_out-", "flights STUDY --out FOLDER"),
-    ("evaluation.json", "evaluate FOLDER"),
+const WRITERS: [(&str, &str); 12] = [
+    ("study.toml", "study STUDY --suite records --out FOLDER"),
+    ("system.toml", "study STUDY --suite records --out FOLDER"),
+    ("dataset-", "study FOLDER --suite records"),
+    ("data-card.md", "study FOLDER --suite records"),
+    ("calibration-", "study FOLDER --suite records --scenario fitted"),
+    ("records-", "study FOLDER"),
+    ("diagnoser-", "study FOLDER --suite flights"),
+    ("flights.json", "study FOLDER --suite flights"),
+    ("outcomes-", "study FOLDER --suite flights"),
+    ("flights-sealed.json", "study FOLDER --sealed"),
+    ("left_out-", "study FOLDER --suite flights"),
+    ("evaluation.json", "study FOLDER"),
 ];
 
 /// The remedy for a file that changed since it was written.

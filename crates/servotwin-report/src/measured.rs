@@ -153,7 +153,7 @@ impl Measured {
         let mut page = format!(
             "# Measured results\n\n\
              These numbers come from simulated faults of simulated actuators, not from hardware.\n\
-             `servotwin results` wrote this page from the results of the study `{}`; do not edit it.\n\
+             `servotwin report --markdown` wrote this page from the results of the study `{}`; do not edit it.\n\
              Version {} gives the same numbers on every machine with these commands:\n\n\
              ```sh long\n{}\n```\n\n{TERMS}",
             self.study,
@@ -225,10 +225,10 @@ fn commands(study: &Study, results: &Results, flights: Option<&FlightResults>) -
     let fitted = if has_fitted { " --fitted" } else { "" };
     let mut commands = vec![];
     if flights.is_some_and(|flights| flights.is_full) {
-        commands.push(format!("servotwin flights {study} --full --out out"));
+        commands.push(format!("servotwin study {study} --suite flights --full --out out"));
     }
     commands.push(format!("servotwin study {study}{full}{fitted} --out out"));
-    commands.push("servotwin results out".into());
+    commands.push("servotwin report out --markdown".into());
     commands
 }
 

@@ -55,7 +55,7 @@ pub enum SafetyError {
     )]
     Seal { path: PathBuf, line: usize },
     /// Faults of the tree without a rate.
-    #[error("{path}: {} of the tree have no rate: {}; write a rate and its source for each ('servotwin faulttree --template FILE' lists them)", faults(.missing.len()), first(.missing))]
+    #[error("{path}: {} of the tree have no rate: {}; write a rate and its source for each ('servotwin fault-tree --template FILE' lists them)", faults(.missing.len()), first(.missing))]
     NoRates { path: PathBuf, missing: Vec<String> },
     /// A sensor that is to be kept does not exist.
     #[error("there is no sensor '{given}' to keep; there are: {}", .known.join(", "))]
@@ -127,6 +127,6 @@ fn first(names: &[String]) -> String {
 pub(crate) fn unknown(what: &str, given: &str, known: &[String]) -> String {
     match nearest(given, known.iter().map(String::as_str)) {
         Some(name) => format!("there is no {what} '{given}'; did you mean '{name}'?"),
-        None => format!("there is no {what} '{given}'; 'servotwin faults' lists all"),
+        None => format!("there is no {what} '{given}'; 'servotwin describe --faults' lists all"),
     }
 }

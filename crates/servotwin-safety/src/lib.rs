@@ -3,7 +3,7 @@
 //! - [`fmea`]: an FMEA with one row per fault of the system, in which every cell names its evidence
 //! - [`sensors`]: what each sensor buys: every set that leaves control possible, judged
 //! - [`function_rate`]: the failure rate of the function per flight hour, with the hybrid twin and without
-//! - [`faulttree`]: fault trees with counted probabilities, as Open-PSA documents and figures
+//! - [`fault_tree`]: fault trees with counted probabilities, as Open-PSA documents and figures
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //!
 //! Nothing is invented: failure rates come from a table of the user ([`rates`]), everything else from simulations, and a
@@ -11,7 +11,7 @@
 
 mod counts;
 mod error;
-pub mod faulttree;
+pub mod fault_tree;
 pub mod fmea;
 pub mod function_rate;
 pub mod interval;

@@ -128,7 +128,7 @@ impl StudyResultsFolder {
     pub(crate) fn flown_or_missing(&self) -> Result<&FlightMetrics, SafetyError> {
         let path = self.folder.flights();
         let Some(flights) = &self.flights else {
-            return Err(JobError::Missing { path, stage: "flights" }.into());
+            return Err(JobError::Missing { path, command: "study --suite flights" }.into());
         };
         self.flown().ok_or_else(|| SafetyError::NoScenario {
             path,

@@ -1,6 +1,6 @@
 //! `servotwin describe`: the parts of a system and its behavior at rest.
 
-use super::{SystemOption, note};
+use super::{SystemOption, faults, note};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -12,8 +12,7 @@ use servotwin_report::schematic;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-/// Describe a system: its components with their parameters, its states, inputs and sensors, and its eigenvalues at
-/// rest.
+/// Describe a system: components, states, inputs, sensors, and eigenvalues at rest; or faults.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -21,6 +20,12 @@ pub(crate) struct Options {
     /// Draw the components and their connections to a .svg or .png file.
     #[arg(long, value_name = "FILE")]
     schematic: Option<PathBuf>,
+    /// List every fault that its components can have instead.
+    #[arg(long)]
+    faults: bool,
+    /// Write the list as CSV, with numbers in SI units.
+    #[arg(long, requires = "faults", conflicts_with = "json")]
+    csv: bool,
 }
 
 impl Options {
@@ -36,6 +41,9 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     let system = options.system.read()?;
     if let Some(path) = &options.schematic {
         schematic::of(&system).draw().save(path)?;
+    }
+    if options.faults {
+        return Ok(faults::text(&system, options.csv, global));
     }
     let rest = rest::of(&system)?;
     if !rest.is_found {

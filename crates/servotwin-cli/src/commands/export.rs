@@ -44,7 +44,7 @@ struct FmuOptions {
     /// folder of the diagnoser, or paper].
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
-    /// Export the hybrid twin with this diagnoser, a file written by 'servotwin flights'.
+    /// Export the hybrid twin with this diagnoser, a file written by 'servotwin study --suite flights'.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// The version of the Functional Mock-up Interface.
@@ -74,7 +74,7 @@ enum Fmi {
 /// takes the features of a window.
 #[derive(clap::Args)]
 struct COptions {
-    /// The diagnoser, a file written by 'servotwin flights' [default: out/diagnoser-realistic.json].
+    /// The diagnoser, a file written by 'servotwin study --suite flights' [default: out/diagnoser-realistic.json].
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// The study, whose system is the twin: a file, a built-in study, or a folder with results [default: that of the

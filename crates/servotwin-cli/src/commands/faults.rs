@@ -1,34 +1,20 @@
-//! `servotwin faults`: lists every fault of a system's components.
+//! The list of every fault that the components of a system can have.
 
-use super::SystemOption;
 use crate::Global;
-use crate::failure::Failure;
 use crate::render::{Side, TextTable, json, number};
 use serde_json::json;
-use servotwin::system::ListedFault;
 use servotwin::system::listing::fault_table;
+use servotwin::system::{ListedFault, System};
 use servotwin::table::csv;
 
-/// List every fault that the components of a system can have.
-#[derive(clap::Args)]
-pub(crate) struct Options {
-    #[command(flatten)]
-    system: SystemOption,
-    /// Write the list as CSV, with numbers in SI units.
-    #[arg(long, conflicts_with = "json")]
-    csv: bool,
-}
-
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let lines = options.system.read()?.fault_list();
-    if global.json {
-        return Ok(json(&lines.iter().map(as_json).collect()));
+/// The list for people, or as JSON or CSV with numbers in SI units.
+pub(super) fn text(system: &System, is_csv: bool, global: Global) -> String {
+    let lines = system.fault_list();
+    match global.json {
+        true => json(&lines.iter().map(as_json).collect()),
+        false if is_csv => csv_text(&lines),
+        false => people(&lines),
     }
-    if options.csv {
-        return Ok(csv_text(&lines));
-    }
-    Ok(people(&lines))
 }
 
 fn as_json(line: &ListedFault) -> serde_json::Value {

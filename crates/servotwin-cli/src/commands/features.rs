@@ -1,5 +1,4 @@
-//! `servotwin features`: recomputes the features of a campaign, or computes those of windows of
-//! measured and nominal signals.
+//! `servotwin features`: computes the features of windows of measured and nominal signals.
 
 use super::read_table;
 use crate::Global;
@@ -7,29 +6,26 @@ use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::number;
 use serde_json::json;
-use servotwin::campaign::Campaign;
 use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
-use servotwin::job::{Folder, JobError, data_card, manifest};
 use servotwin::recordings::{NominalFit, NominalSource, RecordingError, RecordingStudy};
-use servotwin::study::{Scenario, Study};
+use servotwin::study::Study;
 use servotwin::table::Table;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
 use std::path::{Path, PathBuf};
 
-/// Recompute the features of a campaign, or compute those of traces.
+/// Compute the features of traces.
 ///
-/// With the output folder of a campaign, rebuilds its data sets from the stored windows without simulating. This is for
-/// a program version whose features have changed. With traces, which are a table with columns of measured and nominal
-/// signals, writes a table with the features of their windows. With `--list`, describes every feature.
+/// Traces are a table with columns of measured and nominal signals. Writes a table with the features of their windows. With
+/// --list, describes every feature.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The output folder of a campaign, or traces (.csv or .parquet).
-    #[arg(required_unless_present = "list")]
+    /// The traces (.csv or .parquet).
+    #[arg(value_name = "TRACES", required_unless_present = "list", requires_all = ["study", "out"])]
     input: Option<PathBuf>,
     /// List every feature with its unit and meaning instead: for the paper's sensors, or for those of --study.
-    #[arg(long, conflicts_with_all = ["input", "out", "csv", "healthy"])]
+    #[arg(long, conflicts_with_all = ["input", "out", "healthy"])]
     list: bool,
     /// The study file that assigns the columns of the traces (docs/own-data.md).
     #[arg(long)]
@@ -40,9 +36,6 @@ pub(crate) struct Options {
     /// Write the features to this table (.csv or .parquet).
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Also write the data sets of the folder as .csv.
-    #[arg(long)]
-    csv: bool,
 }
 
 impl Options {
@@ -58,14 +51,9 @@ impl Options {
 
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let Some(input) = &options.input else {
-        return list(options.study.as_ref(), global);
-    };
-    match (input.is_dir(), &options.study, &options.out) {
-        (true, None, None) => folder(&Folder::new(input), options.csv, global),
-        (true, _, _) => Err(Failure::Options("--study and --out are for traces, not for folders")),
-        (false, Some(study), Some(out)) => of_traces(options, input, study, out, global),
-        (false, _, _) => Err(Failure::Options("traces need --study and --out")),
+    match (&options.input, &options.study, &options.out) {
+        (Some(traces), Some(study), Some(out)) => of_traces(options, traces, study, out, global),
+        _ => list(options.study.as_ref(), global),
     }
 }
 
@@ -111,39 +99,6 @@ const LIST_HEAD: &str = "# Features\n\n\
 pub(crate) fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
     let text = files::read_document(path).map_err(EvaluationError::File)?;
     RecordingStudy::parse(&text).map_err(|error| Failure::Recording { path: path.into(), error })
-}
-
-fn folder(folder: &Folder, csv: bool, global: Global) -> Result<String, Failure> {
-    let (study, _hold) = folder.open()?;
-    let mut list = vec![];
-    for scenario in Scenario::ALL {
-        for purpose in study.purposes() {
-            let path = folder.data_set(scenario, purpose);
-            if !path.exists() {
-                continue;
-            }
-            Campaign::stored(folder.path(), &study, scenario, purpose).features()?;
-            let table = table::read(&path)?;
-            if csv {
-                table::write(path.with_extension("csv"), &table)?;
-            }
-            list.push((path, table.row_count(), table.columns().len()));
-        }
-    }
-    if list.is_empty() {
-        return Err(JobError::NoDataSet { folder: folder.path().into() }.into());
-    }
-    data_card::write(folder, &study)?;
-    manifest::write(folder, &study)?;
-    let line = |(path, rows, columns): &(PathBuf, usize, usize)| {
-        format!("{}: {rows} variants, {columns} columns\n", path.display())
-    };
-    let entry = |(path, rows, columns): &(PathBuf, usize, usize)| json!({ "file": path.display().to_string(), "variants": rows, "columns": columns });
-    Ok(match (global.json, global.quiet) {
-        (true, _) => crate::render::json(&list.iter().map(entry).collect()),
-        (false, true) => String::new(),
-        (false, false) => list.iter().map(line).collect(),
-    })
 }
 
 fn of_traces(

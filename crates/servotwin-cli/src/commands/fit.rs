@@ -24,8 +24,9 @@ use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Fit the twin to its actuator: estimate its parameters within their tolerances from records of the sensors.
+/// Estimate an actuator's parameters, within their tolerances, from records of its sensors.
 ///
+/// The twin with these parameters is that of this actuator.
 /// A record is a log with a column of times, a column for each sensor, and a column for each input that is not at its
 /// default. `servotwin simulate --out` writes such a log, and any file that `servotwin watch` reads will do. A minute
 /// with much motion is a good record. The first line of the output is the verdict: healthy, a fault with its intensity

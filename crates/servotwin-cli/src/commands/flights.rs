@@ -1,113 +1,104 @@
-//! `servotwin flights`: trains and evaluates the diagnosis in operation in many flights.
+//! Suites of flights: trains the diagnosis in operation, flies suites with it, and describes what became of them.
 
-use super::StudyOptions;
-use super::evaluate::workers;
 use super::progress::Stages;
+use super::study::{FLIGHTS, Options, RECORDS};
+use super::{StudyOptions, workers};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::FlightMetrics;
-use servotwin::flight::outcome;
 use servotwin::flight::unseen_faults::UnseenFaultOutcome;
 use servotwin::job::flights::{self, Crew, FlightResults, scenarios};
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, JobError, manifest};
-use servotwin::run::RunName;
 use servotwin::run::fitted_twins::CalibrationRecords;
-use servotwin::study::suites::MAX_ENVIRONMENTS;
 use servotwin::study::{Purpose, Scenario, Study, Suite};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment_and_tail, rate};
 use std::fmt::Write;
 
-/// Train the diagnosis on flights in which faults begin, and measure how fast and how reliable it is.
-///
-/// Writes `diagnoser-<scenario>.json`, which `servotwin watch` and `servotwin fly` read, `outcomes-<suite>-<scenario>.parquet`
-/// with a row for every flight, and `flights.json` into the output folder.
-#[derive(clap::Args)]
-pub(crate) struct Options {
-    #[command(flatten)]
-    study: StudyOptions,
-    #[command(flatten)]
-    choice: Choice,
-    /// Run only this scenario.
-    #[arg(long, value_name = "SCENARIO", value_parser = ["noise", "realistic"], conflicts_with = "run")]
-    scenario: Option<String>,
-    /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
-    /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
-    /// output folder, before the first flight. Writes `flights-sealed.json`.
-    #[arg(long, conflicts_with_all = ["suite", "run"])]
-    sealed: bool,
-}
-
-/// What is flown.
-#[derive(clap::Args)]
-pub(crate) struct Choice {
-    /// Only fly these suites of the study, separated by commas, with the diagnosers in the folder: nothing is learned. Known
-    /// are judge, unseen, other_structure, other_structure_fitted, missing_sensors, healthy and healthy_other_structure; a
-    /// study may have its own. An interrupted suite goes on where it was last stored.
-    #[arg(long, value_name = "SUITES", value_delimiter = ',')]
-    suite: Vec<String>,
-    /// Another number of environments of these suites.
-    #[arg(long, value_name = "COUNT", requires = "suite", conflicts_with = "run",
-          value_parser = clap::value_parser!(u32).range(1..=MAX_ENVIRONMENTS as i64))]
-    environments: Option<u32>,
-    /// Another seed of these suites, 0 to 999.
-    #[arg(long, value_name = "SEED", requires = "suite", conflicts_with = "run",
-          value_parser = clap::value_parser!(u64).range(0..=999))]
-    seed: Option<u64>,
-    /// Only fly one run, such as judge#17@realistic, with the diagnoser in the folder, to the bit as among all others of its
-    /// suite; print its outcome. The number is that of the table of outcomes.
-    #[arg(long, value_name = "RUN", conflicts_with = "suite")]
-    run: Option<RunName>,
-}
-
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
+/// Flies the suites of the options. Returns the text for standard output.
+pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
-    let named =
-        |scenario: &Scenario| options.scenario.as_ref().is_none_or(|name| name == scenario.name());
-    let scenarios: Vec<Scenario> = scenarios(&study).into_iter().filter(named).collect();
-    if study.flights.is_some() && scenarios.is_empty() {
-        return Err(Failure::Options("the study has no [realistic] for that scenario"));
+    let scenarios = chosen_scenarios(&study, options.scenario.as_deref())?;
+    match options.sealed {
+        true => sealed(&options.study, &study, &scenarios, global),
+        false => {
+            let is_full = check(&options.study, &study)?;
+            let suites = chosen_suites(options, &study, is_full)?;
+            flown(&options.study, &study, (&suites, &scenarios), global)
+        }
     }
-    if options.sealed {
-        return sealed(options, &study, &scenarios, global);
-    }
-    flown((&options.study, &options.choice), &study, &scenarios, global)
 }
 
-/// Learns and judges, or flies what is chosen, in the folder of the options.
+/// The scenarios in which a study flies, or the named one of them.
+fn chosen_scenarios(study: &Study, named: Option<&str>) -> Result<Vec<Scenario>, Failure> {
+    let all = scenarios(study);
+    let Some(name) = named.filter(|_| study.flights.is_some()) else { return Ok(all) };
+    match all.iter().find(|scenario| scenario.name() == name) {
+        Some(&scenario) => Ok(vec![scenario]),
+        None => {
+            let known: Vec<&str> = all.iter().map(|scenario| scenario.name()).collect();
+            let range = format!("this study flies in {}", known.join(" and ")).into();
+            Err(Failure::OutOfRange { option: "--scenario", given: name.into(), range })
+        }
+    }
+}
+
+/// The named suites; none for [`FLIGHTS`].
+fn chosen_suites(options: &Options, study: &Study, is_full: bool) -> Result<Vec<Suite>, Failure> {
+    if options.suite.iter().all(|name| name == FLIGHTS) {
+        return Ok(vec![]);
+    }
+    let suite = |name: &String| {
+        let all = || study.suites(is_full).filter(|s| s.purpose == Purpose::Test);
+        let unknown = || {
+            let known: Vec<&str> = all().map(|suite| suite.name.as_str()).collect();
+            let range = format!(
+                "{RECORDS}, {FLIGHTS}, or the suites of the study, {}; the first two stand alone",
+                known.join(", ")
+            );
+            Failure::OutOfRange { option: "--suite", given: name.clone(), range: range.into() }
+        };
+        let mut suite = all().find(|suite| suite.name == *name).ok_or_else(unknown)?.clone();
+        suite.seed = options.seed.unwrap_or(suite.seed);
+        Ok(match options.environments {
+            Some(count) => suite.with_environments(count as usize),
+            None => suite,
+        })
+    };
+    options.suite.iter().map(suite).collect()
+}
+
+/// Flies some suites with the diagnosers in the folder of the options; without any, learns first, and flies every suite
+/// that is not on request.
 pub(super) fn flown(
-    (options, choice): (&StudyOptions, &Choice),
+    options: &StudyOptions,
     study: &Study,
-    scenarios: &[Scenario],
+    (suites, scenarios): (&[Suite], &[Scenario]),
     global: Global,
 ) -> Result<String, Failure> {
     let is_full = check(options, study)?;
-    let chosen = choice.suites(study, is_full)?;
     stop::heed();
-    let folder = Folder::new(&options.out);
-    if let Some(name) = &choice.run {
-        return one_run(options, (&folder, study), name, global);
-    }
+    let folder = Folder::new(&options.folder());
     let _hold = options.keep(study, global)?;
-    let results = with_crew(options.threads, global, |crew| match &chosen[..] {
+    let results = with_crew(options.threads, global, |crew| match suites {
         [] => flights::fly_all(&folder, (study, is_full), scenarios, crew),
-        chosen => {
-            let suites: Vec<&Suite> = chosen.iter().collect();
+        suites => {
+            let suites: Vec<&Suite> = suites.iter().collect();
             flights::fly(&folder, (study, is_full), &suites, scenarios, (crew, &|share| share))
         }
     })?;
     manifest::write(&folder, study)?;
+    let names: Vec<String> = suites.iter().map(|suite| suite.name.clone()).collect();
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
-        _ => text(&folder, &results, study, &choice.suite)?,
+        _ => text(&folder, &results, study, &names)?,
     })
 }
 
@@ -124,65 +115,20 @@ fn check(options: &StudyOptions, study: &Study) -> Result<bool, Failure> {
     Ok(options.full)
 }
 
-/// Flies one run and describes its outcome, with the columns of the table of outcomes.
-fn one_run(
-    options: &StudyOptions,
-    (folder, study): (&Folder, &Study),
-    name: &RunName,
-    global: Global,
-) -> Result<String, Failure> {
-    let flown = outcomes::fly_run(folder, (study, options.full), name, workers(options.threads));
-    stop::check()?;
-    let flown = flown?;
-    if global.json {
-        return Ok(json(&json!(flown)));
-    }
-    let mut text = String::new();
-    for row in &flown {
-        let _ = writeln!(text, "{name}");
-        let fields = json!(row);
-        for column in outcome::table(&[]).columns() {
-            let _ = writeln!(text, "  {}: {}", column.name, fields[&column.name]);
-        }
-    }
-    Ok(text)
-}
-
-impl Choice {
-    /// The named suites.
-    fn suites(&self, study: &Study, is_full: bool) -> Result<Vec<Suite>, Failure> {
-        let suite = |name: &String| {
-            let all = || study.suites(is_full).filter(|s| s.purpose == Purpose::Test);
-            let unknown = || {
-                let known: Vec<&str> = all().map(|suite| suite.name.as_str()).collect();
-                let range = format!("the suites of the study, {}", known.join(", ")).into();
-                Failure::OutOfRange { option: "--suite", given: name.clone(), range }
-            };
-            let mut suite = all().find(|suite| suite.name == *name).ok_or_else(unknown)?.clone();
-            suite.seed = self.seed.unwrap_or(suite.seed);
-            Ok(match self.environments {
-                Some(count) => suite.with_environments(count as usize),
-                None => suite,
-            })
-        };
-        self.suite.iter().map(suite).collect()
-    }
-}
-
 /// Judges the stored diagnosers in sealed environments.
 fn sealed(
-    options: &Options,
+    options: &StudyOptions,
     study: &Study,
     scenarios: &[Scenario],
     global: Global,
 ) -> Result<String, Failure> {
-    let is_full = check(&options.study, study)?;
+    let is_full = check(options, study)?;
     stop::heed();
-    let folder = Folder::new(&options.study.out);
-    let _hold = options.study.keep(study, global)?;
+    let folder = Folder::new(&options.folder());
+    let _hold = options.keep(study, global)?;
     let here = std::env::current_dir().unwrap_or_default();
     let record = OpeningRecord::find(&here, folder.path());
-    let sealed = with_crew(options.study.threads, global, |crew| {
+    let sealed = with_crew(options.threads, global, |crew| {
         flights::fly_sealed(&folder, (study, is_full), scenarios, &record, crew)
     })?;
     manifest::write(&folder, study)?;

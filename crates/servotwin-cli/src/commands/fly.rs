@@ -1,10 +1,10 @@
 //! `servotwin fly`: flies a plant with a fault and its twin, with the diagnosis and a flight control
 //! computer that reacts.
 
-use super::evaluate::workers;
 use super::fly_cost::FlightCosts;
 use super::fly_truth::{FlightVerdict, Truth};
 use super::simulate::fault;
+use super::workers;
 use super::{StudyOptions, note};
 use crate::failure::Failure;
 use crate::render::json;
@@ -121,7 +121,7 @@ fn title(faults: &[Begins]) -> String {
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
-    let folder = Folder::new(&options.study.out);
+    let folder = Folder::new(&options.study.folder());
     let scenario = if options.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
     let duration_s = seconds("--duration", &options.duration)?;
     let mut inputs = study.system.default_inputs();
@@ -156,7 +156,7 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
         with: fly(true)?,
         without: fly(false)?,
     };
-    let path = options.study.out.join("flight");
+    let path = options.study.folder().join("flight");
     create_folder(&path).map_err(JobError::from)?;
     table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
     table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;

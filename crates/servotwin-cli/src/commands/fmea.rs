@@ -1,6 +1,6 @@
 //! `servotwin fmea`: fills an FMEA from the results of a study.
 
-use super::evaluate::workers;
+use super::workers;
 use super::{note, scenario_of};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -36,7 +36,7 @@ pub(crate) struct Options {
     /// Take the cells that people filled in from this sheet [default: the sheet that is written, if it exists].
     #[arg(long, value_name = "FILE")]
     from: Option<PathBuf>,
-    /// A table of failure rates: fault, rate, unit, source ('servotwin faulttree --template FILE' writes one).
+    /// A table of failure rates: fault, rate, unit, source ('servotwin fault-tree --template FILE' writes one).
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
     /// The scenario whose results are quoted: ideal, noise, fitted or realistic [default: the most realistic one].

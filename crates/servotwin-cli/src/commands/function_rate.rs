@@ -1,78 +1,12 @@
-//! `servotwin function-rate`: how often the function fails, with the hybrid twin and without.
+//! The words for how often the function fails, with the hybrid twin and without.
 
-use super::faulttree::band;
-use super::{note, scenario_of};
-use crate::Global;
-use crate::failure::Failure;
-use crate::paths::Paths;
-use crate::render::json;
-use serde_json::json;
-use servotwin::job::{Among, Folder};
+use super::fault_tree::band;
 use servotwin_report::words::number;
 use servotwin_safety::function_rate::flight::FunctionFailure;
 use servotwin_safety::function_rate::{ConditionRates, FunctionRate};
-use servotwin_safety::results::StudyResultsFolder;
-use servotwin_safety::tree::numbers::ExposureHours;
-use std::path::PathBuf;
 
-/// Compute how often the function fails, with the hybrid twin and without.
-///
-/// The function fails if a fault that needs a shutdown acts without one, or if no actuator is on. Failure rates come
-/// from your table, and what the diagnosis does from the counts in flights.json. Without the twin, either nothing
-/// notices a fault until the next check, or two actuators are compared, which does not show the faulty one. The command
-/// writes safety/function-rate.csv, and the sensitivity to every input as safety/function-rate-inputs.csv.
-#[derive(clap::Args)]
-pub(crate) struct Options {
-    /// The output folder of a study with judged flights ('servotwin flights').
-    #[arg(value_name = "FOLDER", default_value = "out")]
-    folder: PathBuf,
-    /// A table of failure rates ('servotwin faulttree --template FILE' writes one to fill in).
-    #[arg(long, value_name = "FILE")]
-    rates: PathBuf,
-    /// Duration of a flight, h.
-    #[arg(long, value_name = "HOURS")]
-    flight_hours: f64,
-    /// From the report of a fault to its repair, h; 0 if no flight begins with a known fault.
-    #[arg(long, value_name = "HOURS")]
-    repair_hours: f64,
-    /// Between two checks that find every hidden fault, h.
-    #[arg(long, value_name = "HOURS")]
-    check_hours: f64,
-    /// The scenario whose flights are counted: noise or realistic [default: the most realistic one].
-    #[arg(long, value_name = "SCENARIO")]
-    scenario: Option<String>,
-}
-
-impl Options {
-    /// The files that the command reads.
-    pub(crate) fn paths(&self) -> Paths {
-        Paths::default().read("--rates", Some(&self.rates))
-    }
-}
-
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let folder = Folder::new(&options.folder);
-    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
-    let results = StudyResultsFolder::open(folder.clone(), wanted)?;
-    let Options { flight_hours, repair_hours, check_hours, .. } = *options;
-    let hours =
-        ExposureHours { flight_h: flight_hours, repair_h: repair_hours, check_h: check_hours };
-    let found = FunctionRate::new(&results, &options.rates, hours)?;
-    let _hold = folder.hold(Among::Nobody)?;
-    let written = found.write(&results)?;
-    for text in &found.notes {
-        note(global, text);
-    }
-    let files: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({ "function_rate": found, "files": files })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{}{}\n", text_of(&found), files.join("\n")),
-    })
-}
-
-fn text_of(found: &FunctionRate) -> String {
+/// The rates of a function for people.
+pub(super) fn text(found: &FunctionRate) -> String {
     let mut text = "the function: failures that begin per flight hour, and flights in which it is failed, also by a fault \
                     that was hidden before\n"
         .to_owned();

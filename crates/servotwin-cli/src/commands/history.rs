@@ -25,10 +25,9 @@ use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{self, AtomicUsize};
 
-/// Follow the wear of one tail number: fit the log of each flight, and track each fault with its trend and
-/// the time to a threshold.
+/// Follow the wear of one tail number: each fault with its trend and the time to a threshold.
 ///
-/// The logs of the folder are read in the order of their names, in which numbers count as numbers, or of the dates in
+/// The log of each flight is fitted. The logs of the folder are read in the order of their names, in which numbers count as numbers, or of the dates in
 /// them. Each is a record as for `servotwin fit`. Files that are
 /// not records, and entries that are not regular files, are reported and skipped. If an intensity falls, the command
 /// reports a repair, and the trend starts again from there. If an intensity has reached the threshold, or may reach it

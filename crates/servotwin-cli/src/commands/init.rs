@@ -9,7 +9,7 @@ use servotwin::files;
 use servotwin::template::{Like, Template};
 use std::path::PathBuf;
 
-/// Write a system and a study of your own to start from: a servo actuator, two of them on one load, or a press axis.
+/// Write a system and a study of your own to start from.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The name of the system: lowercase letters, digits and '_'.

@@ -1,53 +1,47 @@
 //! One file for each command, and their shared code.
 
-pub(crate) mod cache;
-pub(crate) mod campaign;
+pub(crate) mod catalog;
 pub(crate) mod check;
-pub(crate) mod completions;
-pub(crate) mod components;
 pub(crate) mod describe;
 mod design;
-pub(crate) mod evaluate;
-pub(crate) mod explain;
 pub(crate) mod export;
-pub(crate) mod faults;
-pub(crate) mod faulttree;
+pub(crate) mod fault_tree;
+mod faults;
 pub(crate) mod features;
 pub(crate) mod fit;
-pub(crate) mod flights;
+mod flights;
 pub(crate) mod fly;
 mod fly_cost;
 mod fly_truth;
 pub(crate) mod fmea;
-pub(crate) mod function_rate;
+mod function_rate;
 pub(crate) mod history;
 pub(crate) mod init;
 mod log_folder;
-pub(crate) mod man;
-pub(crate) mod merge;
 mod progress;
 pub(crate) mod prove;
 mod recordings;
+mod records;
 pub(crate) mod report;
-pub(crate) mod results;
-pub(crate) mod schema;
+pub(crate) mod run;
 pub(crate) mod sensors;
+#[cfg(feature = "serve")]
 pub(crate) mod serve;
 pub(crate) mod simulate;
 pub(crate) mod study;
 mod summary;
 pub(crate) mod test;
-pub(crate) mod train;
+pub(crate) mod tools;
 pub(crate) mod watch;
 pub(crate) mod worst_case;
 
-use crate::Global;
 use crate::failure::Failure;
-use crate::out;
+use crate::{Global, out, stop};
 use servotwin::document::counted;
 use servotwin::files;
 use servotwin::job::{Folder, Hold, Kept};
 use servotwin::kind::FileType;
+use servotwin::parallel::Workers;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
@@ -85,10 +79,10 @@ pub(crate) struct StudyOptions {
     /// stands for their study [default: paper, the paper's study of the aileron].
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
-    /// The folder for data sets, models, results and the report.
-    #[arg(long, value_name = "FOLDER", default_value = "out")]
-    out: PathBuf,
-    /// Use the full sizes of the study instead of those in its section `[quick]`. Flights use those in `flights.full`.
+    /// The folder for data sets, models, results and the report [default: the folder that stands for the study, or out].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Use the full sizes instead of the quick ones: of the records, and of the flights that --suite names.
     #[arg(long)]
     full: bool,
     /// Remove results of another study, or of the full size of this study, from the folder.
@@ -101,6 +95,12 @@ pub(crate) struct StudyOptions {
 }
 
 impl StudyOptions {
+    /// The folder of the results.
+    fn folder(&self) -> PathBuf {
+        let own = || self.study.clone().filter(|path| path.is_dir());
+        self.out.clone().or_else(own).unwrap_or_else(|| "out".into())
+    }
+
     /// Reads the study and warns about doubtful entries. Its size is full if the user wants that, or if the folder
     /// holds it.
     fn read(&self, global: Global) -> Result<Study, Failure> {
@@ -109,10 +109,11 @@ impl StudyOptions {
         if self.full {
             return Ok(study.full()?);
         }
-        if study.is_full || self.replace || !Folder::new(&self.out).holds_full(&study) {
+        let folder = self.folder();
+        if study.is_full || self.replace || !Folder::new(&folder).holds_full(&study) {
             return Ok(study);
         }
-        let folder = self.out.display();
+        let folder = folder.display();
         note(
             global,
             &format!("{folder} holds the full study, which goes on (--replace for the quick one)"),
@@ -139,9 +140,10 @@ impl StudyOptions {
 
     /// Prepares the folder for the study, and reports removed results.
     fn keep(&self, study: &Study, global: Global) -> Result<Hold, Failure> {
-        let Kept { hold, dropped } = Folder::new(&self.out).keep_study(study, self.replace)?;
+        let folder = self.folder();
+        let Kept { hold, dropped } = Folder::new(&folder).keep_study(study, self.replace)?;
         if dropped > 0 {
-            removed(global, &self.out.display().to_string(), dropped);
+            removed(global, &folder.display().to_string(), dropped);
         }
         Ok(hold)
     }
@@ -170,6 +172,11 @@ fn scenario_of(name: &str) -> Result<Scenario, Failure> {
         given: name.into(),
         range: Scenario::ALL.map(Scenario::name).join(", ").into(),
     })
+}
+
+/// A number of threads that Ctrl-C can stop.
+fn workers(threads: Option<usize>) -> Workers<'static> {
+    threads.map_or(Workers::all(), Workers::new).stopped_by(stop::flag())
 }
 
 /// Parses a number of threads from the command line.

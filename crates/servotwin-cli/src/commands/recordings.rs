@@ -2,9 +2,9 @@
 //! records, answers for those of a new one, and writes the trees as C.
 
 use super::StudyOptions;
-use super::evaluate::workers;
 use super::features::{read_recording_study, remarks};
 use super::read_table;
+use super::workers;
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -34,18 +34,21 @@ pub(crate) fn run(path: &Path, options: &StudyOptions, global: Global) -> Result
     };
     let text = files::read_document(path)?;
     let study = read_recording_study(path)?;
-    let written = FILES.map(|name| options.out.join(name)).into_iter().filter(|file| file.exists());
+    let written =
+        FILES.map(|name| options.folder().join(name)).into_iter().filter(|file| file.exists());
     let folder = path.parent().unwrap_or(Path::new(""));
     let read = study.files().map(|file| folder.join(file));
     Paths::default().read("the records", read).write("--out", Format::Any, written).check()?;
     let records = study.read(folder).map_err(in_study)?;
     let judged = study.judge(&text, &records, workers(options.threads)).map_err(in_study)?;
-    judged.write(&Folder::new(&options.out))?;
+    judged.write(&Folder::new(&options.folder()))?;
     let results = &judged.results;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
-        _ => in_words(results) + &format!("{}\n", options.out.join("recordings.json").display()),
+        _ => {
+            in_words(results) + &format!("{}\n", options.folder().join("recordings.json").display())
+        }
     })
 }
 

@@ -1,7 +1,7 @@
 //! `servotwin sensors`: what each sensor buys.
 
-use super::evaluate::workers;
 use super::progress::Stages;
+use super::workers;
 use super::{note, scenario_of};
 use crate::failure::Failure;
 use crate::paths::Paths;

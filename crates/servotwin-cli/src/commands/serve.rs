@@ -1,6 +1,5 @@
 //! `servotwin serve`: a web page beside the running twin.
 
-#[cfg(feature = "serve")]
 mod sources;
 
 use super::StudyOptions;
@@ -10,13 +9,12 @@ use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use servotwin::signal::Signal;
 use std::net::IpAddr;
-#[cfg(feature = "serve")]
 use std::path::Path;
 use std::path::PathBuf;
 
-/// Open a web page on which you inject faults into a flying actuator and watch residuals, diagnosis and reaction live.
+/// Open a web page that shows a flying actuator, a log or a stream live.
 ///
-/// The plant and its twin fly in real time, with the diagnosis and a flight control computer that reacts, and a ghost
+/// You inject faults into the actuator, and watch residuals, diagnosis and reaction. The plant and its twin fly in real time, with the diagnosis and a flight control computer that reacts, and a ghost
 /// flies the same without them. --source shows a log, which is read and replayed, or a live stream instead; several make
 /// a fleet, with a row for each. The page is at 127.0.0.1 unless you name another address; then the printed link has a
 /// token, without which nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with the
@@ -56,14 +54,6 @@ pub(crate) struct Options {
     specimen: Option<usize>,
 }
 
-#[cfg(not(feature = "serve"))]
-pub(crate) fn run(_: &Options, _: Global) -> Result<String, Failure> {
-    Err(Failure::Options(
-        "this servotwin was built without its web page. Build it in: cargo install --path crates/servotwin-cli \
-         --features serve (or cargo run --release --features serve -- serve)",
-    ))
-}
-
 impl Options {
     /// The files that the command reads and writes.
     pub(crate) fn paths(&self) -> Paths {
@@ -78,7 +68,6 @@ impl Options {
     }
 }
 
-#[cfg(feature = "serve")]
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     use servotwin_serve::{Access, LiveSource, SavedSession, Server};
 
@@ -110,7 +99,6 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
 }
 
 /// Writes a saved session as a page that plays it without a server.
-#[cfg(feature = "serve")]
 fn save_page(session: &Path, page: &Path, global: Global) -> Result<String, Failure> {
     use servotwin::files::write_atomically;
     use servotwin_serve::{SavedSession, ServeError, saved_page};
@@ -126,7 +114,6 @@ fn save_page(session: &Path, page: &Path, global: Global) -> Result<String, Fail
 }
 
 /// Stops the command when standard input closes. The thread ends with the process.
-#[cfg(feature = "serve")]
 fn end_with_stdin() {
     /// The time that the command has to end by itself. Training would take longer.
     const GRACE: std::time::Duration = std::time::Duration::from_secs(5);
@@ -142,7 +129,6 @@ fn end_with_stdin() {
 }
 
 /// Prints the link and serves sources until Ctrl-C.
-#[cfg(feature = "serve")]
 fn show(
     server: servotwin_serve::Server,
     sources: &[&dyn servotwin_serve::LiveSource],
@@ -158,7 +144,6 @@ fn show(
 
 /// The diagnoser that the options name, or that of the folder. If it is missing, the built-in aileron has a shipped one,
 /// and any other is learned first.
-#[cfg(feature = "serve")]
 fn diagnoser(
     options: &Options,
     study: &servotwin::study::Study,
@@ -173,7 +158,7 @@ fn diagnoser(
     if let Some(path) = &options.input.model {
         return Ok(Arc::new(servotwin::evaluation::model_file::read_diagnoser(path)?));
     }
-    let folder = servotwin::job::Folder::new(&options.study.out);
+    let folder = servotwin::job::Folder::new(&options.study.folder());
     let is_first_look = scenario == Scenario::Noise && !folder.diagnoser(scenario).exists();
     let may_be_shipped = is_first_look && !study.is_full;
     if let Some(shipped) = may_be_shipped.then(|| shipped::diagnoser(study)).flatten() {
@@ -186,7 +171,6 @@ fn diagnoser(
 }
 
 /// The flight of a study.
-#[cfg(feature = "serve")]
 fn live(
     options: &Options,
     study: servotwin::study::Study,
@@ -210,7 +194,6 @@ fn live(
 }
 
 /// A command that keeps the actuator moving.
-#[cfg(feature = "serve")]
 fn usual_command(unit: servotwin_model::spec::Unit) -> Signal {
     let size = match unit {
         servotwin_model::spec::Unit::Radian => "4deg",

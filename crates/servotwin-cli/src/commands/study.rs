@@ -1,50 +1,117 @@
-//! `servotwin study`: runs the main job, from the study file to the report.
+//! `servotwin study`: runs the main job, from the study file to the report, or some suites of it.
 
-use super::campaign::{bar, describe, named};
 use super::progress::{Notes, Stages};
-use super::{StudyOptions, recordings, removed, summary};
+use super::records::{bar, describe, named};
+use super::{StudyOptions, flights, recordings, records, removed, summary, workers};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use indicatif::ProgressBar;
 use serde_json::json;
+use servotwin::campaign::Share;
 use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
-use servotwin::study::Study;
+use servotwin::study::suites::MAX_ENVIRONMENTS;
+use servotwin::study::{Scenario, Study};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+/// The name of all suites of records.
+pub(super) const RECORDS: &str = "records";
+/// The name of all suites of flights that are not on request, and of those from which the diagnosis learns.
+pub(super) const FLIGHTS: &str = "flights";
+
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
-/// Runs `campaign`, `train`, `evaluate`, `flights` and `report` one after the other. The first scenario already
-/// produces a report, and the next ones extend it. An interrupted study continues where it stopped, and the results are
-/// the same to the byte.
+/// Without --suite: simulates the records of every scenario, trains and evaluates trees and committee on them, flies (with
+/// --full), and writes the report. The first scenario already produces a report, and the next ones extend it. An
+/// interrupted study continues where it stopped, and the results are the same to the byte.
 ///
 /// A study of recordings has measured records instead of a simulated plant (docs/own-data.md). It learns its targets from
 /// their windows, judges each by what other groups teach, and writes the windows, the outcomes, the model and the results.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
-    study: StudyOptions,
+    pub(super) study: StudyOptions,
     /// Also run the scenario in which every specimen has a twin fitted to it in a calibration flight.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "suite")]
     fitted: bool,
+    /// Only run these suites, separated by commas. 'records' simulates every fault in every operating case and writes the
+    /// data sets. 'flights' trains the diagnosis on flights in which faults begin (diagnoser-SCENARIO.json) and judges it in
+    /// every suite that is not on request. Another suite is flown with the diagnosers in the folder, and nothing is
+    /// learned: judge, unseen, other_structure, other_structure_fitted, missing_sensors, healthy, healthy_other_structure,
+    /// or one of the study's own. Every flight becomes a row of outcomes-SUITE-SCENARIO.parquet. An interrupted suite goes
+    /// on where it was last stored.
+    #[arg(long, value_name = "SUITES", value_delimiter = ',')]
+    pub(super) suite: Vec<String>,
+    /// Only run this scenario: perfect sensors and a plant that equals the twin (ideal), sensors with noise
+    /// and quantization (noise), these sensors and specimens with tolerances (realistic), or such specimens with twins
+    /// fitted to them (fitted) [default: all but fitted].
+    #[arg(long, conflicts_with = "fitted", value_parser = Scenario::ALL.map(Scenario::name))]
+    pub(super) scenario: Option<String>,
+    /// Another number of environments of these suites.
+    #[arg(long, value_name = "COUNT", requires = "suite",
+          value_parser = clap::value_parser!(u32).range(1..=MAX_ENVIRONMENTS as i64))]
+    pub(super) environments: Option<u32>,
+    /// Another seed of these suites, 0 to 999.
+    #[arg(long, value_name = "SEED", requires = "suite",
+          value_parser = clap::value_parser!(u64).range(0..=999))]
+    pub(super) seed: Option<u64>,
+    /// Simulate only one share of the records, e.g. 3/100 for the third of 100 shares. Use this for machines that have the
+    /// folder in common, or whose 'parts' folders you copy together. No data set is written: the same command without
+    /// --share simulates what is missing, and writes them.
+    #[arg(long, requires = "suite", conflicts_with = "keep_traces")]
+    pub(super) share: Option<Share>,
+    /// Also write the time series of every record (gigabytes).
+    #[arg(long, requires = "suite")]
+    pub(super) keep_traces: bool,
+    /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
+    /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
+    /// output folder, before the first flight. Writes `flights-sealed.json`.
+    #[arg(long, conflicts_with = "suite")]
+    pub(super) sealed: bool,
 }
 
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let is_records = options.suite == [RECORDS];
+    if !is_records && (options.share.is_some() || options.keep_traces) {
+        return Err(Failure::Options("--share and --keep-traces are for --suite records"));
+    }
+    if (is_records || options.suite == [FLIGHTS])
+        && (options.environments.is_some() || options.seed.is_some())
+    {
+        return Err(Failure::Options(
+            "--environments and --seed are for suites by their own names",
+        ));
+    }
+    match options.suite[..] {
+        [] if !options.sealed => whole(options, global).map_err(Failure::on_the_way),
+        _ if is_records => records::run(options, global).map_err(Failure::on_the_way),
+        _ => flights::run(options, global),
+    }
+}
+
+/// Runs the main job.
+fn whole(options: &Options, global: Global) -> Result<String, Failure> {
     let begin = Instant::now();
     stop::heed();
     if let Some(path) = options.study.recordings() {
         return recordings::run(path, &options.study, global);
     }
     let study = options.study.read(global)?;
-    let screen = Screen::new(global, options, &study);
+    if study.is_on_ground() {
+        return flights::run(options, global);
+    }
+    let folder = options.study.folder();
+    let screen = Screen::new(global, &folder, &study);
     let run = StudyRun {
         replace: options.study.replace,
         fitted: options.fitted,
-        workers: super::evaluate::workers(options.study.threads),
+        only: options.scenario.as_deref().and_then(Scenario::named),
+        workers: workers(options.study.threads),
         observer: &|event| screen.show(event),
-        ..StudyRun::new(&study, &options.study.out)
+        ..StudyRun::new(&study, &folder)
     };
     let results = run.run();
     screen.end();
@@ -89,13 +156,13 @@ struct State {
 }
 
 impl<'s> Screen<'s> {
-    fn new(global: Global, options: &Options, study: &'s Study) -> Self {
+    fn new(global: Global, folder: &Path, study: &'s Study) -> Self {
         let state =
             State { begin: Instant::now(), number: String::new(), rows: None, stages: None };
         Screen {
             global,
             study,
-            folder: Folder::new(&options.study.out),
+            folder: Folder::new(folder),
             notes: Notes::new(global),
             state: Mutex::new(state),
         }

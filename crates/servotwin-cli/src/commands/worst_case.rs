@@ -25,7 +25,7 @@ use std::path::PathBuf;
 /// safety/worst-case-cells.csv and a figure for each objective. An interrupted search goes on where it was last stored.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The output folder of a study with a diagnoser ('servotwin flights').
+    /// The output folder of a study with a diagnoser ('servotwin study --suite flights').
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
     /// What to search, separated by commas [default: all].

@@ -48,9 +48,9 @@ fn compiled_equations_are_kept_and_change_no_result() {
     };
     kept.iter().for_each(|path| damage(path));
     assert!(simulated(&folder, "only") == uncompiled, "made anew");
-    let shown = stdout(&servotwin(&folder, None, &["cache"]));
+    let shown = stdout(&servotwin(&folder, None, &["tools", "cache"]));
     assert!(shown.contains(&format!("{} libraries", kept.len())), "{shown}");
-    let cleared = stdout(&servotwin(&folder, None, &["cache", "--clear"]));
+    let cleared = stdout(&servotwin(&folder, None, &["tools", "cache", "--clear"]));
     assert!(cleared.ends_with(&format!("{} removed\n", kept.len())), "{cleared}");
     assert!(libraries(&folder).is_empty());
 }

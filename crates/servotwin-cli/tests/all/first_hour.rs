@@ -6,33 +6,33 @@ const STEP: [&str; 6] = ["--command", "step:size=2deg", "--duration", "300ms", "
 
 #[test]
 fn components_are_listed_described_and_found() {
-    let list = stdout(&servotwin(&["components"]));
-    let all = json(&["components", "--json"]);
+    let list = stdout(&servotwin(&["catalog"]));
+    let all = json(&["catalog", "--json"]);
     let all = all.as_array().unwrap();
     assert!(all.len() >= 30, "{}", all.len());
     for one in all {
         assert!(list.contains(one["kind"].as_str().unwrap()), "{}", one["kind"]);
     }
-    let valve = stdout(&servotwin(&["components", "servo_valve"]));
+    let valve = stdout(&servotwin(&["catalog", "servo_valve"]));
     for part in ["(W1)", "spool_position", "clogging_pa", "natural_frequency_hz", "2000 Hz"] {
         assert!(valve.contains(part), "{part}:\n{valve}");
     }
-    let found = stdout(&servotwin(&["components", "stribeck"]));
+    let found = stdout(&servotwin(&["catalog", "stribeck"]));
     assert!(found.contains("cylinder:") && !found.contains("tank:"), "{found}");
-    let pages = stdout(&servotwin(&["components", "--markdown"]));
+    let pages = stdout(&servotwin(&["catalog", "--markdown"]));
     // A page each, one of all of them, which has no line before it, and one on fluids.
     assert_eq!(pages.matches("\n## ").count(), all.len() + 1);
-    let oils = stdout(&servotwin(&["components", "hlp"]));
+    let oils = stdout(&servotwin(&["catalog", "hlp"]));
     assert!(oils.contains("hlp_46") && !oils.contains("phosphate_ester"), "{oils}");
-    let wrong = servotwin(&["components", "servo_vlave"]);
+    let wrong = servotwin(&["catalog", "servo_vlave"]);
     assert_eq!(wrong.status.code(), Some(2));
     assert!(stderr(&wrong).contains("did you mean 'servo_valve'?"), "{}", stderr(&wrong));
-    let word = servotwin(&["components", "pmp"]);
+    let word = servotwin(&["catalog", "pmp"]);
     assert!(stderr(&word).contains("did you mean 'pump'?"), "{}", stderr(&word));
     // A kind of fluid is described by its keys.
-    let own = stdout(&servotwin(&["components", "own"]));
+    let own = stdout(&servotwin(&["catalog", "own"]));
     assert!(own.contains("keys of [fluids.NAME]") && own.contains("viscosity_40_m2_s"), "{own}");
-    let points = stdout(&servotwin(&["components", "table"]));
+    let points = stdout(&servotwin(&["catalog", "table"]));
     assert!(points.contains("keys of each of its points:\nkey"), "{points}");
 }
 
@@ -116,7 +116,7 @@ fn built_in_names_stand_wherever_a_file_is() {
     let traces = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/liu_engine.toml");
     let told = json(&["check", traces, "--json"]);
     assert_eq!((&told["kind"], &told["sensors"]), (&"recordings".into(), &42.into()));
-    let told = servotwin(&["campaign", traces]);
+    let told = servotwin(&["study", traces, "--suite", "records"]);
     assert!(stderr(&told).contains("this is a study of recordings, not a study"), "{told:?}");
 }
 
@@ -277,17 +277,17 @@ fn impossible_parameters_and_inputs_are_refused() {
 #[test]
 fn schemas_and_manual_pages_are_written() {
     for format in ["system", "study"] {
-        let schema = json(&["schema", format]);
+        let schema = json(&["tools", "schema", format]);
         assert_eq!(schema["$schema"], "https://json-schema.org/draft/2020-12/schema");
     }
-    let page = stdout(&servotwin(&["man"]));
-    assert!(page.contains(".TH servotwin 1") && page.contains("components"), "{page}");
-    let page = stdout(&servotwin(&["man", "simulate"]));
+    let page = stdout(&servotwin(&["tools", "man"]));
+    assert!(page.contains(".TH servotwin 1") && page.contains("catalog"), "{page}");
+    let page = stdout(&servotwin(&["tools", "man", "simulate"]));
     assert!(page.contains("\\-\\-sweep"), "{page}");
     for (word, told) in
-        [("simulat", "did you mean 'simulate'?"), ("nosuchcommand", "there are: study, simulate")]
+        [("simulat", "did you mean 'simulate'?"), ("nosuchcommand", "there are: catalog, init")]
     {
-        let output = servotwin(&["man", word]);
+        let output = servotwin(&["tools", "man", word]);
         assert_eq!(output.status.code(), Some(2));
         assert!(stderr(&output).contains(told), "{}", stderr(&output));
         assert!(!stderr(&output).contains("system"), "{}", stderr(&output));
@@ -453,13 +453,8 @@ fn safety_does_not_hang_on_a_name() {
         let path = folder.file(&format!("{name}.toml"));
         std::fs::write(&path, text).unwrap();
         let out = folder.file(name);
-        for stage in ["campaign", "train", "evaluate"] {
-            let output = match stage {
-                "campaign" => servotwin(&[stage, &path, "--out", &out, "-q"]),
-                _ => servotwin(&[stage, &out, "-q"]),
-            };
-            assert!(output.status.success(), "{stage}: {}", stderr(&output));
-        }
+        let output = servotwin(&["study", &path, "--out", &out, "-q"]);
+        assert!(output.status.success(), "{}", stderr(&output));
         let results = std::fs::read_to_string(format!("{out}/evaluation.json")).unwrap();
         let results: serde_json::Value = serde_json::from_str(&results).unwrap();
         let protocols = results["subjects"][0]["evaluation"]["protocols"].as_array().unwrap();

@@ -20,7 +20,7 @@ pub fn learned(folder: &Folder) -> [String; 2] {
         let (study, out) = (path.join("tiny.toml"), path.join("out"));
         std::fs::write(&study, tiny()).unwrap();
         let [study, out] = [&study, &out].map(|path| path.to_str().unwrap());
-        let output = servotwin(&["flights", study, "--out", out]);
+        let output = servotwin(&["study", study, "--suite", "flights", "--out", out]);
         assert!(output.status.success(), "{}", stderr(&output));
         std::fs::write(path.join("said.txt"), stdout(&output)).unwrap();
         std::fs::write(path.join("noted.txt"), stderr(&output)).unwrap();
@@ -34,7 +34,7 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let folder = Folder::new("flights");
     let ([study, _], out) = (learned(&folder), folder.file("out"));
     let none = folder.file("none");
-    let full = servotwin(&["flights", &study, "--out", &none, "--full"]);
+    let full = servotwin(&["study", &study, "--suite", "flights", "--out", &none, "--full"]);
     assert_eq!(full.status.code(), Some(2));
     assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
     assert!(!Path::new(&none).exists());
@@ -108,8 +108,9 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
 #[test]
 fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
     let folder = Folder::new("one-run");
-    let ([study, _], out) = (learned(&folder), folder.file("out"));
-    let fly = |name: &str| servotwin(&["flights", &study, "--out", &out, "--run", name, "--json"]);
+    learned(&folder);
+    let out = folder.file("out");
+    let fly = |name: &str| servotwin(&["run", name, &out, "--json"]);
     for suite in ["judge", "unseen"] {
         let path = folder.file(&format!("out/outcomes-{suite}-realistic.parquet"));
         let all = outcome::from_table(&table::read(path).unwrap()).unwrap();
@@ -135,7 +136,7 @@ fn healthy_flights_go_on_where_they_were_stored() {
     let fly = |count: &str, seed: &str| {
         let more = ["--suite", "healthy", "--environments", count, "--seed", seed];
         let more = [&more[..], &["--scenario", "realistic"]].concat();
-        let output = servotwin(&[&["flights", &study, "--out", &out][..], &more].concat());
+        let output = servotwin(&[&["study", &study, "--out", &out][..], &more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let path = folder.file("out/outcomes-healthy-realistic.parquet");
         (stdout(&output), table::read(path).unwrap())
@@ -174,7 +175,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     let [study, diagnoser] = learned(&folder);
     let fly = |study: &str, out: &str| {
         let more = ["--suite", "healthy_other_structure", "--environments", "3"];
-        servotwin(&[&["flights", study, "--out", out][..], &more].concat())
+        servotwin(&[&["study", study, "--out", out][..], &more].concat())
     };
     let none = fly(&study, &folder.file("out"));
     assert!(stderr(&none).contains("the suites of the study, healthy, judge"), "{}", stderr(&none));
@@ -200,7 +201,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
         table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
     };
     let usual = ["--scenario", "realistic", "--suite", "healthy", "--environments", "3"];
-    servotwin(&[&["flights", &wide, "--out", &out][..], &usual].concat());
+    servotwin(&[&["study", &wide, "--out", &out][..], &usual].concat());
     assert!(evidence(&out, "healthy_other_structure") > evidence(&out, "healthy"));
 }
 
@@ -212,7 +213,8 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
     std::fs::write(&study, tiny()).unwrap();
     let apart = folder.file("apart");
     let fly = |out: &str, more: &[&str]| {
-        let output = servotwin(&[&["flights", &study, "--out", out], more].concat());
+        let suite = if more.contains(&"--suite") { &[][..] } else { &["--suite", "flights"] };
+        let output = servotwin(&[&["study", &study, "--out", out], suite, more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         std::fs::read_to_string(Path::new(out).join("flights.json")).unwrap()
     };
@@ -235,7 +237,7 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
         assert_eq!(flown[field], both[field], "{field}");
     }
     let nothing = folder.file("nothing");
-    let judge = ["flights", &study, "--out", &nothing, "--suite", "judge"];
+    let judge = ["study", &study, "--out", &nothing, "--suite", "judge"];
     let output = servotwin(&judge);
     assert!(!output.status.success() && stderr(&output).contains("flights"), "{}", stderr(&output));
 }
@@ -249,7 +251,8 @@ fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
     let run =
         |command: &str| servotwin(&[command, &study, "--out", &out, "--quiet", "--threads", "1"]);
     let noise = ["--quiet", "--scenario", "noise"];
-    let flown = servotwin(&[&["flights", &study, "--out", &out], &noise[..]].concat());
+    let flown =
+        servotwin(&[&["study", &study, "--suite", "flights", "--out", &out], &noise[..]].concat());
     assert!(flown.status.success(), "{}", stderr(&flown));
     let file = Path::new(&out).join("flights.json");
     let good = std::fs::read(&file).unwrap();
@@ -269,7 +272,7 @@ fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
     broken.iter().for_each(|bytes| refused("study", bytes));
     // It is counted from the outcomes of the flights, so it can be made anew.
     std::fs::write(&file, broken[0]).unwrap();
-    let again = [&["flights", &study, "--out", &out, "--suite", "judge"], &noise[..]].concat();
+    let again = [&["study", &study, "--out", &out, "--suite", "judge"], &noise[..]].concat();
     assert!(servotwin(&again).status.success());
     assert_eq!(std::fs::read(&file).unwrap(), good);
 }
@@ -290,7 +293,7 @@ fn a_study_keeps_what_was_measured_in_full_flights() {
         assert!(output.status.success(), "{}", stderr(&output));
         stderr(&output)
     };
-    run(&["flights", "--full"]);
+    run(&["study", "--suite", "flights", "--full"]);
     let measured = read();
     assert!(run(&["study"]).contains("kept what was measured in the full flights"));
     assert_eq!(read(), measured);
@@ -298,7 +301,7 @@ fn a_study_keeps_what_was_measured_in_full_flights() {
     for file in ["flights.json", "diagnoser-realistic.json"] {
         std::fs::remove_file(Path::new(&out).join(file)).unwrap();
     }
-    run(&["flights", "--full", "--scenario", "noise"]);
+    run(&["study", "--suite", "flights", "--full", "--scenario", "noise"]);
     run(&["study"]);
     let results: serde_json::Value = serde_json::from_str(&read()).unwrap();
     assert_eq!(results["is_full"], false);
@@ -309,9 +312,9 @@ fn what_cannot_be_flown_is_told_in_one_line() {
     let folder = Folder::new("not-flown");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
     std::fs::write(&study, tiny().split("[flights]").next().unwrap()).unwrap();
-    for command in ["flights", "fly"] {
-        let output = servotwin(&[command, &study, "--out", &out]);
-        assert_eq!(output.status.code(), Some(2), "{command}");
+    for command in [&["study", "--suite", "flights"][..], &["fly"]] {
+        let output = servotwin(&[command, &[&study, "--out", &out]].concat());
+        assert_eq!(output.status.code(), Some(2), "{command:?}");
         let text = stderr(&output);
         assert!(text.contains("no [flights]") && text.trim_end().lines().count() == 1, "{text}");
     }
@@ -332,7 +335,7 @@ fn sealed_flights_are_recorded_before_they_are_flown_and_each_opening_has_other_
     let folder = Folder::new("sealed");
     let [study, _] = learned(&folder);
     let out = folder.file("out");
-    let sealed = ["flights", &study, "--sealed", "--out", &out, "--scenario", "noise"];
+    let sealed = ["study", &study, "--sealed", "--out", &out, "--scenario", "noise"];
     let record =
         || std::fs::read_to_string(format!("{out}/sealed-openings.csv")).unwrap_or_default();
     let results = || -> serde_json::Value {
@@ -371,7 +374,7 @@ fn sealed_flights_are_recorded_before_they_are_flown_and_each_opening_has_other_
     // A mistake before the opening costs none, and a damaged record is named with its line.
     let all = record();
     let none = folder.file("none");
-    let missing = ["flights", &study, "--sealed", "--out", &none];
+    let missing = ["study", &study, "--sealed", "--out", &none];
     let output = in_folder(&folder, &missing);
     assert!(stderr(&output).contains("diagnoser-noise.json"), "{}", stderr(&output));
     assert!(!Path::new(&none).join("sealed-openings.csv").exists());
@@ -391,7 +394,7 @@ fn in_a_repository_openings_are_recorded_there() {
     let head = include_str!("../../../../sealed/openings.csv").lines().next().unwrap();
     std::fs::write(folder.0.join("sealed/openings.csv"), format!("{head}\n")).unwrap();
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_servotwin"));
-    let sealed = ["flights", &study, "--sealed", "--out", &out, "--scenario", "noise", "-q"];
+    let sealed = ["study", &study, "--sealed", "--out", &out, "--scenario", "noise", "-q"];
     let output = command.current_dir(&inside).args(sealed).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     let record = std::fs::read_to_string(folder.0.join("sealed/openings.csv")).unwrap();
@@ -441,16 +444,7 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
     assert!(bias.clone().all(|row| row.right_action_s.is_some()), "{rows:?}");
     assert!(rows.iter().all(|row| row.early_alarms == 0), "a healthy actuator passes its test");
     // The folder is that of a study: another suite of it is flown with what was learned, and a log is judged.
-    let more = servotwin(&[
-        "flights",
-        &ground,
-        "--out",
-        &ground,
-        "--suite",
-        "healthy",
-        "--environments",
-        "2",
-    ]);
+    let more = servotwin(&["study", &ground, "--suite", "healthy", "--environments", "2"]);
     assert!(more.status.success(), "{}", stderr(&more));
     let model = format!("{ground}/diagnoser-fitted.json");
     let log = folder.file("log.csv");

@@ -88,9 +88,9 @@ fn names_of_hostile_files_are_printed_escaped() {
         &["describe", &name],
         &["fit", &name],
         &["watch", &name],
-        &["explain", "1", "--out", &name],
+        &["run", "cases#1@ideal", &name],
         &["report", &name],
-        &["train", &name],
+        &["report", &name],
     ] {
         fails(arguments);
     }

@@ -181,7 +181,7 @@ fn lanes_do_not_change_the_result_and_faults_do() {
 
 #[test]
 fn faults_are_listed_in_three_forms() {
-    let list = json(&["faults", "--json"]);
+    let list = json(&["describe", "--faults", "--json"]);
     let list = list.as_array().unwrap();
     assert!(list.len() > 80, "{}", list.len());
     let clogging = list.iter().find(|f| f["id"] == "actuator_1.servo_valve.clogging_pa").unwrap();
@@ -190,9 +190,9 @@ fn faults_are_listed_in_three_forms() {
     let ratio =
         clogging["at_intensity_1"].as_f64().unwrap() / clogging["healthy"].as_f64().unwrap();
     assert!((ratio - 0.05).abs() < 1e-12);
-    let csv = stdout(&servotwin(&["faults", "--csv"]));
+    let csv = stdout(&servotwin(&["describe", "--faults", "--csv"]));
     assert_eq!(csv.lines().count(), list.len() + 1);
-    let text = stdout(&servotwin(&["faults"]));
+    let text = stdout(&servotwin(&["describe", "--faults"]));
     assert!(text.contains(&format!("{} faults", list.len())));
 }
 
@@ -334,9 +334,9 @@ fn an_interrupt_leaves_no_file() {
 #[test]
 fn completions_know_the_commands() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
-        let output = servotwin(&["completions", shell]);
+        let output = servotwin(&["tools", "completions", shell]);
         assert!(output.status.success());
-        for command in ["simulate", "faults", "describe", "check"] {
+        for command in ["simulate", "catalog", "describe", "check"] {
             assert!(stdout(&output).contains(command), "{shell} {command}");
         }
     }

@@ -68,13 +68,13 @@ fn whole() -> &'static Path {
 /// The campaigns of all scenarios but the fitted one.
 fn campaigns() -> &'static Path {
     static CAMPAIGNS: Shared = Shared::new("study-campaigns");
-    filled(&CAMPAIGNS, &["campaign"])
+    filled(&CAMPAIGNS, &["study", "--suite", "records"])
 }
 
 /// The campaign of the ideal scenario.
 fn ideal() -> &'static Path {
     static IDEAL: Shared = Shared::new("study-ideal");
-    filled(&IDEAL, &["campaign", "--scenario", "ideal"])
+    filled(&IDEAL, &["study", "--suite", "records", "--scenario", "ideal"])
 }
 
 /// What a command over the tiny study leaves in a folder.
@@ -147,11 +147,10 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
     let folder = Folder::new("study");
     let study = write_study(&folder, CLASSES);
     let staged = folder.file("staged");
-    run(&["campaign", &study, "--out", &staged, "--threads", "3"]);
-    run(&["campaign", &study, "--out", &staged, "--scenario", "fitted"]);
-    run(&["train", &staged]);
-    run(&["flights", &study, "--out", &staged, "--threads", "2"]);
-    run(&["evaluate", &staged, "--threads", "2"]);
+    run(&["study", &study, "--suite", "records", "--out", &staged, "--threads", "3"]);
+    run(&["study", &study, "--suite", "records", "--out", &staged, "--scenario", "fitted"]);
+    run(&["study", &study, "--suite", "flights", "--out", &staged, "--threads", "2"]);
+    run(&["study", &staged, "--threads", "2"]);
     run(&["report", &staged]);
     let first = contents(whole());
     assert_same(&first, &contents(Path::new(&staged)));
@@ -162,10 +161,10 @@ fn a_study_is_the_same_bytes_in_one_go_stage_by_stage_and_on_any_threads() {
 
 #[test]
 #[ignore = "slow: ./check --all"]
-fn a_finished_study_goes_on_with_features_computed_anew_to_the_same_bytes() {
+fn a_finished_study_goes_on_with_data_sets_made_anew_to_the_same_bytes() {
     let folder = Folder::new("again");
     let (study, out) = (write_study(&folder, CLASSES), copy_of(whole(), &folder));
-    run(&["features", &out]);
+    run(&["study", &out, "--suite", "records"]);
     let output = run(&["study", &study, "--out", &out]);
     assert!(stdout(&output).starts_with("new command\n"), "{}", stdout(&output));
     assert!(stdout(&output).contains("wrong actuator shut down"));
@@ -205,21 +204,27 @@ fn a_study_is_quick_first_and_a_full_one_is_never_lost_to_it() {
 fn a_report_names_the_scenarios_that_are_still_to_come() {
     let folder = Folder::new("partial");
     let (study, out) = (write_study(&folder, CLASSES), folder.file("out"));
-    for scenario in ["ideal", "noise"] {
-        run(&["campaign", &study, "--out", &out, "--scenario", scenario]);
-    }
-    run(&["train", &out]);
-    run(&["evaluate", &out]);
-    run(&["report", &out]);
-    let report = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
-    assert!(report.contains("Not in this report yet: realistic, runs in which faults begin."));
+    let missing = |scenario| {
+        run(&["study", &study, "--out", &out, "--scenario", scenario]);
+        let report = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+        report
+            .split_once("Not in this report yet: ")
+            .unwrap()
+            .1
+            .split('<')
+            .next()
+            .unwrap()
+            .to_owned()
+    };
+    assert_eq!(missing("ideal"), "noise, realistic, runs in which faults begin");
+    assert_eq!(missing("noise"), "realistic");
 }
 
 /// The page of results holds every rate of the JSON, each with its count, and changes nothing in the folder.
 fn lists_its_results(out: &str) {
     let before = contents(Path::new(out));
-    let page = stdout(&run(&["results", out]));
-    let json = run(&["results", out, "--json"]);
+    let page = stdout(&run(&["report", out, "--markdown"]));
+    let json = run(&["report", out, "--markdown", "--json"]);
     assert_same(&before, &contents(Path::new(out)));
     assert!(
         page.starts_with("# Measured results\n") && page.contains("study tiny --fitted"),
@@ -248,7 +253,7 @@ fn lists_its_results(out: &str) {
         100.0 * detected["share"].as_f64().unwrap()
     )));
     assert!(page.contains(&cell), "{cell}");
-    fails(&["results", &format!("{out}/nowhere")], 3, "nowhere");
+    fails(&["report", &format!("{out}/nowhere"), "--markdown"], 3, "nowhere");
 }
 
 /// One file that needs nothing from elsewhere, with every section and a text for every figure.
@@ -268,15 +273,15 @@ fn report_is_sound(html: &str) {
 }
 
 fn explains(out: &str) {
-    let output = run(&["explain", "3", "--out", out]);
+    let output = run(&["run", "cases#3@realistic", out]);
     let text = stdout(&output);
     let begin = "scenario realistic: variant 3: actuator_1.leakage_a.leakage, intensity 1,";
     assert!(text.starts_with(begin), "{text}");
     assert!(text.contains("which actuator?") && text.contains("what is broken?"), "{text}");
-    let output = run(&["explain", "65", "--out", out, "--subject", "realistic", "--json"]);
+    let output = run(&["run", "cases#65@realistic", out, "--extra-sensor", "--json"]);
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(json["variant"], 65);
-    fails(&["explain", "9999", "--out", out], 2, "VARIANT 9999 is out of range");
+    assert_eq!((&json["variant"], &json["scenario"]), (&65.into(), &"extra_sensor".into()));
+    fails(&["run", "cases#9999@realistic", out], 2, "RUN cases#9999@realistic is out of range");
 }
 
 /// Killed as soon as it has committed the first file of a kind, and begun again, until nothing is left to do.
@@ -339,7 +344,7 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
         );
     };
     without_faults(&["study", &none, "--out", &out]);
-    without_faults(&["campaign", &none, "--out", &out]);
+    without_faults(&["study", &none, "--suite", "records", "--out", &out]);
     without_faults(&["check", &none]);
     assert!(!Path::new(&out).exists());
     let study = write_study(&folder, CLASSES);
@@ -354,30 +359,20 @@ fn what_cannot_be_done_is_told_in_one_line_and_nothing_is_written() {
     };
     let fitted = ["the study lacks [fitted], which scenario 'fitted' needs", "\n  fitted = {"];
     lacks(&["study", spring, "--out", &out, "--fitted"], fitted);
-    lacks(&["campaign", spring, "--out", &out, "--scenario", "fitted"], fitted);
+    lacks(&["study", spring, "--suite", "records", "--out", &out, "--scenario", "fitted"], fitted);
     assert!(!Path::new(&out).exists());
     fails(&["study", &study, "--out", "/proc/servotwin"], 1, "/proc/servotwin");
     std::fs::create_dir(&out).unwrap();
-    for stage in ["train", "evaluate", "report", "features"] {
-        fails(&[stage, &out], 3, "there is no data set here");
-    }
+    fails(&["report", &out], 3, "there is no data set here; 'servotwin study --suite records");
 }
 
 #[test]
-fn broken_data_sets_are_named() {
+fn files_that_were_not_made_yet_are_named_with_what_makes_them() {
     let folder = Folder::new("broken");
     let out = copy_of(ideal(), &folder);
-    fails(&["evaluate", &out], 3, "records-ideal.json: no such file; 'servotwin train' writes it");
-    fails(&["report", &out], 3, "evaluation.json: no such file; 'servotwin evaluate' writes it");
-    let data_set = Path::new(&out).join("dataset-ideal.parquet");
-    let good = std::fs::read(&data_set).unwrap();
-    for bytes in [&b"not a Parquet file"[..], &good[..good.len() / 2], &[]] {
-        std::fs::write(&data_set, bytes).unwrap();
-        fails(&["train", &out], 3, "dataset-ideal.parquet");
-    }
-    std::fs::remove_file(&data_set).unwrap();
-    std::fs::remove_file(Path::new(&out).join("dataset-ideal-training.parquet")).unwrap();
-    fails(&["features", &out], 3, "there is no data set here; 'servotwin campaign");
+    let run = ["run", "cases#0@ideal", &out];
+    fails(&run, 3, "records-ideal.json: no such file; 'servotwin study' writes it");
+    fails(&["report", &out], 3, "evaluation.json: no such file; 'servotwin study' writes it");
 }
 
 /// Flips a bit in the middle of a file, in text that of a digit; what the file was.
@@ -403,41 +398,40 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let watch =
         ["watch", "--quiet", &log, "--study", &study, "--model", diagnoser.to_str().unwrap()];
     let fly = ["fly", &study, "--out", &out, "--fault", "none", "--duration", "3s"];
+    let ideal = ["run", "cases#0@ideal", &out];
+    let study_again = format!("study {out}");
+    let [records, flights] =
+        ["records", "flights"].map(|suite| format!("{study_again} --suite {suite}"));
+    let records = records.as_str();
     for (name, command, again) in [
-        ("dataset-realistic-training.parquet", &["evaluate", &out][..], "features"),
-        ("dataset-realistic.parquet", &["explain", "0", "--out", &out], "features"),
-        (
-            "dataset-ideal.parquet",
-            &["explain", "0", "--out", &out, "--subject", "ideal"],
-            "features",
-        ),
-        ("records-ideal.json", &["evaluate", &out], "train"),
-        ("records-noise.json", &["report", &out], "train"),
-        ("evaluation.json", &["report", &out], "evaluate"),
-        ("flights.json", &["report", &out], "flights"),
-        ("diagnoser-realistic.json", &watch, "flights"),
-        ("diagnoser-noise.json", &fly, "flights"),
-        ("dataset-noise.parquet", &["train", &out], "features"),
-        ("study.toml", &["train", &out], "campaign"),
-        ("study.toml", &["explain", "0", "--out", &out], "campaign"),
-        ("system.toml", &["report", &out], "campaign"),
+        ("dataset-realistic.parquet", &["run", "cases#0@realistic", &out][..], records),
+        ("dataset-ideal.parquet", &ideal, records),
+        ("records-ideal.json", &ideal, &study_again),
+        ("records-noise.json", &["report", &out], &study_again),
+        ("evaluation.json", &["report", &out], &study_again),
+        ("flights.json", &["report", &out], &flights),
+        ("diagnoser-realistic.json", &watch, &flights),
+        ("diagnoser-noise.json", &fly, &flights),
+        ("study.toml", &ideal, "study STUDY --suite records"),
+        ("study.toml", &["report", &out], "study STUDY --suite records"),
+        ("system.toml", &["report", &out], "study STUDY --suite records"),
     ] {
         let before = flip(&file(name));
         fails(command, 3, &format!("{name}: damaged, or changed since: its SHA-256"));
-        fails(command, 3, &format!("'servotwin {again} "));
+        fails(command, 3, &format!("'servotwin {again}"));
         std::fs::write(file(name), before).unwrap();
     }
     // A stage that does not read a file does not vouch for it; the command that is told makes it anew.
     let good = flip(&file("dataset-ideal.parquet"));
-    run(&["flights", &study, "--out", &out, "--scenario", "noise"]);
-    fails(&["evaluate", &out], 3, "dataset-ideal.parquet: damaged");
-    run(&["features", &out]);
+    run(&["study", &study, "--suite", "flights", "--out", &out, "--scenario", "noise"]);
+    fails(&ideal, 3, "dataset-ideal.parquet: damaged");
+    run(&["study", &out, "--suite", "records"]);
     assert!(std::fs::read(file("dataset-ideal.parquet")).unwrap() == good);
-    run(&["evaluate", &out]);
+    run(&ideal);
     // Of a text too, and the results stay: they are still of the study that is given.
     let (good, results) =
         (flip(&file("study.toml")), std::fs::read(file("evaluation.json")).unwrap());
-    run(&["flights", &study, "--out", &out, "--scenario", "noise"]);
+    run(&["study", &study, "--suite", "flights", "--out", &out, "--scenario", "noise"]);
     assert!(std::fs::read(file("study.toml")).unwrap() == good);
     assert!(std::fs::read(file("evaluation.json")).unwrap() == results);
     // A text that was changed and is given as the study is another study.
@@ -449,7 +443,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     for name in ["study.toml", "system.toml", "manifest.json", "evaluation.json"] {
         std::fs::copy(file(name), copied(name)).unwrap();
     }
-    run(&["campaign", &changed, "--out", &copy, "--scenario", "ideal"]);
+    run(&["study", &changed, "--suite", "records", "--out", &copy, "--scenario", "ideal"]);
     assert!(!copied("evaluation.json").exists(), "it came from the text before");
     std::fs::write(file("study.toml"), good).unwrap();
     // Of a manifest that cannot be read too; without one nothing is compared.
@@ -460,10 +454,13 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
     let results = std::fs::read_to_string(file("evaluation.json")).unwrap();
     std::fs::write(file("evaluation.json"), results + "\n").unwrap();
     run(&["report", &out]);
-    // But rows that are not those of the parts are. (The report has written a manifest.)
+    // But what is no data set is. (The report has written a manifest.)
     std::fs::remove_file(file("manifest.json")).unwrap();
-    std::fs::copy(file("dataset-ideal.parquet"), file("dataset-ideal-training.parquet")).unwrap();
-    fails(&["evaluate", &out], 3, "but the parts beside it hold");
+    let good = std::fs::read(file("dataset-ideal.parquet")).unwrap();
+    for bytes in [&b"not a Parquet file"[..], &good[..good.len() / 2], &[]] {
+        std::fs::write(file("dataset-ideal.parquet"), bytes).unwrap();
+        fails(&ideal, 3, "dataset-ideal.parquet");
+    }
 }
 
 #[test]
@@ -474,24 +471,36 @@ fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
     let held = std::fs::File::options().write(true).open(&lock).unwrap();
     held.lock().unwrap();
     let before = contents(Path::new(&out));
-    let part = ["campaign", &study, "--out", &out, "--scenario", "ideal", "--share", "1/1"];
+    let part = [
+        "study",
+        &study,
+        "--suite",
+        "records",
+        "--out",
+        &out,
+        "--scenario",
+        "ideal",
+        "--share",
+        "1/1",
+    ];
     let busy = "out: another servotwin is working in this folder";
-    for command in ["study", "campaign", "flights", "fly"] {
+    for command in ["study", "fly"] {
         fails(&[command, &study, "--out", &out], 1, busy);
     }
-    for command in ["train", "evaluate", "report", "features", "merge"] {
-        fails(&[command, &out], 1, busy);
+    for suite in ["records", "flights"] {
+        fails(&["study", &out, "--suite", suite], 1, busy);
     }
+    fails(&["report", &out], 1, busy);
     fails(&part, 1, busy);
     assert_same(&before, &contents(Path::new(&out)));
     // Who only reads need not wait.
-    fails(&["explain", "0", "--out", &out], 3, "records-ideal.json: no such file");
+    fails(&["run", "cases#0@ideal", &out], 3, "records-ideal.json: no such file");
     held.unlock().unwrap();
     held.lock_shared().unwrap();
     run(&part);
-    fails(&["train", &out], 1, busy);
+    fails(&["report", &out], 1, busy);
     held.unlock().unwrap();
-    run(&["features", &out]);
+    run(&["study", &out, "--suite", "records", "--scenario", "ideal"]);
     assert_same(&before, &contents(Path::new(&out)));
     assert!(!before[Path::new("manifest.json")].windows(4).any(|word| word == b"lock"));
 }
@@ -503,16 +512,20 @@ fn results_of_another_study_are_only_replaced_when_that_is_asked_for() {
     let before = contents(Path::new(&out));
     let other = folder.file("other.toml");
     std::fs::write(&other, tiny(CLASSES).replacen("name = \"", "name = \"another_", 1)).unwrap();
-    for command in ["study", "campaign", "flights", "fly"] {
+    for command in ["study", "fly"] {
         fails(&[command, &other, "--out", &out], 2, "--replace removes them");
+    }
+    for suite in ["records", "flights"] {
+        let command = ["study", &other, "--suite", suite, "--out", &out];
+        fails(&command, 2, "--replace removes them");
     }
     assert_same(&before, &contents(Path::new(&out)));
     let ideal = ["--out", &out, "--scenario", "ideal"];
     std::fs::write(&study, tiny(CLASSES).replace("0.4, 0.6", "0.5, 0.6")).unwrap();
-    let edited = stderr(&run(&[&["campaign", &study][..], &ideal].concat()));
+    let edited = stderr(&run(&[&["study", &study, "--suite", "records"][..], &ideal].concat()));
     // Two data sets and their card.
     assert!(edited.contains("3 result files of before the study was changed removed"), "{edited}");
-    run(&[&["campaign", &other, "--replace"][..], &ideal].concat());
+    run(&[&["study", &other, "--suite", "records", "--replace"][..], &ideal].concat());
 }
 
 #[test]
@@ -527,55 +540,38 @@ fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
 }
 
 #[test]
-#[ignore = "slow: ./check --all"]
-fn a_merge_names_the_missing_parts_with_the_line_that_runs_them() {
-    let folder = Folder::new("missing parts");
-    let study = write_study(&folder, CLASSES);
-    let parts = folder.file("parts");
-    // Shares of two submissions, and a part that is damaged.
-    run(&["campaign", &study, "--out", &parts, "--share", "3/4"]);
-    run(&["campaign", &study, "--out", &parts, "--share", "2/9"]);
-    let files = Path::new(&parts).join("parts");
-    let first = std::fs::read_dir(&files).unwrap().next().unwrap().unwrap().path();
-    let bytes = std::fs::read(&first).unwrap();
-    std::fs::write(&first, &bytes[..bytes.len() / 2]).unwrap();
-    let refused = servotwin(&["merge", &parts, "--json"]);
-    assert_eq!(refused.status.code(), Some(4), "{}", stderr(&refused));
-    assert!(stderr(&refused).contains("is damaged and counts as missing"), "{}", stderr(&refused));
-    let missing: serde_json::Value = serde_json::from_slice(&refused.stdout).unwrap();
-    assert!(missing["campaigns"].as_array().unwrap().len() > 1, "{missing}");
-    let (program, line) = (env!("CARGO_BIN_EXE_servotwin"), missing["resubmit"].as_str().unwrap());
-    let line = line.replace("servotwin campaign", &format!("{program} campaign"));
-    assert!(Command::new("sh").args(["-c", &line]).output().unwrap().status.success(), "{line}");
-    run(&["merge", &parts]);
-    assert_same(&contents(campaigns()), &contents(Path::new(&parts)));
-    // Another number of shares may be asked for.
-    std::fs::remove_file(&first).unwrap();
-    let counted = servotwin(&["merge", &parts, "--shares", "2"]);
-    assert!(stderr(&counted).contains(" of 2\n"), "{}", stderr(&counted));
-}
-
-#[test]
 fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
     let folder = Folder::new("parts");
     let study = write_study(&folder, CLASSES);
     let (whole, parts) = (copy_of(campaigns(), &folder), folder.file("parts"));
-    run(&["campaign", &study, "--out", &parts, "--share", "2/2"]);
-    assert_eq!(servotwin(&["merge", &parts]).status.code(), Some(4));
-    run(&["campaign", &study, "--out", &parts, "--share", "1/2", "--threads", "1"]);
-    run(&["merge", &parts]);
+    let records = ["study", &study, "--suite", "records", "--out"];
+    let share = |share| [&records[..], &[&parts, "--share", share]].concat();
+    // Shares of two submissions, and a part that is damaged; the join simulates what is missing.
+    run(&share("3/4"));
+    run(&[&share("2/9")[..], &["--threads", "1"]].concat());
+    let first = std::fs::read_dir(Path::new(&parts).join("parts")).unwrap().next();
+    let first = first.unwrap().unwrap().path();
+    let bytes = std::fs::read(&first).unwrap();
+    std::fs::write(&first, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(!Path::new(&parts).join("dataset-ideal.parquet").exists());
+    run(&["study", &parts, "--suite", "records"]);
     assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
     let fitted = ["--scenario", "fitted"];
-    run(&[&["campaign", &study, "--out", &whole], &fitted[..]].concat());
-    run(&[&["campaign", &study, "--out", &parts, "--share", "1/1"], &fitted[..]].concat());
+    run(&[&records[..], &[&whole], &fitted].concat());
+    run(&[&share("1/1")[..], &fitted].concat());
     assert!(!Path::new(&parts).join("dataset-fitted.parquet").exists());
-    run(&[&["merge", &parts], &fitted[..]].concat());
+    run(&[&["study", &parts, "--suite", "records"], &fitted[..]].concat());
     assert_same(&contents(Path::new(&whole)), &contents(Path::new(&parts)));
 
     let other = folder.file("other.toml");
     std::fs::write(&other, tiny(CLASSES).replace("0.4, 0.6", "0.5, 0.6")).unwrap();
-    fails(&["campaign", &other, "--out", &parts, "--share", "1/2"], 3, "another study lies here");
-    let wrong = servotwin(&["campaign", &study, "--out", &parts, "--share", "3/2"]);
+    fails(
+        &["study", &other, "--suite", "records", "--out", &parts, "--share", "1/2"],
+        3,
+        "another study lies here",
+    );
+    let wrong =
+        servotwin(&["study", &study, "--suite", "records", "--out", &parts, "--share", "3/2"]);
     assert_eq!(wrong.status.code(), Some(2), "{}", stderr(&wrong));
 }
 

@@ -62,7 +62,7 @@ fn all_of_them(row: &str) -> usize {
 fn whole_way(units: usize) {
     let folder = Folder::new(&format!("lanes-{units}"));
     let [study, out] = &lanes(&folder, units, |text| text);
-    run(&["study", study, "--out", out]);
+    let words = run(&["study", study, "--out", out]);
     let stages = |name: &str| {
         let trained = results(out, name);
         let list = trained["lengths"][0]["panel"]["trees"]["stages"].as_array().unwrap().iter();
@@ -70,7 +70,6 @@ fn whole_way(units: usize) {
     };
     // Pooled: whatever the number of units, one stage for all of them.
     assert_eq!(stages("records-noise.json"), ["A", "B", "C", "D"]);
-    let words = run(&["evaluate", out]);
     let row = words.lines().find(|line| line.starts_with("end to end right")).unwrap();
     assert!(all_of_them(row) >= 2, "{words}");
     let html = std::fs::read_to_string(Path::new(out).join("report.html")).unwrap();
@@ -95,13 +94,13 @@ fn whole_way(units: usize) {
         assert!(rates["isolated_in_time"]["count"].as_u64().unwrap() > 0, "{metrics}");
     }
     // A judged fault of the last unit.
-    let variant = (10 * units - 1).to_string();
-    let explained = json(&["explain", &variant, "--out", out, "--subject", "noise", "--json"]);
+    let last_fault = format!("cases#{}@noise", 10 * units - 1);
+    let explained = json(&["run", &last_fault, out, "--json"]);
     assert_eq!(explained["fault"], format!("lane_{units}.sensor_ram.bias_positive"));
     let last = format!("lane_{units}");
     let said = if units > 1 { last.as_str() } else { "faulty" };
     assert_eq!(explained["stages"][0]["said"], said);
-    let words = run(&["explain", &variant, "--out", out, "--subject", "noise"]);
+    let words = run(&["run", &last_fault, out]);
     let asked = if units > 1 {
         format!("which lane?  lane {units} (")
     } else {
@@ -157,7 +156,7 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
     let folder = Folder::new("lanes-last");
     // Learned from so few flights, not every seed sees the second fault in time.
     let [study, out] = &lanes(&folder, 3, |text| text.replace("seed = 3\n", "seed = 1\n"));
-    let told = run(&["flights", study, "--out", out]);
+    let told = run(&["study", study, "--suite", "flights", "--out", out]);
     assert!(told.contains("wrong lane ") && !told.contains("actuator"), "{told}");
     let study = Study::read(Path::new(study)).unwrap();
     let diagnoser =
@@ -220,12 +219,12 @@ fn one_unit_without_a_name_is_healthy_or_faulty() {
         parts.into_iter().fold(text, own)
     };
     let [study, out] = &lanes(&folder, 1, nameless);
-    let told = run(&["campaign", study, "--out", out, "--scenario", "noise"]);
+    let told = run(&["study", study, "--suite", "records", "--out", out, "--scenario", "noise"]);
     assert!(!told.contains("another unit"), "{told}");
     run(&["study", study, "--out", out]);
-    let words = run(&["explain", "9", "--out", out, "--subject", "noise"]);
+    let words = run(&["run", "cases#9@noise", out]);
     assert!(words.contains("is something wrong?  faulty (") && !words.contains(": ,"), "{words}");
-    let explained = json(&["explain", "9", "--out", out, "--subject", "noise", "--json"]);
+    let explained = json(&["run", "cases#9@noise", out, "--json"]);
     assert_eq!(explained["verdict"]["actuator"], serde_json::Value::Null);
     assert_eq!(explained["stages"][0]["said"], "faulty");
     let html = std::fs::read_to_string(Path::new(out).join("report.html")).unwrap();
@@ -267,7 +266,7 @@ fn how_many_units_stay_on_is_said_by_the_study() {
         text.replace("windows_s", &format!("least_on = {least_on}\nwindows_s"))
     };
     let [study, out] = &lanes(&folder, 1, |text| keep(text, 1));
-    let told = run(&["flights", study, "--out", out]);
+    let told = run(&["study", study, "--suite", "flights", "--out", out]);
     assert!(!told.contains("wrong lane") && !told.contains("actuator"), "{told}");
     let fly = ["fly", study, "--out", out, "--at", "2s", "--duration", "5s", "--fault"];
     let flown = run(&[&fly[..], &["lane_1.servo_valve.bias_positive=1"]].concat());

@@ -490,7 +490,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
         true => format!("{size} These are the full sizes of the study."),
         false if has_full => format!(
             "{size} These are the small sizes, which an ordinary run has time for. The full ones: \
-             servotwin flights --full --out FOLDER, then servotwin report FOLDER."
+             servotwin study --suite flights --full --out FOLDER, then servotwin report FOLDER."
         ),
         false => size,
     }

@@ -20,15 +20,11 @@ impl Campaign<'_> {
         if self.plants() == Plants::Pool && !is_told {
             self.calibrate()?;
         }
-        self.joined(&prepared)
-    }
-
-    /// Recomputes the data sets from the parts of a completed campaign.
-    ///
-    /// # Errors
-    /// [`CampaignError::Unfinished`] if parts are missing, or a file cannot be read or written.
-    pub fn features(&self) -> Result<CampaignOutcome, CampaignError> {
-        self.joined(&self.done()?)
+        let variants = prepared.counts.iter().sum();
+        let mut outcome =
+            CampaignOutcome { variants, resumed: variants, ..CampaignOutcome::default() };
+        self.write_data_sets(&prepared, &mut outcome)?;
+        Ok(outcome)
     }
 
     /// The windows of all variants of a completed campaign, by scenario.
@@ -58,14 +54,6 @@ impl Campaign<'_> {
                 Err(CampaignError::Unfinished { missing, damaged })
             }
         }
-    }
-
-    fn joined(&self, prepared: &PreparedCampaign) -> Result<CampaignOutcome, CampaignError> {
-        let variants = prepared.counts.iter().sum();
-        let mut outcome =
-            CampaignOutcome { variants, resumed: variants, ..CampaignOutcome::default() };
-        self.write_data_sets(prepared, &mut outcome)?;
-        Ok(outcome)
     }
 
     pub(super) fn write_data_sets(

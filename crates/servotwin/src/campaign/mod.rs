@@ -15,7 +15,6 @@ pub mod columns;
 mod data_set;
 mod effort;
 mod join;
-mod missing;
 mod part;
 mod prepared;
 mod runner;
@@ -25,7 +24,6 @@ pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
 pub use effort::VariantEffort;
-pub use missing::{MissingParts, MissingRows, missing_parts};
 pub use part::{PARTS, PartRow, Share};
 pub use prepared::PreparedCampaign;
 

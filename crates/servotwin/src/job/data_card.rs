@@ -110,10 +110,12 @@ fn origin(out: &mut String, study: &Study, files: &[DataFile]) {
     let system = &study.system;
     let needs_full = study.is_full && study.has_quick_size();
     let command = match (needs_full, files.iter().any(|file| !file.scenario.is_usual())) {
-        (true, false) => "servotwin campaign STUDY --full --out FOLDER",
-        (false, false) => "servotwin campaign STUDY --out FOLDER",
-        (true, true) => "servotwin campaign STUDY --full --scenario SCENARIO --out FOLDER",
-        (false, true) => "servotwin campaign STUDY --scenario SCENARIO --out FOLDER",
+        (true, false) => "servotwin study STUDY --suite records --full --out FOLDER",
+        (false, false) => "servotwin study STUDY --suite records --out FOLDER",
+        (true, true) => {
+            "servotwin study STUDY --suite records --full --scenario SCENARIO --out FOLDER"
+        }
+        (false, true) => "servotwin study STUDY --suite records --scenario SCENARIO --out FOLDER",
     };
     let facts = [
         ("study", format!("`{}`", study.name)),

@@ -72,9 +72,9 @@ pub enum JobError {
         counted(*.count, "result file")
     )]
     OtherResults { folder: PathBuf, there: String, count: usize },
-    /// A file that an earlier stage should have written is missing.
-    #[error("{path}: no such file; 'servotwin {stage}' writes it")]
-    Missing { path: PathBuf, stage: &'static str },
+    /// A file that another command should have written is missing.
+    #[error("{path}: no such file; 'servotwin {command}' writes it")]
+    Missing { path: PathBuf, command: &'static str },
     /// A data set contradicts the study.
     #[error("{}", in_data_set(.path, .error))]
     DataSet { path: PathBuf, error: EvaluationError },
@@ -84,7 +84,7 @@ pub enum JobError {
     /// A data set and the parts that it was computed from have different numbers of rows.
     #[error(
         "{path}: with its training commands {rows} rows, but the parts beside it hold {windows}; 'servotwin \
-         features' makes it anew"
+         study --suite records' makes it anew"
     )]
     OtherRows { path: PathBuf, rows: usize, windows: usize },
     /// Training or evaluation rejected the data.

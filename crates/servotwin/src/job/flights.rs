@@ -428,6 +428,6 @@ pub fn diagnoser(folder: &Folder, scenario: Scenario) -> Result<Diagnoser, JobEr
     let path = folder.diagnoser(scenario);
     match path.exists() {
         true => Ok(model_file::read_diagnoser(path)?),
-        false => Err(JobError::Missing { path, stage: "flights" }),
+        false => Err(JobError::Missing { path, command: "study --suite flights" }),
     }
 }

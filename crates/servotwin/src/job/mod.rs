@@ -354,6 +354,6 @@ pub fn panel(folder: &Folder, subject: Subject) -> Result<Panel, JobError> {
     let path = folder.records(subject);
     match path.exists() {
         true => Ok(model_file::read_diagnoser(path)?.lengths.swap_remove(0).panel),
-        false => Err(JobError::Missing { path, stage: "train" }),
+        false => Err(JobError::Missing { path, command: "study" }),
     }
 }

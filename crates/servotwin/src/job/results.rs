@@ -46,7 +46,7 @@ impl Results {
         let path = folder.results();
         match path.exists() {
             true => Ok(model_file::read(path)?),
-            false => Err(JobError::Missing { path, stage: "evaluate" }),
+            false => Err(JobError::Missing { path, command: "study" }),
         }
     }
 

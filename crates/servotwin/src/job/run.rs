@@ -90,6 +90,8 @@ pub struct StudyRun<'r> {
     pub replace: bool,
     /// Whether to simulate the fitted scenario, too.
     pub fitted: bool,
+    /// The only scenario to simulate, beside those that the folder has.
+    pub only: Option<Scenario>,
     /// The threads, and their cancellation.
     pub workers: Workers<'r>,
     /// Called at every event, from several threads.
@@ -137,6 +139,7 @@ impl<'r> StudyRun<'r> {
             folder: Folder::new(out.as_ref()),
             replace: false,
             fitted: false,
+            only: None,
             workers: Workers::all(),
             observer: &|_| {},
         }
@@ -149,8 +152,9 @@ impl<'r> StudyRun<'r> {
     /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let study = self.study;
-        if self.fitted && !Scenario::Fitted.is_possible(study) {
-            return Err(CampaignError::no_section(Scenario::Fitted, study).into());
+        let named = self.only.or(self.fitted.then_some(Scenario::Fitted));
+        if let Some(scenario) = named.filter(|scenario| !scenario.is_possible(study)) {
+            return Err(CampaignError::no_section(scenario, study).into());
         }
         let Kept { hold, dropped } = self.folder.keep_study(study, self.replace)?;
         if dropped > 0 {
@@ -158,12 +162,14 @@ impl<'r> StudyRun<'r> {
         }
         let before = flights::results(&self.folder)?;
         let is_kept = before.as_ref().is_some_and(|results| results.is_full_of(study));
-        let flies = study.flights.is_some() && study.is_full && !is_kept;
+        let mut flown = flights::scenarios(study);
+        flown.retain(|scenario| self.only.is_none_or(|only| only == *scenario));
+        let flies = study.flights.is_some() && study.is_full && !is_kept && !flown.is_empty();
         let (evaluation, stages) = self.scenarios(usize::from(flies))?;
         self.check()?;
         let flights = if flies {
             (self.observer)(&StudyEvent::Began { stage: stages, of: stages });
-            Some(self.fly()?)
+            Some(self.fly(&flown)?)
         } else {
             before
         };
@@ -180,7 +186,11 @@ impl<'r> StudyRun<'r> {
         let study = self.study;
         let is_wanted = |scenario: Scenario| {
             let is_there = || self.folder.data_set(scenario, Purpose::Test).exists();
-            scenario.is_usual() || self.fitted || is_there()
+            let is_named = match self.only {
+                Some(only) => scenario == only,
+                None => scenario.is_usual() || self.fitted,
+            };
+            is_named || is_there()
         };
         let groups = Scenario::groups(study, is_wanted);
         let of = groups.len() * (study.purposes().len() + 1) + following;
@@ -245,12 +255,11 @@ impl<'r> StudyRun<'r> {
         Ok(())
     }
 
-    fn fly(&self) -> Result<FlightResults, JobError> {
+    fn fly(&self, scenarios: &[Scenario]) -> Result<FlightResults, JobError> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Flying { what, share });
         let crew = Crew { workers: self.workers, progress: &progress };
-        let scenarios = flights::scenarios(self.study);
-        let results = flights::fly_all(&self.folder, (self.study, false), &scenarios, &crew)?;
+        let results = flights::fly_all(&self.folder, (self.study, false), scenarios, &crew)?;
         (self.observer)(&StudyEvent::Flown(&results));
         Ok(results)
     }

@@ -67,11 +67,11 @@ fn lacking_sections(scenario: Scenario, lacks: &[Section]) -> String {
 fn unfinished(missing: usize, damaged: Option<&Path>) -> String {
     match damaged {
         Some(path) => format!(
-            "{} is damaged: 'servotwin campaign' simulates its variants again ({missing} are missing)",
+            "{} is damaged: 'servotwin study --suite records' simulates its variants again ({missing} are missing)",
             path.display()
         ),
         None => format!(
-            "{missing} variants of this study have not been simulated: run 'servotwin campaign'"
+            "{missing} variants of this study have not been simulated: run 'servotwin study --suite records'"
         ),
     }
 }

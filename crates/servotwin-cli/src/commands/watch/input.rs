@@ -22,7 +22,7 @@ use std::sync::Arc;
 /// How a source is read and judged.
 #[derive(clap::Args, Clone)]
 pub(crate) struct InputOptions {
-    /// The diagnoser, a file written by `servotwin flights` [default: out/diagnoser-realistic.json, or for the built-in
+    /// The diagnoser, a file written by `servotwin study --suite flights` [default: out/diagnoser-realistic.json, or for the built-in
     /// aileron the one that comes with the program].
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
@@ -208,7 +208,7 @@ pub(crate) fn diagnoser(
     }
     let shipped = (!usual_diagnoser().exists()).then(|| shipped::diagnoser(study)).flatten();
     if let Some(shipped) = shipped {
-        let text = "the diagnosis comes with the program and allows for no tolerances; servotwin flights learns one that does";
+        let text = "the diagnosis comes with the program and allows for no tolerances; servotwin study --suite flights learns one that does";
         note(global, text);
         return Ok(shipped);
     }

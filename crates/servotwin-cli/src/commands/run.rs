@@ -1,49 +1,99 @@
-//! `servotwin explain`: explains the trees' answer for one variant.
+//! `servotwin run`: one run of a suite again, and what the diagnosis answered.
 
-use crate::Global;
+use super::workers;
 use crate::failure::Failure;
 use crate::render::{Side, TextTable, json};
+use crate::{Global, stop};
 use serde_json::json;
-use servotwin::job::{self, Folder, Subject};
+use servotwin::flight::outcome;
+use servotwin::job::{self, Folder, Subject, flights, outcomes};
 use servotwin::nearest::UnknownName;
+use servotwin::run::RunName;
+use servotwin::study::{Purpose, Study};
 use servotwin_report::explain::{
     ExplainedAnswer, ExplainedVerdict, Explanation, explain, variants,
 };
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{of_unit, percent, spoken};
+use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Explain the trees' answer for one variant.
+/// Run one run of a suite again, or explain the trees' answer for a record.
 ///
-/// Shows every question with its value and its threshold.
+/// A run has the name suite#number@scenario, and the number is that of the suite's table. A flight, such as
+/// judge#17@realistic, is flown with the diagnoser in the folder, to the bit as among all others of its suite, and its
+/// outcome is printed. Of a record, such as cases#17@realistic, every question of the trees is shown with its value and its
+/// threshold.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The number of the variant in the data set, counted from 0.
-    variant: u32,
-    /// The output folder of a campaign that `servotwin train` has processed.
-    #[arg(long, value_name = "FOLDER", default_value = "out")]
-    out: PathBuf,
-    /// The data set, named by its scenario and sensors [default: realistic if it exists, else the last one of the
-    /// report].
-    #[arg(long, value_parser = Subject::ALL.map(Subject::name))]
-    subject: Option<String>,
+    /// The name of the run.
+    #[arg(value_name = "RUN")]
+    name: RunName,
+    /// The output folder of its study.
+    #[arg(value_name = "FOLDER", default_value = "out")]
+    folder: PathBuf,
+    /// Explain the answer with the extra sensor of the study.
+    #[arg(long)]
+    extra_sensor: bool,
+    /// Number of threads [default: all processors; the results do not depend on it].
+    #[arg(long, value_parser = super::threads)]
+    threads: Option<usize>,
 }
 
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let folder = Folder::new(&options.out);
+    let folder = Folder::new(&options.folder);
     let study = folder.read_study()?;
-    let subjects = job::subjects(&folder, &study)?;
-    let found = match &options.subject {
-        Some(name) => subjects.iter().find(|subject| subject.name() == name).copied(),
-        None => Subject::default_among(&subjects),
+    match study.records(Purpose::Test).name == options.name.suite {
+        true => record((&folder, &study), options, global),
+        false => flight((&folder, &study), options, global),
+    }
+}
+
+/// Flies a run and describes its outcome, with the columns of the table of outcomes.
+fn flight(
+    (folder, study): (&Folder, &Study),
+    Options { name, threads, .. }: &Options,
+    global: Global,
+) -> Result<String, Failure> {
+    stop::heed();
+    let is_full = flights::results(folder)?.is_some_and(|results| results.is_full);
+    let flown = outcomes::fly_run(folder, (study, is_full), name, workers(*threads));
+    stop::check()?;
+    let flown = flown?;
+    if global.json {
+        return Ok(json(&json!(flown)));
+    }
+    let mut text = String::new();
+    for row in &flown {
+        let _ = writeln!(text, "{name}");
+        let fields = json!(row);
+        for column in outcome::table(&[]).columns() {
+            let _ = writeln!(text, "  {}: {}", column.name, fields[&column.name]);
+        }
+    }
+    Ok(text)
+}
+
+/// Explains the trees' answer for a record.
+fn record(
+    (folder, study): (&Folder, &Study),
+    Options { name, extra_sensor, .. }: &Options,
+    global: Global,
+) -> Result<String, Failure> {
+    let subjects = job::subjects(folder, study)?;
+    let is_it = |subject: &&Subject| {
+        subject.scenario() == name.scenario && subject.extra_sensor() == *extra_sensor
     };
-    let subject = found.ok_or_else(|| {
+    let subject = *subjects.iter().find(is_it).ok_or_else(|| {
         let known = subjects.iter().map(|subject: &Subject| subject.name().into()).collect();
-        let given = options.subject.clone().unwrap_or_default();
+        let given = match extra_sensor {
+            true => Subject::ExtraSensor.name().into(),
+            false => name.scenario.name().into(),
+        };
         Failure::from(UnknownName { what: "data set", given, known })
     })?;
-    match explain(&folder, &study, subject, options.variant)? {
+    match explain(folder, study, subject, name.number as u32)? {
         Some(explanation) => Ok(match global.json {
             true => {
                 let mut explained = json!(explanation);
@@ -51,18 +101,14 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
                 json(&explained)
             }
             false => {
-                let words = people(&explanation, &Vocabulary::of(&study));
-                format!("scenario {}: {words}", subject.title(&study))
+                let words = people(&explanation, &Vocabulary::of(study));
+                format!("scenario {}: {words}", subject.title(study))
             }
         }),
         None => {
-            let last = variants(&folder, subject)?.saturating_sub(1);
+            let last = variants(folder, subject)?.saturating_sub(1);
             let range = format!("0 to {last} in this data set").into();
-            Err(Failure::OutOfRange {
-                option: "VARIANT",
-                given: options.variant.to_string(),
-                range,
-            })
+            Err(Failure::OutOfRange { option: "RUN", given: name.to_string(), range })
         }
     }
 }

@@ -1,4 +1,4 @@
-//! `servotwin cache`: compiled equations that later runs reuse.
+//! `servotwin tools cache`: compiled equations that later runs reuse.
 
 use crate::Global;
 use crate::failure::Failure;

@@ -1,4 +1,4 @@
-//! `servotwin components`: shows the catalog.
+//! `servotwin catalog`: shows the catalog.
 
 use crate::Global;
 use crate::failure::Failure;
@@ -79,7 +79,7 @@ fn list() -> String {
         grid.push(vec![spec.kind.into(), parameters, faults, spec.summary.into()]);
         kinds += 1;
     }
-    let kinds = format!("{kinds} kinds; 'servotwin components KIND' describes one");
+    let kinds = format!("{kinds} kinds; 'servotwin catalog KIND' describes one");
     format!("{}\n{kinds}\n\n{}", grid.text(), fluids(""))
 }
 

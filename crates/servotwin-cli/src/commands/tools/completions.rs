@@ -1,4 +1,4 @@
-//! `servotwin completions`: completion scripts for shells.
+//! `servotwin tools completions`: completion scripts for shells.
 
 use crate::Cli;
 use clap::CommandFactory;

@@ -25,7 +25,7 @@ pub struct FaultTreeArtefact {
     pub notes: Vec<String>,
 }
 
-/// The numbers as they are written to `faulttree.json`.
+/// The numbers as they are written to `fault-tree.json`.
 #[derive(Serialize)]
 struct Written<'a> {
     format: &'static str,
@@ -82,24 +82,24 @@ impl FaultTreeArtefact {
         create_folder(results.folder.path().join(FOLDER))?;
         let mut written = vec![];
         for end in BandEnd::ALL {
-            let path = results.artefact(&format!("faulttree{}.xml", end.suffix()));
+            let path = results.artefact(&format!("fault-tree{}.xml", end.suffix()));
             let text = exchange::document(&self.study, &self.trees, &self.hours, end);
             write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
             written.push(path);
         }
-        let path = results.artefact("faulttree.json");
+        let path = results.artefact("fault-tree.json");
         let text = self.json(&results.basis.in_words());
         write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
         written.push(path);
         for top in &self.trees.tree.tops {
             let id = &self.trees.tree.gates[top.gate].id;
-            let path = results.artefact(&format!("faulttree-{id}.svg"));
+            let path = results.artefact(&format!("fault-tree-{id}.svg"));
             let figure = drawing::draw(&self.trees, &self.hours, top.gate);
             write_atomically(&path, |out| out.write_all(figure.svg.as_bytes()))?;
             written.push(path);
         }
         for (name, table) in [("cutsets", self.cut_sets()?), ("importance", self.importance()?)] {
-            let path = results.artefact(&format!("faulttree-{name}.csv"));
+            let path = results.artefact(&format!("fault-tree-{name}.csv"));
             table::write(&path, &table)?;
             written.push(path);
         }

@@ -1,6 +1,6 @@
-//! `servotwin faulttree`: fault trees with counted probabilities.
+//! `servotwin fault-tree`: fault trees with counted probabilities, and the rate of the function.
 
-use super::{note, scenario_of};
+use super::{function_rate, note, scenario_of};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
@@ -8,7 +8,9 @@ use crate::render::json;
 use serde_json::json;
 use servotwin::job::{Among, Folder};
 use servotwin_report::words::number;
-use servotwin_safety::faulttree::FaultTreeArtefact;
+use servotwin_safety::SafetyError;
+use servotwin_safety::fault_tree::FaultTreeArtefact;
+use servotwin_safety::function_rate::FunctionRate;
 use servotwin_safety::interval::CountedValue;
 use servotwin_safety::rates;
 use servotwin_safety::results::StudyResultsFolder;
@@ -16,15 +18,20 @@ use servotwin_safety::tree::lanes::rated_faults;
 use servotwin_safety::tree::numbers::{ExposureHours, TopNumbers};
 use std::path::PathBuf;
 
-/// Write fault trees: loss of one lane, loss of both lanes, undetected degradation.
+/// Write fault trees, and compute how often the function fails with the hybrid twin and without.
+///
+/// The trees are: loss of one lane, loss of both lanes, undetected degradation. The function fails if a fault that needs a
+/// shutdown acts without one, or if no actuator is on. Without the twin, either nothing notices a fault until the next
+/// check, or two actuators are compared, which does not show the faulty one.
 ///
 /// Failure rates come from your table, and detection, wrong shutdowns and false alarms from the counts in flights.json.
-/// The command writes into the folder safety: faulttree.xml (Open-PSA, with the lower and upper ends in faulttree-low.xml
-/// and faulttree-high.xml), a figure for each top event, minimal cut sets, importance, and all numbers as
-/// faulttree.json.
+/// The command writes into the folder safety: fault-tree.xml (Open-PSA, with the lower and upper ends in
+/// fault-tree-low.xml and fault-tree-high.xml), a figure for each top event, minimal cut sets, importance, all numbers as
+/// fault-tree.json, the rates of the function as function-rate.csv, and their sensitivity to every input as
+/// function-rate-inputs.csv.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The output folder of a study with judged flights ('servotwin flights').
+    /// The output folder of a study with judged flights ('servotwin study --suite flights').
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
     /// A table of failure rates: fault, rate, unit (1/h, 1/(1e6 h) or FIT), source.
@@ -74,20 +81,32 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     };
     let hours = ExposureHours { flight_h, repair_h, check_h };
     let artefact = FaultTreeArtefact::new(&results, rates, hours)?;
+    let mut notes = artefact.notes.clone();
+    let function = match FunctionRate::new(&results, rates, hours) {
+        // The study has fault trees, but no function with a rate.
+        Err(SafetyError::Study { problem, .. }) => {
+            notes.push(problem.into());
+            None
+        }
+        function => Some(function?),
+    };
     let _hold = folder.hold(Among::Nobody)?;
-    let written = artefact.write(&results)?;
-    for text in &artefact.notes {
-        note(global, text);
+    let mut written = artefact.write(&results)?;
+    if let Some(function) = &function {
+        written.extend(function.write(&results)?);
+        notes.extend(function.notes.clone());
     }
-    let files = written.iter().map(|path| path.display().to_string());
+    notes.iter().for_each(|text| note(global, text));
+    let files: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
     Ok(match global {
         Global { json: true, .. } => {
-            json(&json!({ "top_events": artefact.tops, "files": files.collect::<Vec<_>>() }))
+            json(&json!({ "top_events": artefact.tops, "function_rate": function, "files": files }))
         }
         Global { quiet: true, .. } => String::new(),
         _ => {
             let tops: String = artefact.tops.iter().map(text_of).collect();
-            format!("{tops}{}\n", files.collect::<Vec<_>>().join("\n"))
+            let rates = function.as_ref().map_or_else(String::new, function_rate::text);
+            format!("{tops}{rates}{}\n", files.join("\n"))
         }
     })
 }

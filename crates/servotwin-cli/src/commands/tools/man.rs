@@ -1,4 +1,4 @@
-//! `servotwin man`: manual pages.
+//! `servotwin tools man`: manual pages.
 
 use crate::Cli;
 use crate::failure::Failure;

@@ -1,50 +1,27 @@
-//! `servotwin campaign`: simulates every fault of a study under every operating case
-//! into a data set.
+//! `servotwin study --suite records`: simulates every fault of a study in every operating case, and writes data sets.
 
-use super::StudyOptions;
 use super::progress::is_shown;
+use super::study::Options;
+use super::workers;
 use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, Share, runs};
 use servotwin::job::{Folder, data_card, manifest};
-use servotwin::parallel::Workers;
 use servotwin::study::{Purpose, Scenario, Study};
 use std::time::Instant;
 
-/// Simulate every fault of a study in every operating case, and write a data set.
-///
-/// An interrupted campaign continues where it stopped. It keeps the complete parts, and the result is the same to the
-/// byte.
-#[derive(clap::Args)]
-pub(crate) struct Options {
-    #[command(flatten)]
-    study: StudyOptions,
-    /// Run only this scenario: perfect sensors and a plant that equals the twin (ideal), sensors with noise and
-    /// quantization (noise), these sensors and specimens with tolerances (realistic), or such specimens with twins
-    /// fitted to them (fitted) [default: all but fitted].
-    #[arg(long, value_parser = Scenario::ALL.map(Scenario::name))]
-    scenario: Option<String>,
-    /// Also write the time series of every variant (gigabytes).
-    #[arg(long)]
-    keep_traces: bool,
-    /// Simulate only one share of the campaign, e.g. 3/100 for the third of 100 shares. Use this for machines that have
-    /// the folder in common, or whose 'parts' folders you copy together. No data set is written; run 'servotwin merge'
-    /// when all shares have ended.
-    #[arg(long, conflicts_with = "keep_traces")]
-    share: Option<Share>,
-}
-
 /// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read(global)?;
+pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> {
+    let Options { study: place, share, .. } = options;
+    let study = place.read(global)?;
     stop::heed();
     let runs = chosen(&study, options.scenario.as_deref())?;
-    let folder = Folder::new(&options.study.out);
-    let _hold = match options.share {
+    let folder = Folder::new(&place.folder());
+    let _hold = match share {
         Some(_) => folder.join_study(&study)?,
-        None => options.study.keep(&study, global)?,
+        None => place.keep(&study, global)?,
     };
     let mut text = String::new();
     let mut results = Vec::new();
@@ -52,15 +29,17 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     for (purpose, scenarios) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
+            scenarios: scenarios.clone(),
             keep_traces: options.keep_traces,
-            ..campaign(&study, purpose, scenarios, &folder, options.study.threads)
+            workers: workers(place.threads),
+            ..Campaign::stored(folder.path(), &study, scenarios[0], purpose)
         };
-        let outcome = simulate(&campaign, options.share.map(|share| (share, &mut parts)), global)?;
+        let outcome = simulate(&campaign, share.map(|share| (share, &mut parts)), global)?;
         let seconds = begin.elapsed().as_secs_f64();
         text.push_str(&describe(&campaign, &outcome, seconds));
         results.push(to_json(&campaign, &outcome));
     }
-    if options.share.is_none() {
+    if share.is_none() {
         data_card::write(&folder, &study)?;
         manifest::write(&folder, &study)?;
     }
@@ -72,7 +51,7 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
 }
 
 /// The campaigns of a study in a named scenario, or in the usual ones.
-pub(crate) fn chosen(
+fn chosen(
     study: &Study,
     scenario: Option<&str>,
 ) -> Result<Vec<(Purpose, Vec<Scenario>)>, CampaignError> {
@@ -88,24 +67,9 @@ pub(crate) fn chosen(
     }
 }
 
-/// A campaign that Ctrl-C can stop.
-pub(crate) fn campaign<'s>(
-    study: &'s Study,
-    purpose: Purpose,
-    scenarios: Vec<Scenario>,
-    folder: &Folder,
-    threads: Option<usize>,
-) -> Campaign<'s> {
-    Campaign {
-        scenarios: scenarios.clone(),
-        workers: threads.map_or_else(Workers::all, Workers::new).stopped_by(stop::flag()),
-        ..Campaign::stored(folder.path(), study, scenarios[0], purpose)
-    }
-}
-
 /// Runs a campaign or a share of it, with its progress on a terminal. A share comes with the number of parts in earlier
 /// campaigns.
-pub(crate) fn simulate(
+fn simulate(
     campaign: &Campaign,
     share: Option<(Share, &mut usize)>,
     global: Global,
@@ -130,7 +94,7 @@ pub(crate) fn simulate(
 }
 
 /// The progress bar of a campaign, in rows.
-pub(crate) fn bar(name: &str, global: Global) -> ProgressBar {
+pub(super) fn bar(name: &str, global: Global) -> ProgressBar {
     if !is_shown(global) {
         return ProgressBar::hidden();
     }
@@ -141,14 +105,14 @@ pub(crate) fn bar(name: &str, global: Global) -> ProgressBar {
 }
 
 /// Describes a campaign by its scenarios and its purpose.
-pub(crate) fn named(scenarios: &[Scenario], purpose: Purpose) -> String {
+pub(super) fn named(scenarios: &[Scenario], purpose: Purpose) -> String {
     let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
     let training = if purpose == Purpose::Train { ", training commands" } else { "" };
     format!("{}{training}", names.join(" and "))
 }
 
 /// Describes the outcome of a campaign for readers.
-pub(crate) fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) -> String {
+pub(super) fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) -> String {
     let ran = outcome.variants - outcome.resumed;
     let mut text = format!(
         "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",

@@ -1,4 +1,4 @@
-//! `servotwin schema`: writes the JSON Schema of a file format, for editors.
+//! `servotwin tools schema`: writes the JSON Schema of a file format, for editors.
 
 use crate::render::json;
 use servotwin::schema;
