@@ -211,7 +211,7 @@ fn a_report_names_the_scenarios_that_are_still_to_come() {
             .split_once("Not in this report yet: ")
             .unwrap()
             .1
-            .split('<')
+            .split(". ")
             .next()
             .unwrap()
             .to_owned()
