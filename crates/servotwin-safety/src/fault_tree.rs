@@ -2,6 +2,7 @@
 //! flight hour.
 
 use crate::error::SafetyError;
+use crate::ground_test::GroundTest;
 use crate::interval::CountedValue;
 use crate::rates::FailureRates;
 use crate::results::{FOLDER, StudyResultsFolder};
@@ -61,7 +62,8 @@ impl FaultTreeArtefact {
         let study = &results.study;
         let rates = FailureRates::read(rates, &rated_faults(study))?;
         let metrics = results.flown_or_missing()?;
-        let trees = lane_trees(study, metrics, &rates)?;
+        let test = hours.test_h.map(|_| GroundTest::read(results)).transpose()?;
+        let trees = lane_trees(study, metrics, &rates, test.as_ref())?;
         let mut notes = trees.notes.clone();
         let listed = rated_faults(study).len();
         let all = study.system.all_faults().len();

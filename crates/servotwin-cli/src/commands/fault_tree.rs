@@ -49,6 +49,10 @@ pub(crate) struct Options {
     /// Between two checks that find every hidden fault, h.
     #[arg(long, value_name = "HOURS", required_unless_present = "template")]
     check_hours: Option<f64>,
+    /// Between two tests on the ground, h. They find some of the faults that stay hidden in flight, as counted in
+    /// FOLDER/ground_test ('servotwin test') [default: there are no tests].
+    #[arg(long, value_name = "HOURS")]
+    test_hours: Option<f64>,
     /// The scenario whose flights are counted: noise or realistic [default: the most realistic one].
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<String>,
@@ -79,7 +83,7 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
             "--rates, --flight-hours, --repair-hours and --check-hours are needed",
         ));
     };
-    let hours = ExposureHours { flight_h, repair_h, check_h };
+    let hours = ExposureHours { flight_h, repair_h, check_h, test_h: options.test_hours };
     let artefact = FaultTreeArtefact::new(&results, rates, hours)?;
     let mut notes = artefact.notes.clone();
     let function = match FunctionRate::new(&results, rates, hours) {

@@ -3,7 +3,7 @@
 
 use super::fly_cost::FlightCosts;
 use super::fly_truth::{FlightVerdict, Truth};
-use super::simulate::fault;
+use super::simulate::{fault, onset};
 use super::workers;
 use super::{StudyOptions, note};
 use crate::failure::Failure;
@@ -39,14 +39,11 @@ use std::sync::Arc;
 pub(crate) struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// A fault with its intensity from 0 to 1, or 'none'. Repeat the option for several faults [default: a bias of the
-    /// stroke sensor, or the study's first fault, with intensity 0.7].
-    #[arg(long, value_name = "FAULT=INTENSITY")]
+    /// A fault with its intensity from 0 to 1, or 'none'. With @TIME, e.g. =0.3@12s, it begins then, and else after three
+    /// tenths of the flight. Repeat the option for several faults [default: a bias of the stroke sensor, or the study's
+    /// first fault, with intensity 0.7].
+    #[arg(long, value_name = "ID=INTENSITY[@TIME]")]
     fault: Vec<String>,
-    /// The onset of the fault. For several faults, repeat the option in the same order; the last onset applies to all
-    /// remaining faults.
-    #[arg(long, value_name = "TIME", default_value = "6s")]
-    at: Vec<String>,
     /// Duration of the flight.
     #[arg(long, value_name = "TIME", default_value = "20s")]
     duration: String,
@@ -85,22 +82,23 @@ struct Begins {
     fault: FaultAt,
 }
 
+/// When a fault begins whose onset is not named, as a part of the flight.
+const USUAL_ONSET: f64 = 0.3;
+
 /// The faults of a flight in the order of their onsets.
-fn faults(options: &Options, study: &Study) -> Result<Vec<Begins>, Failure> {
+fn faults(options: &Options, study: &Study, duration_s: f64) -> Result<Vec<Begins>, Failure> {
     let named = match options.fault.as_slice() {
         [] => vec![usual_fault(study)],
         [none] if none == "none" => vec![],
         named => named.to_vec(),
     };
-    if options.at.len() > named.len().max(1) {
-        return Err(Failure::Options("--at is given more often than --fault"));
-    }
-    let begins = |(place, name): (usize, String)| -> Result<Begins, Failure> {
-        let at = &options.at[place.min(options.at.len() - 1)];
-        let fault = fault(&study.system, &name)?;
-        Ok(Begins { onset_s: seconds("--at", at)?, fault, name })
+    let begins = |text: &String| -> Result<Begins, Failure> {
+        let (name, onset_s) = onset(text, duration_s)?;
+        let fault = fault(&study.system, name)?;
+        let onset_s = onset_s.unwrap_or(USUAL_ONSET * duration_s);
+        Ok(Begins { onset_s, fault, name: name.into() })
     };
-    let mut faults = named.into_iter().enumerate().map(begins).collect::<Result<Vec<_>, _>>()?;
+    let mut faults = named.iter().map(begins).collect::<Result<Vec<_>, _>>()?;
     faults.sort_by(|a, b| a.onset_s.total_cmp(&b.onset_s));
     Ok(faults)
 }
@@ -132,11 +130,8 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
             .map_err(|error| Failure::Signal { option: "--command".into(), error })?,
         None => study.cases[0].inputs[study.command_input].clone(),
     };
-    let begins = faults(options, &study)?;
-    let onset_s = match begins.first() {
-        Some(first) => first.onset_s,
-        None => seconds("--at", &options.at[0])?,
-    };
+    let begins = faults(options, &study, duration_s)?;
+    let onset_s = begins.first().map_or(USUAL_ONSET * duration_s, |first| first.onset_s);
     let diagnoser = diagnoser(&options.study, &folder, &study, scenario, global)?;
     let kept = TrackedQuantities::of(&study);
     let fly = |reacts: bool| {

@@ -19,7 +19,7 @@ pub(crate) struct Options {
     like: Option<Like>,
     /// The folder for both files.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
-    folder: PathBuf,
+    out: PathBuf,
 }
 
 fn likes() -> impl TypedValueParser<Value = Like> {
@@ -41,8 +41,8 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     let like = options.like.unwrap_or_else(|| Like::of_name(&options.name));
     let template = Template::new(&options.name, like)
         .ok_or(Failure::Options("a system's name has small letters, digits and '_'"))?;
-    let system = options.folder.join(template.system_name());
-    let study = options.folder.join(template.study_name());
+    let system = options.out.join(template.system_name());
+    let study = options.out.join(template.study_name());
     for path in [&system, &study] {
         if path.exists() {
             return Err(Failure::Exists(path.clone()));

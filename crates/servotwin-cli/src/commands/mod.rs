@@ -198,7 +198,7 @@ fn read_table(path: &Path, global: Global) -> Result<Table, Failure> {
 }
 
 /// The part of a log that a command reads.
-#[derive(clap::Args)]
+#[derive(clap::Args, Clone)]
 pub(crate) struct SpanOptions {
     /// Read the log from this time on: seconds after its first sample (12.5, 2min), or a date (2026-11-21T08:15:02).
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
@@ -209,6 +209,11 @@ pub(crate) struct SpanOptions {
 }
 
 impl SpanOptions {
+    /// Whether the whole log is read.
+    fn is_whole(&self) -> bool {
+        self.from.is_none() && self.to.is_none()
+    }
+
     /// Reads both times.
     pub(crate) fn read(&self) -> Result<LogSpan, Failure> {
         let span = LogSpan::parse(self.from.as_deref(), self.to.as_deref());

@@ -242,7 +242,7 @@ fn intensity(text: &str) -> Result<(String, f64), Failure> {
 }
 
 /// Splits `name=intensity@time` into `name=intensity` and the time, s.
-fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
+pub(crate) fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
     let Some((fault, at)) = text.rsplit_once('@') else { return Ok((text, None)) };
     let at_s = WrittenQuantity::in_unit(at, Unit::Second)
         .map_err(|error| Failure::Number { option: "--fault", error })?;

@@ -39,9 +39,8 @@ fn components_are_listed_described_and_found() {
 #[test]
 fn a_template_says_what_it_is_and_what_else_there_is() {
     let folder = Folder::new("like");
-    let init = |name: &str| {
-        stdout(&servotwin(&["init", name, "--folder", &folder.0.display().to_string()]))
-    };
+    let init =
+        |name: &str| stdout(&servotwin(&["init", name, "--out", &folder.0.display().to_string()]));
     let servo = "both are of a servo actuator against a spring; --like aileron_dual writes two servo actuators on one load \
                  instead; --like press_axis writes the axis of a press instead";
     assert!(init("presse").contains(servo));
@@ -66,7 +65,7 @@ fn a_state_at_rest_has_no_digits_of_noise() {
 fn a_template_is_checked_simulated_and_studied() {
     let folder = Folder::new("init");
     let place = folder.0.display().to_string();
-    let made = json(&["init", "axis", "--folder", &place, "--json"]);
+    let made = json(&["init", "axis", "--out", &place, "--json"]);
     let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
     for file in [system, study] {
         let checked = servotwin(&["check", file]);
@@ -75,7 +74,7 @@ fn a_template_is_checked_simulated_and_studied() {
     let run = json(&[&["simulate", system], &STEP[..]].concat());
     assert_eq!(run["system"], "axis");
     // Nothing of the user's is overwritten.
-    let again = servotwin(&["init", "axis", "--folder", &place]);
+    let again = servotwin(&["init", "axis", "--out", &place]);
     assert_eq!(again.status.code(), Some(2));
     assert!(stderr(&again).contains("axis.toml is there already"), "{}", stderr(&again));
     assert_eq!(servotwin(&["init", "My Press"]).status.code(), Some(2));
@@ -473,7 +472,7 @@ fn a_run_that_does_not_begin_at_rest_says_so() {
     // A loop that is sampled too slowly for its gain swings for ever.
     let folder = Folder::new("on-the-move");
     let place = folder.0.display().to_string();
-    json(&["init", "sampled", "--folder", &place, "--json"]);
+    json(&["init", "sampled", "--out", &place, "--json"]);
     let path = folder.file("sampled.toml");
     let text = std::fs::read_to_string(&path).unwrap();
     let sampled = "kind = \"sampled_position_controller\"\nperiod_s = 0.05";
@@ -591,7 +590,7 @@ fn a_press_begins_as_a_press() {
     let folder = Folder::new("init-press");
     let place = folder.0.display().to_string();
     for (name, more) in [("press", &[][..]), ("mine", &["--like", "press_axis"])] {
-        let made = json(&[&["init", name, "--folder", &place, "--json"], more].concat());
+        let made = json(&[&["init", name, "--out", &place, "--json"], more].concat());
         let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
         let checked = json(&["check", study, "--json"]);
         assert_eq!((&checked["system"], &checked["name"]), (&name.into(), &name.into()));
@@ -603,7 +602,7 @@ fn a_press_begins_as_a_press() {
             "{text}"
         );
     }
-    let told = stdout(&servotwin(&["init", "my_press", "--folder", &place]));
+    let told = stdout(&servotwin(&["init", "my_press", "--out", &place]));
     assert!(told.contains("my_press.toml --command step:size=50mm"), "{told}");
     let run = json(&[
         "simulate",
@@ -624,7 +623,7 @@ fn a_press_begins_as_a_press() {
 fn two_actuators_begin_as_an_assembly() {
     let folder = Folder::new("init-dual");
     let place = folder.0.display().to_string();
-    let made = json(&["init", "twins", "--like", "aileron_dual", "--folder", &place, "--json"]);
+    let made = json(&["init", "twins", "--like", "aileron_dual", "--out", &place, "--json"]);
     let (system, study) = (made["system"].as_str().unwrap(), made["study"].as_str().unwrap());
     let checked = json(&["check", study, "--json"]);
     assert_eq!((&checked["system"], &checked["name"]), (&"twins".into(), &"twins".into()));

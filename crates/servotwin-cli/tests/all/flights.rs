@@ -71,10 +71,10 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     assert!(fly.status.success(), "{}", stderr(&fly));
     assert!(stdout(&fly).contains("nothing had to be done"), "{}", stdout(&fly));
     assert!(stdout(&fly).contains("truth: no fault; right: no action was raised"));
-    let fault = "actuator_1.servo_valve.bias_positive=0.7";
+    let fault = "actuator_1.servo_valve.bias_positive=0.7@2s";
     let command = "noise:rms=3deg,bandwidth=0.6Hz,seed=77";
     let fly = ["fly", &study, "--out", &out, "--fault", fault, "--command", command];
-    let output = servotwin(&[&fly[..], &["--at", "2s", "--duration", "5s", "--json"]].concat());
+    let output = servotwin(&[&fly[..], &["--duration", "5s", "--json"]].concat());
     let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
     assert_eq!(flown["actions"][0]["command"], "shut_down", "{flown}");
@@ -90,19 +90,20 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     for mark in ["onset 2.00 s", "detection ", "reaction "] {
         assert!(drawn.contains(&format!(">{mark}")), "{mark}");
     }
-    let text = stdout(&servotwin(&[&fly[..], &["--at", "2s", "--duration", "5s"]].concat()));
+    let text = stdout(&servotwin(&[&fly[..], &["--duration", "5s"]].concat()));
     assert!(text.contains("actuator right, action right (shut down), component "), "{text}");
     assert!(read("flight/flight-alone.csv").starts_with("time_s"));
 
-    let two = ["--fault", "actuator_2.sensor_pressure_a.bias_positive=0.5", "--fault", fault];
-    let fly = ["fly", &study, "--out", &out, "--duration", "4s", "--at", "3s", "--at", "2s"];
+    let two = ["--fault", "actuator_2.sensor_pressure_a.bias_positive=0.5@3s", "--fault", fault];
+    let fly = ["fly", &study, "--out", &out, "--duration", "4s"];
     let output = servotwin(&[&fly[..], &two[..]].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     let titles = ["bias positive, intensity 0.7, at 2 s; ", "intensity 0.5, at 3 s"];
     assert!(titles.iter().all(|title| read("flight/flight.svg").contains(title)));
-    let output = servotwin(&[&fly[..], &two[..2]].concat());
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr(&output).contains("--at is given more often than --fault"));
+    let late =
+        servotwin(&[&fly[..], &["--fault", "actuator_1.servo_valve.gain_low=1@4s"]].concat());
+    assert_eq!(late.status.code(), Some(2));
+    assert!(stderr(&late).contains("within the run, from 0 to 4 s"), "{}", stderr(&late));
 }
 
 #[test]

@@ -110,9 +110,9 @@ fn whole_way(units: usize) {
     let together = words.lines().find_map(|line| line.strip_prefix("together: ")).unwrap();
     assert_eq!(together.starts_with("lane"), units > 1, "{together}");
     for fault in ["servo_valve.bias_positive", "sensor_ram.bias_positive"] {
-        let fault = format!("{last}.{fault}=1");
+        let fault = format!("{last}.{fault}=1@2s");
         let command = "noise:rms=3deg,bandwidth=0.8Hz,seed=7";
-        let fly = ["fly", study, "--out", out, "--at", "2s", "--duration", "5s", "--json"];
+        let fly = ["fly", study, "--out", out, "--duration", "5s", "--json"];
         let flown = json(&[&fly[..], &["--fault", &fault, "--command", command]].concat());
         assert_eq!(flown["actions"][0]["unit"], last, "{flown}");
         let fight = &flown["without"]["rms_force_fight_n"];
@@ -237,7 +237,7 @@ fn one_unit_without_a_name_is_healthy_or_faulty() {
 fn one_unit_without_a_name_is_flown_and_watched() {
     let folder = Folder::new("nameless-flown");
     let out = &folder.file("out");
-    let fly = ["fly", "press_axis", "--out", out, "--fault", "valve.gain_low=0.8", "--at", "2s"];
+    let fly = ["fly", "press_axis", "--out", out, "--fault", "valve.gain_low=0.8@2s"];
     let fly = [&fly[..], &["--duration", "6s"]].concat();
     let text = run(&fly);
     assert!(text.contains("carried out: stop, ") && text.contains("  stop / valve"), "{text}");
@@ -268,8 +268,8 @@ fn how_many_units_stay_on_is_said_by_the_study() {
     let [study, out] = &lanes(&folder, 1, |text| keep(text, 1));
     let told = run(&["study", study, "--suite", "flights", "--out", out]);
     assert!(!told.contains("wrong lane") && !told.contains("actuator"), "{told}");
-    let fly = ["fly", study, "--out", out, "--at", "2s", "--duration", "5s", "--fault"];
-    let flown = run(&[&fly[..], &["lane_1.servo_valve.bias_positive=1"]].concat());
+    let fly = ["fly", study, "--out", out, "--duration", "5s", "--fault"];
+    let flown = run(&[&fly[..], &["lane_1.servo_valve.bias_positive=1@2s"]].concat());
     assert!(flown.contains("nothing had to be done"), "{flown}");
     let [study, _] = &lanes(&folder, 1, |text| keep(text, 2));
     let told = servotwin(&["check", study]);

@@ -32,6 +32,8 @@ pub struct LaneOnsets {
     pub reported: f64,
     /// Faults that need a shutdown; nothing is reported.
     pub hidden: f64,
+    /// The part of these that a test on the ground passes.
+    pub passed: f64,
     /// Shutdowns without need.
     pub needless: f64,
 }
@@ -80,13 +82,24 @@ pub struct FlightModel {
     pub repair_h: f64,
     /// Between two checks that find every hidden fault, h.
     pub check_h: f64,
+    /// Between two tests on the ground, h; `None` without tests.
+    pub test_h: Option<f64>,
 }
 
 impl FlightModel {
     /// How often the function fails, as a mean over flights that begin at any time since the last check.
     pub fn function_failure(&self) -> FunctionFailure {
-        let hidden: f64 = self.lanes.iter().map(|lane| lane.hidden).sum();
-        let before = mean_share(hidden * (self.check_h - self.flight_h));
+        let sum = |of: fn(&LaneOnsets) -> f64| self.lanes.iter().map(of).sum::<f64>();
+        let share = |rate: f64, hours: f64| mean_share(rate * (hours - self.flight_h));
+        let before = match self.test_h {
+            None => share(sum(|lane| lane.hidden), self.check_h),
+            // What the test passes stays until the check, and the rest until the next test.
+            Some(test_h) => {
+                let passed = share(sum(|lane| lane.passed), self.check_h);
+                let found = share(sum(|lane| lane.hidden - lane.passed), test_h);
+                passed + (1.0 - passed) * found
+            }
+        };
         let now = self.flight();
         let either = |now: f64| before + (1.0 - before) * now;
         FunctionFailure {

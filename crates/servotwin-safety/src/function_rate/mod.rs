@@ -19,6 +19,7 @@ pub mod flight;
 
 use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
 use crate::error::SafetyError;
+use crate::ground_test::{GroundTest, PassedFaults};
 use crate::interval::{CountedValue, clopper_pearson};
 use crate::rates::{FailureRates, RatedFault};
 use crate::results::{FOLDER, StudyResultsFolder};
@@ -126,7 +127,10 @@ impl FunctionRate {
         let rates = FailureRates::read(rates, &rated_faults(study))?;
         check_rates(&rated_faults(study), &rates)?;
         let metrics = results.flown_or_missing()?;
-        let model = |metrics, intensities| FunctionModel::new(study, metrics, &rates, intensities);
+        let test = hours.test_h.map(|_| GroundTest::read(results)).transpose()?;
+        let model = |metrics, intensities| {
+            FunctionModel::new(study, (metrics, test.as_ref()), &rates, intensities)
+        };
         let whole = model(metrics, FaultIntensities::All);
         let mut conditions = vec![whole.condition("all intensities".into(), &exposure, 1.0)];
         for (words, intensities) in [
@@ -235,6 +239,8 @@ struct AnswerInputs {
     needs_shutdown: bool,
     missed: usize,
     hidden: usize,
+    /// Of the hidden ones, those that a test on the ground passes.
+    passed: Option<usize>,
     invisible: usize,
     other_action: usize,
     wrong_shutdown: usize,
@@ -254,31 +260,40 @@ struct FunctionModel {
 impl FunctionModel {
     fn new(
         study: &Study,
-        metrics: &FlightMetrics,
+        (metrics, test): (&FlightMetrics, Option<&GroundTest>),
         rates: &FailureRates,
         intensities: FaultIntensities,
     ) -> Self {
         let actions = study.commands();
         // Bonferroni, as in the fault trees.
-        let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + 5 * actions.len()) as f64;
+        let of_action = 5 + usize::from(test.is_some());
+        let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + of_action * actions.len()) as f64;
         let mut inputs: Vec<TreeParameter> = vec![];
         let mut answers = vec![];
         for action in &actions {
             let counts = ActionCounts::of(metrics, action, intensities);
-            let mut share = |what: &str, count: u64| {
-                let evidence = format!(
-                    "{count} of {} flights, flights.json, scenario {}",
-                    counts.flown,
-                    metrics.title()
-                );
-                let value = clopper_pearson(count, counts.flown, confidence);
+            let mut input = |what: &str, [count, of]: [u64; 2], evidence: String| {
+                let value = clopper_pearson(count, of, confidence);
                 inputs.push(TreeParameter { id: format!("{what}: {action}"), value, evidence });
                 inputs.len() - 1
+            };
+            let passed = test.map(|test| test.of(action, intensities)).map(|counts| {
+                let PassedFaults { tested, passed } = counts;
+                let evidence =
+                    format!("{passed} of {tested} tests, outcomes-judge-*.parquet of both");
+                input("passed by the test on the ground", [passed, tested], evidence)
+            });
+            let mut share = |what: &str, count: u64| {
+                let (of, scenario) = (counts.flown, metrics.title());
+                let evidence =
+                    format!("{count} of {of} flights, flights.json, scenario {scenario}");
+                input(what, [count, of], evidence)
             };
             answers.push(AnswerInputs {
                 needs_shutdown: study.reactions.switches_off(action),
                 missed: share("missed", counts.missed),
                 hidden: share("missed and nothing reported", counts.hidden),
+                passed,
                 invisible: share("not visible", counts.invisible),
                 other_action: share("another action", counts.other_action),
                 wrong_shutdown: share("wrong shutdown", counts.wrong_shutdown),
@@ -343,6 +358,7 @@ impl FunctionModel {
                         own.contained += rate * (1.0 - missed);
                         own.reported += rate * (missed - hidden);
                         own.hidden += rate * hidden;
+                        own.passed += rate * hidden * answers.passed.map_or(1.0, share);
                     }
                     (Monitoring::Twin, false) => {
                         own.needless += rate * share(answers.other_action);
@@ -378,9 +394,11 @@ impl FunctionModel {
         values: &[f64],
         hours: &ExposureHours,
     ) -> FunctionFailure {
-        let ExposureHours { flight_h, repair_h, check_h } = *hours;
+        let ExposureHours { flight_h, repair_h, check_h, test_h } = *hours;
         let (lanes, keeps_last) = (self.onsets(monitoring, values), self.keeps_last);
-        FlightModel { lanes, keeps_last, flight_h, repair_h, check_h }.function_failure()
+        // The test on the ground is one of the twin.
+        let test_h = test_h.filter(|_| monitoring == Monitoring::Twin);
+        FlightModel { lanes, keeps_last, flight_h, repair_h, check_h, test_h }.function_failure()
     }
 
     /// The rates of all kinds of monitoring; `wear` multiplies the failure rates.
@@ -429,7 +447,7 @@ impl FunctionModel {
             found.push(sensitivity(&input.id, input.value, &input.evidence, &with));
         }
         type Change = fn(ExposureHours, f64) -> ExposureHours;
-        let exposures: [(&str, f64, Change); 3] = [
+        let mut exposures: Vec<(&str, f64, Change)> = vec![
             ("flight, h", hours.flight_h, |own, flight_h| ExposureHours { flight_h, ..own }),
             ("repair interval, h", hours.repair_h, |own, repair_h| ExposureHours {
                 repair_h,
@@ -437,12 +455,17 @@ impl FunctionModel {
             }),
             ("check interval, h", hours.check_h, |own, check_h| ExposureHours { check_h, ..own }),
         ];
+        if let Some(test_h) = hours.test_h {
+            let change: Change = |own, test_h| ExposureHours { test_h: Some(test_h), ..own };
+            exposures.push(("test interval, h", test_h, change));
+        }
         for (name, value, change) in exposures {
             let with = |value: f64| {
                 let own = change(*hours, value);
                 // A check comes at the end of a flight at the soonest.
                 let check_h = own.check_h.max(own.flight_h);
-                rate(&points, &ExposureHours { check_h, ..own })
+                let test_h = own.test_h.map(|test_h| test_h.clamp(own.flight_h, check_h));
+                rate(&points, &ExposureHours { check_h, test_h, ..own })
             };
             let value = CountedValue { point: value, low: value, high: value };
             found.push(sensitivity(name, value, "given", &with));

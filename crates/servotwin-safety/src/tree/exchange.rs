@@ -6,7 +6,7 @@
 
 use super::lanes::LaneTrees;
 use super::numbers::{BandEnd, ExposureHours};
-use super::structure::{BasicEvent, EventLaw, Exposure, GateKind, TreeGate, TreeInput};
+use super::structure::{BasicEvent, EventLaw, GateKind, TreeGate, TreeInput};
 use servotwin::text::escaped;
 use std::fmt::Write;
 
@@ -128,11 +128,7 @@ fn write_event(out: &mut String, trees: &LaneTrees, event: &BasicEvent, hours: &
             writeln!(out, "      <parameter name=\"{}\"/>", trees.constants[place].id)
         }
         EventLaw::Exponential(place, exposure) => {
-            let hours = match exposure {
-                Exposure::Flight => hours.flight_h,
-                Exposure::Repair => hours.repair_h,
-                Exposure::Check => hours.check_h,
-            };
+            let hours = hours.of(exposure);
             writeln!(
                 out,
                 "      <exponential><parameter name=\"{}\"/><float value=\"{hours:e}\"/></exponential>",

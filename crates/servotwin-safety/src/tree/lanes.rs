@@ -5,6 +5,8 @@
 //! | a fault begins in this flight | 1 − exp(−λ · flight) |
 //! | a fault is known and waits for its repair | 1 − exp(−λ · repair interval) |
 //! | a fault is hidden since the last check | 1 − exp(−λ · check interval) |
+//! | a fault is hidden since the last test on the ground | 1 − exp(−λ · test interval) |
+//! | the test on the ground passes a hidden fault | counted share of tests |
 //! | a fault is missed: the right action is not the first one | counted share of flights |
 //! | another action is raised, which may be a shutdown | counted share of flights |
 //! | a fault shuts another lane down | counted share of flights |
@@ -24,6 +26,7 @@
 use super::structure::{EventLaw, Exposure, FaultTree, GateKind, TopEvent, TreeInput};
 use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
 use crate::error::SafetyError;
+use crate::ground_test::{GroundTest, PassedFaults};
 use crate::interval::{CountedValue, clopper_pearson};
 use crate::rates::{FailureRates, RatedFault};
 use servotwin::flight::judge::FlightMetrics;
@@ -63,6 +66,8 @@ struct FaultEvents {
     begins: TreeInput,
     waits: TreeInput,
     hidden: TreeInput,
+    /// Hidden since the last test on the ground, where there are tests.
+    hidden_since_test: Option<TreeInput>,
 }
 
 /// The answers of the diagnosis to faults of one lane that need one action. Flights are counted by action, so all of its
@@ -71,6 +76,8 @@ struct AnswerEvents {
     lane: usize,
     needs_shutdown: bool,
     missed: TreeInput,
+    /// The test on the ground passes a hidden fault.
+    passed: Option<TreeInput>,
     /// For an action that is no shutdown: another one is raised, perhaps a shutdown.
     other_action: Option<TreeInput>,
     /// For every other lane: the lane, and the event that it is shut down.
@@ -82,6 +89,7 @@ struct AnswerEvents {
 struct AnswerConstants {
     needs_shutdown: bool,
     missed: usize,
+    passed: Option<usize>,
     other_action: Option<usize>,
     wrong_shutdown: Option<usize>,
 }
@@ -105,7 +113,7 @@ pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
     list
 }
 
-/// Builds the trees of a study from counted flights and the user's rates.
+/// Builds the trees of a study from counted flights, the user's rates, and tests on the ground if there are any.
 ///
 /// # Errors
 /// The study has no action that switches an actuator off; a fault has no rate.
@@ -113,6 +121,7 @@ pub fn lane_trees(
     study: &Study,
     metrics: &FlightMetrics,
     rates: &FailureRates,
+    test: Option<&GroundTest>,
 ) -> Result<LaneTrees, SafetyError> {
     if study.shutdowns().is_empty() {
         let problem = "no action switches an actuator off, so no lane can be lost by command; declare one with \
@@ -122,7 +131,7 @@ pub fn lane_trees(
     check_rates(&rated_faults(study), rates)?;
     let trees =
         LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
-    let mut growing = TreeGrower { study, metrics, rates, trees, confidence: 0.0 };
+    let mut growing = TreeGrower { study, metrics, rates, test, trees, confidence: 0.0 };
     growing.grow();
     Ok(growing.trees)
 }
@@ -131,6 +140,7 @@ struct TreeGrower<'g> {
     study: &'g Study,
     metrics: &'g FlightMetrics,
     rates: &'g FailureRates,
+    test: Option<&'g GroundTest>,
     trees: LaneTrees,
     /// The confidence of each interval.
     confidence: f64,
@@ -170,7 +180,8 @@ pub(super) fn identifier(name: &str) -> String {
 impl TreeGrower<'_> {
     fn grow(&mut self) {
         let actions = self.study.commands();
-        let counted = 1 + actions.len() * if self.lanes() > 1 { 3 } else { 2 };
+        let of_action = 2 + usize::from(self.lanes() > 1) + usize::from(self.test.is_some());
+        let counted = 1 + actions.len() * of_action;
         // Bonferroni: all intervals together hold with the joint confidence.
         self.confidence = 1.0 - (1.0 - CONFIDENCE) / counted as f64;
         let constants: Vec<AnswerConstants> =
@@ -232,7 +243,25 @@ impl TreeGrower<'_> {
             let (count, of) = (counts.wrong_shutdown, counts.flown);
             self.constant(format!("wrong_shutdown-{id}"), count, of, &what)
         });
-        AnswerConstants { needs_shutdown, missed, other_action, wrong_shutdown }
+        let passed = self.test.map(|test| test.of(name, FaultIntensities::All));
+        let passed = passed.map(|counts| self.passed(name, counts));
+        AnswerConstants { needs_shutdown, missed, passed, other_action, wrong_shutdown }
+    }
+
+    /// The constant of the tests on the ground that pass a hidden fault.
+    fn passed(&mut self, name: &str, PassedFaults { tested, passed }: PassedFaults) -> usize {
+        let value = clopper_pearson(passed, tested, self.confidence);
+        let evidence = match tested {
+            0 => "no hidden fault was tested on the ground, so nothing is known".into(),
+            _ => format!(
+                "the test on the ground passes {passed} of {tested} faults that need '{}' and were hidden in flight, \
+                 outcomes-judge-*.parquet of both",
+                spoken(name)
+            ),
+        };
+        let id = format!("passed-{}", identifier(name));
+        self.trees.constants.push(TreeParameter { id, value, evidence });
+        self.trees.constants.len() - 1
     }
 
     /// The answers to the faults of a lane that need an action.
@@ -246,6 +275,9 @@ impl TreeGrower<'_> {
             tree.event(format!("{id}-{what}"), words, EventLaw::Constant(constant))
         };
         let missed = event("missed".into(), format!("{fault} is missed"), constants.missed);
+        let passed = constants.passed.map(|constant| {
+            event("passed".into(), format!("the test on the ground passes {fault}"), constant)
+        });
         let other_action = constants.other_action.map(|constant| {
             let words = format!("{fault} raises another action, perhaps a shutdown");
             event("other_action".into(), words, constant)
@@ -259,12 +291,12 @@ impl TreeGrower<'_> {
             others.map(one).collect()
         });
         let needs_shutdown = constants.needs_shutdown;
-        AnswerEvents { lane, needs_shutdown, missed, other_action, wrong_shutdowns }
+        AnswerEvents { lane, needs_shutdown, missed, passed, other_action, wrong_shutdowns }
     }
 
     /// The events of every fault of a lane that needs an action.
     fn faults(&mut self, lane: usize, action: &str) -> Vec<FaultEvents> {
-        let study = self.study;
+        let (study, is_tested) = (self.study, self.test.is_some());
         let mut found: Vec<FaultEvents> = vec![];
         let mut last = None;
         for fault in study.faults.iter().filter(|fault| fault.unit == lane) {
@@ -291,6 +323,10 @@ impl TreeGrower<'_> {
                 begins: failure("begins", "begins in this flight", Exposure::Flight),
                 waits: failure("waits", "waits for its repair", Exposure::Repair),
                 hidden: failure("hidden", "is there since the last check", Exposure::Check),
+                hidden_since_test: is_tested.then(|| {
+                    let how = "is there since the last test on the ground";
+                    failure("hidden_since_test", how, Exposure::Test)
+                }),
             });
         }
         found
@@ -312,12 +348,23 @@ impl TreeGrower<'_> {
             let title = format!("a fault of {lane_words} that needs '{words}' {how}");
             self.by_class(&format!("{lane_id}-{id}-{what}"), &title, how, own(of))
         };
-        Some(FaultGates {
-            begins: gate("begins", "begins in this flight", |fault| fault.begins)?,
-            waits: gate("waits", "waits for its repair", |fault| fault.waits)?,
-            hidden: gate("hidden", "is there since the last check", |fault| fault.hidden)?,
-            answers,
-        })
+        let begins = gate("begins", "begins in this flight", |fault| fault.begins)?;
+        let waits = gate("waits", "waits for its repair", |fault| fault.waits)?;
+        let hidden = gate("hidden", "is there since the last check", |fault| fault.hidden)?;
+        let since_test = answers.passed.and_then(|passed| {
+            let how = "is there since the last test on the ground";
+            let of = |fault: &FaultEvents| fault.hidden_since_test.unwrap_or(fault.hidden);
+            Some((passed, gate("hidden_since_test", how, of)?))
+        });
+        let hidden = since_test.map_or(hidden, |(passed, since_test)| {
+            let id = format!("{lane_id}-{id}-hidden");
+            let title = "a fault was there at the last test on the ground, which passed it";
+            let was_passed = self.both(&format!("{id}-passed"), title, hidden, passed);
+            let title = format!("a fault of {lane_words} that needs '{words}' is hidden");
+            let inputs = vec![since_test, was_passed];
+            self.trees.tree.named_gate(GateKind::Or, &format!("{id}-now"), &title, inputs)
+        });
+        Some(FaultGates { begins, waits, hidden, answers })
     }
 
     /// For every lane: a false alarm shuts it down in this flight, or has done so and waits for its repair.

@@ -21,6 +21,8 @@ pub struct ExposureHours {
     pub repair_h: f64,
     /// Between two checks that find every hidden fault.
     pub check_h: f64,
+    /// Between two tests on the ground, which find some of them; `None` without tests.
+    pub test_h: Option<f64>,
 }
 
 impl ExposureHours {
@@ -29,7 +31,7 @@ impl ExposureHours {
     /// # Errors
     /// The first number outside of its range.
     pub(crate) fn checked(self) -> Result<Self, SafetyError> {
-        let ExposureHours { flight_h, repair_h, check_h } = self;
+        let ExposureHours { flight_h, repair_h, check_h, test_h } = self;
         let wrong = |name, given, range| Err(SafetyError::Hours { name, given, range });
         match () {
             () if !(flight_h > 0.0 && flight_h <= 1000.0) => {
@@ -43,14 +45,21 @@ impl ExposureHours {
                 check_h,
                 "at least the duration of a flight, at most 1,000,000",
             ),
+            () if !test_h.is_none_or(|test_h| (flight_h..=check_h).contains(&test_h)) => wrong(
+                "--test-hours",
+                test_h.unwrap_or_default(),
+                "at least the duration of a flight, at most --check-hours",
+            ),
             () => Ok(self),
         }
     }
 
-    fn of(&self, exposure: Exposure) -> f64 {
+    /// The hours of an exposure.
+    pub(super) fn of(&self, exposure: Exposure) -> f64 {
         match exposure {
             Exposure::Flight => self.flight_h,
             Exposure::Repair => self.repair_h,
+            Exposure::Test => self.test_h.unwrap_or(self.check_h),
             Exposure::Check => self.check_h,
         }
     }
@@ -246,7 +255,9 @@ fn mean_probability(
         // The middle of the flights that this one represents, less half a flight: the time before it.
         let before_h =
             (hours.check_h * (flight as f64 + 0.5) / flights - 0.5 * hours.flight_h).max(0.0);
-        let hours = ExposureHours { check_h: before_h, ..*hours };
+        // Tests begin with a check.
+        let test_h = hours.test_h.map(|test_h| before_h % test_h);
+        let hours = ExposureHours { check_h: before_h, test_h, ..*hours };
         diagram.probability(&event_probabilities(trees, &hours, end))
     };
     (0..flights as usize).map(of_flight).sum::<f64>() / flights

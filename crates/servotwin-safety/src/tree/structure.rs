@@ -42,6 +42,8 @@ pub enum Exposure {
     Flight,
     /// It is known and waits for its repair.
     Repair,
+    /// It is hidden until the next test on the ground.
+    Test,
     /// It is hidden until the next check.
     Check,
 }

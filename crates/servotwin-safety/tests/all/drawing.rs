@@ -19,7 +19,7 @@ fn an_event_that_was_never_seen_shows_its_bound() {
     };
     let constants = vec![constant("seen", 5), constant("unseen", 0)];
     let trees = LaneTrees { tree, rates: vec![], constants, notes: vec![] };
-    let hours = ExposureHours { flight_h: 1.0, repair_h: 0.0, check_h: 1.0 };
+    let hours = ExposureHours { flight_h: 1.0, repair_h: 0.0, check_h: 1.0, test_h: None };
     let svg = draw(&trees, &hours, 0).svg;
     // Tooltips have the lines of a box without breaks.
     assert!(svg.contains(">seen, P = 0.0500, at most 0.11"), "{svg}");

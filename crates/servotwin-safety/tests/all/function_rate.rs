@@ -10,6 +10,7 @@ fn model(lanes: &[LaneOnsets]) -> FlightModel {
         flight_h: 2.0,
         repair_h: 0.0,
         check_h: 100.0,
+        test_h: None,
     }
 }
 
@@ -25,6 +26,23 @@ fn with_perfect_detection_both_lanes_must_fail_in_a_flight() {
         let one = -(-2.0 * rate).exp_m1();
         assert_close(found.failed, one * one, 1e-7);
     }
+}
+
+#[test]
+fn a_test_on_the_ground_ends_what_it_finds_and_nothing_else() {
+    let tested = |passed: f64| {
+        let lane = LaneOnsets { hidden: 2e-3, passed: passed * 2e-3, ..Default::default() };
+        FlightModel { test_h: Some(10.0), ..model(&[lane, lane]) }.function_failure().failed
+    };
+    let lane = LaneOnsets { hidden: 2e-3, ..Default::default() };
+    let checked =
+        |check_h: f64| FlightModel { check_h, ..model(&[lane, lane]) }.function_failure().failed;
+    // A test that passes everything is none, and one that finds everything is a check.
+    assert_close(tested(1.0), checked(100.0), 1e-12);
+    assert_close(tested(0.0), checked(10.0), 1e-12);
+    assert!(
+        checked(10.0) < tested(0.3) && tested(0.3) < tested(0.6) && tested(0.6) < checked(100.0)
+    );
 }
 
 #[test]
@@ -91,8 +109,10 @@ fn fly(model: &FlightModel, random: &mut Random) -> [f64; 2] {
 
 #[test]
 fn an_independent_simulation_of_flights_agrees() {
-    let first = LaneOnsets { contained: 0.08, reported: 0.01, hidden: 0.002, needless: 0.1 };
-    let second = LaneOnsets { contained: 0.15, reported: 0.02, hidden: 0.001, needless: 0.03 };
+    let first =
+        LaneOnsets { contained: 0.08, reported: 0.01, hidden: 0.002, passed: 0.0, needless: 0.1 };
+    let second =
+        LaneOnsets { contained: 0.15, reported: 0.02, hidden: 0.001, passed: 0.0, needless: 0.03 };
     let mut random = Random::new(6);
     for (lanes, keeps_last) in
         [(vec![first, second], true), (vec![first, second], false), (vec![second], false)]

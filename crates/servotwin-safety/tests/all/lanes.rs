@@ -3,7 +3,9 @@
 use super::brute_force;
 use serde_json::json;
 use servotwin::flight::judge::FlightMetrics;
+use servotwin::flight::outcome::{FlightOutcome, Word};
 use servotwin::study::Study;
+use servotwin_safety::ground_test::GroundTest;
 use servotwin_safety::interval::CountedValue;
 use servotwin_safety::rates::{FailureRate, FailureRates};
 use servotwin_safety::tree::decision_diagram::DecisionDiagram;
@@ -13,7 +15,8 @@ use servotwin_safety::tree::structure::TreeInput;
 use servotwin_safety::tree::{drawing, exchange};
 
 const HEAD: &str = include_str!("../../../servotwin/tests/tiny.toml");
-const HOURS: ExposureHours = ExposureHours { flight_h: 2.0, repair_h: 10.0, check_h: 100.0 };
+const HOURS: ExposureHours =
+    ExposureHours { flight_h: 2.0, repair_h: 10.0, check_h: 100.0, test_h: None };
 
 fn study(classes: &str) -> Study {
     let reactions = "[reactions]\nshut_down = { switches_off = true }\n";
@@ -69,7 +72,7 @@ fn two_lanes() -> LaneTrees {
     let study = study(&class("valve", "shut_down", VALVE));
     // Coarse numbers, so that every kind of event matters.
     let metrics = metrics(&[("shut_down", 20, 15, 2, 3)], 1, 30.0);
-    lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)])).unwrap()
+    lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap()
 }
 
 #[test]
@@ -155,7 +158,7 @@ fn bands_hold_the_estimate_and_shrink_with_more_flights() {
     let width = |times: u64| {
         let classes = [("shut_down", 20 * times, 15 * times, 2 * times, times)];
         let metrics = metrics(&classes, times, 30.0 * times as f64);
-        let trees = lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)])).unwrap();
+        let trees = lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap();
         let top = &evaluate(&trees, &HOURS)[1];
         let band = top.probability;
         assert!(band.low < band.point && band.point < band.high, "{band:?}");
@@ -166,12 +169,49 @@ fn bands_hold_the_estimate_and_shrink_with_more_flights() {
 }
 
 #[test]
+fn a_test_on_the_ground_ends_what_it_finds_and_nothing_else() {
+    let study = study(&class("valve", "shut_down", VALVE));
+    let metrics = metrics(&[("shut_down", 200, 150, 20, 1)], 1, 300.0);
+    let outcome = |word: Word| FlightOutcome {
+        event: format!("actuator_1.{VALVE}"),
+        action: "shut_down".into(),
+        onset_s: Some(0.0),
+        is_finished: true,
+        word,
+        ..FlightOutcome::default()
+    };
+    let hidden = vec![outcome(Word::Healthy); 10];
+    let undetected = |found: usize, hours: ExposureHours| {
+        let tests =
+            (0..10).map(|k| outcome(if k < found { Word::Actuator } else { Word::Healthy }));
+        let test = GroundTest::count(&hidden, &tests.collect::<Vec<_>>());
+        let test = hours.test_h.map(|_| &test);
+        let trees = lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)]), test).unwrap();
+        let top = evaluate(&trees, &hours).pop().unwrap();
+        assert_eq!(top.id, "undetected_degradation");
+        [top.probability.point, top.mean_probability.point]
+    };
+    let tested = |found| undetected(found, ExposureHours { test_h: Some(10.0), ..HOURS });
+    let checked = |check_h| undetected(0, ExposureHours { check_h, ..HOURS });
+    // A test that finds everything is a check; one that finds nothing is none, but for faults that count twice.
+    let (every, half, none) = (tested(10), tested(5), tested(0));
+    for end in 0..2 {
+        assert!((every[end] / checked(10.0)[end] - 1.0).abs() < 0.02, "{every:?}");
+        assert!(every[end] < half[end] && half[end] < none[end]);
+        assert!(
+            none[end] >= checked(100.0)[end] && none[end] < 1.1 * checked(100.0)[end],
+            "{none:?}"
+        );
+    }
+}
+
+#[test]
 fn the_only_lane_of_a_machine_has_no_tree_for_both() {
     let study = Study::parse(servotwin::built_in::STUDIES[2].1, "press_axis").unwrap();
     let faults = rated_faults(&study);
     let list: Vec<(&str, f64)> = faults.iter().map(|fault| (fault.id.as_str(), 1e-6)).collect();
     let metrics = metrics(&[("stop", 64, 60, 1, 0), ("maintenance", 40, 38, 1, 0)], 0, 2.0);
-    let trees = lane_trees(&study, &metrics, &rates(&list)).unwrap();
+    let trees = lane_trees(&study, &metrics, &rates(&list), None).unwrap();
     let tops = evaluate(&trees, &HOURS);
     let ids: Vec<&str> = tops.iter().map(|top| top.id.as_str()).collect();
     assert_eq!(ids, ["loss_of_one_lane", "undetected_degradation"]);
@@ -193,7 +233,7 @@ fn the_trees_of_the_aileron_are_read_on_two_screens() {
         study.commands().into_iter().map(|action| (action, 300, 240, 3, 0)).collect();
     let classes: Vec<_> =
         classes.iter().map(|(action, a, b, c, d)| (action.as_str(), *a, *b, *c, *d)).collect();
-    let trees = lane_trees(&study, &metrics(&classes, 0, 3.6), &rates(&list)).unwrap();
+    let trees = lane_trees(&study, &metrics(&classes, 0, 3.6), &rates(&list), None).unwrap();
     for top in &trees.tree.tops {
         let figure = drawing::draw(&trees, &HOURS, top.gate);
         let id = &trees.tree.gates[top.gate].id;
@@ -210,7 +250,7 @@ fn a_fault_without_a_rate_and_a_study_without_a_shutdown_are_refused() {
     let classes = class("valve", "shut_down", VALVE)
         + &class("sensor", "change_mode", "sensor_ram.bias_positive");
     let metrics = metrics(&[], 0, 1.0);
-    let error = lane_trees(&study(&classes), &metrics, &rates(&[(VALVE, 0.01)])).unwrap_err();
+    let error = lane_trees(&study(&classes), &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap_err();
     let error = error.to_string();
     assert!(
         error.starts_with(
@@ -220,14 +260,15 @@ fn a_fault_without_a_rate_and_a_study_without_a_shutdown_are_refused() {
     );
     let text = format!("{HEAD}{}", class("valve", "shut_down", VALVE));
     let without = Study::parse(&text, "tiny.toml").unwrap();
-    let error = lane_trees(&without, &metrics, &rates(&[(VALVE, 0.01)])).unwrap_err().to_string();
+    let error =
+        lane_trees(&without, &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap_err().to_string();
     assert!(error.contains("no action switches an actuator off"), "{error}");
 }
 
 #[test]
 fn an_action_that_was_not_flown_is_missed_for_certain_or_not_at_all() {
     let study = study(&class("valve", "shut_down", VALVE));
-    let trees = lane_trees(&study, &metrics(&[], 0, 1.0), &rates(&[(VALVE, 0.01)])).unwrap();
+    let trees = lane_trees(&study, &metrics(&[], 0, 1.0), &rates(&[(VALVE, 0.01)]), None).unwrap();
     let missed = trees.constants.iter().find(|constant| constant.id == "missed-shut_down").unwrap();
     assert_eq!(missed.value, CountedValue { point: 1.0, low: 0.0, high: 1.0 });
     assert!(missed.evidence.contains("not flown"), "{}", missed.evidence);

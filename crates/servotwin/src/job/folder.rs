@@ -92,7 +92,7 @@ impl Folder {
     }
 
     /// The file with the outcomes of a suite of flights in a scenario.
-    pub(crate) fn outcomes(&self, suite: &str, scenario: &str) -> PathBuf {
+    pub fn outcomes(&self, suite: &str, scenario: &str) -> PathBuf {
         self.0.join(format!("outcomes-{suite}-{scenario}.parquet"))
     }
 

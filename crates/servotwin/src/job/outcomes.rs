@@ -322,7 +322,7 @@ pub fn healthy(folder: &Folder) -> Result<Vec<FlownSuite>, JobError> {
 ///
 /// # Errors
 /// The file cannot be read, or contradicts the manifest.
-pub(crate) fn stored(
+pub fn stored(
     folder: &Folder,
     suite: &str,
     scenario: Scenario,

@@ -1,7 +1,7 @@
 //! What is watched: a source, its map, and the twin with its diagnosis. Shared by the commands that watch.
 
 use crate::Global;
-use crate::commands::{note, warn};
+use crate::commands::{SpanOptions, note, warn};
 use crate::failure::Failure;
 use servotwin::evaluation::model_file;
 use servotwin::flight::watcher::Watcher;
@@ -14,7 +14,7 @@ use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::shipped;
 use servotwin_watch::source::udp::Allowed;
-use servotwin_watch::source::{Address, Source, SourceError};
+use servotwin_watch::source::{Address, Source};
 use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,14 +29,12 @@ pub(crate) struct InputOptions {
     /// The map file, which assigns columns to signals.
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
-    /// For a file: read it from this time on, in seconds after its first sample (12.5, 2min) or as a date
-    /// (2026-11-21T08:15:02). For udp://: accept datagrams only from this sender, IP or IP:PORT; repeat the option for
-    /// several senders. With 'any', accept all [default: the first sender of a sample, until it is silent for 2 s].
-    #[arg(long, value_name = "TIME|ADDRESS", allow_hyphen_values = true)]
-    pub from: Vec<String>,
-    /// For a file: read it up to this time.
-    #[arg(long, value_name = "TIME")]
-    pub to: Option<String>,
+    #[command(flatten)]
+    span: SpanOptions,
+    /// For udp://: accept datagrams only from this sender, IP or IP:PORT; repeat the option for several senders. With
+    /// 'any', accept all [default: the first sender of a sample, until it is silent for 2 s].
+    #[arg(long, value_name = "ADDRESS")]
+    sender: Vec<String>,
 }
 
 /// The path of a source that is a file.
@@ -51,17 +49,17 @@ impl InputOptions {
     /// The source, restricted to the allowed senders.
     pub(crate) fn address(&self, source: &str) -> Result<Address, Failure> {
         let address = Address::parse(source)?;
-        if self.from.is_empty() || !address.is_live() {
+        if self.sender.is_empty() {
             return Ok(address);
         }
         let range = || "any, an IP address or IP:PORT".into();
-        let allowed = Allowed::parse(&self.from);
+        let allowed = Allowed::parse(&self.sender);
         let allowed = allowed.map_err(|given| Failure::OutOfRange {
-            option: "--from",
+            option: "--sender",
             given,
             range: range(),
         })?;
-        let none = "--from names the senders of a udp:// source; this source has none";
+        let none = "--sender names the senders of a udp:// source; this source has none";
         address.from_senders(allowed).ok_or(Failure::Options(none))
     }
 
@@ -114,18 +112,11 @@ impl InputOptions {
 
     /// The part of a file to read.
     fn span(&self, address: &Address) -> Result<LogSpan, Failure> {
-        match (address.is_live(), self.from.len(), &self.to) {
-            (true, _, None) => Ok(LogSpan::default()),
-            (true, _, Some(_)) => {
-                Err(Failure::Options("--to is for files: a live stream has no part"))
+        match address.is_live() && !self.span.is_whole() {
+            true => {
+                Err(Failure::Options("--from and --to are for files: a live stream has no part"))
             }
-            (false, 2.., _) => Err(Failure::Options(
-                "--from of a file is one time; several are senders of a stream",
-            )),
-            (false, _, to) => {
-                let from = self.from.first().map(String::as_str);
-                Ok(LogSpan::parse(from, to.as_deref()).map_err(SourceError::Cut)?)
-            }
+            false => self.span.read(),
         }
     }
 
