@@ -106,6 +106,25 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
 }
 
 #[test]
+fn a_folder_of_flights_alone_has_a_report() {
+    let folder = Folder::new("flights-report");
+    let (_, out) = (learned(&folder), folder.file("out"));
+    let output = servotwin(&["report", &out]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let html = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+    for part in ["Not in this report yet: ideal, noise, realistic.", ">The diagnosis at work<"] {
+        assert!(html.contains(part), "{part}");
+    }
+    for part in [">What errors do<", ">Rates by scenario and protocol<"] {
+        assert!(!html.contains(part), "{part}");
+    }
+    let output = servotwin(&["results", &out]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let page = stdout(&output);
+    assert!(page.contains("servotwin flights tiny --out out\nservotwin results out"), "{page}");
+}
+
+#[test]
 fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
     let folder = Folder::new("one-run");
     let ([study, _], out) = (learned(&folder), folder.file("out"));
@@ -452,6 +471,11 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
         "2",
     ]);
     assert!(more.status.success(), "{}", stderr(&more));
+    let report = servotwin(&["report", &ground]);
+    assert!(report.status.success(), "{}", stderr(&report));
+    let results = stdout(&servotwin(&["results", &ground]));
+    let made = "servotwin test tiny --out out\nservotwin results out/ground_test";
+    assert!(results.contains(made), "{results}");
     let model = format!("{ground}/diagnoser-fitted.json");
     let log = folder.file("log.csv");
     let simulated = [
