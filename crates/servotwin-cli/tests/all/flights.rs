@@ -504,4 +504,12 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
         "{}",
         stdout(&watched)
     );
+    // A command that leaves the range of the test leaves nothing to judge.
+    let large = ["--command", "sine:amplitude=9deg,frequency=1Hz", "--duration", "5s"];
+    let output = servotwin(&[&["simulate", "aileron_dual"], &large[..], &["--out", &log]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let watched = servotwin(&["watch", &log, "--study", &study, "--model", &model]);
+    let told = stderr(&watched);
+    assert_eq!(watched.status.code(), Some(3), "{told}");
+    assert!(told.contains("command lies outside of -0.131 … 0.131 rad by up to 0.026"), "{told}");
 }
