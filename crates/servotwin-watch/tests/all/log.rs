@@ -6,6 +6,7 @@ use crate::places::places;
 use proptest::prelude::*;
 use servotwin::study::Study;
 use servotwin::system::System;
+use servotwin_diagnosis::spread::Spread;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::{Irregularity, WatchCounts};
 use servotwin_watch::map::{Map, Trust, guess};
@@ -754,6 +755,17 @@ fn an_hour_is_a_small_page() {
     let text = strip.text();
     assert!(text.contains("2000.00 s  isolated: shutdown"), "{text}");
     assert!(text.lines().next().unwrap().contains(".####"), "{text}");
+}
+
+#[test]
+fn a_residual_that_is_divided_by_its_spread_is_no_share_of_scale() {
+    let study = Study::default();
+    let mut diagnoser = servotwin_watch::shipped::diagnoser(&study).unwrap();
+    diagnoser.sensors[3].spread = Some(Spread { spool: 3, growth: 1.0 });
+    let scene = Scene::new("a log", &study.system, vec![], 0.01).with_residuals_of(&diagnoser);
+    let html = Timeline::new(scene).html(&WatchCounts::new("row", 24));
+    assert_eq!(html.matches("\"% of scale and spread\"").count(), 1);
+    assert_eq!(html.matches("\"% of scale\"").count(), 12);
 }
 
 /// Judges nothing: the environment is invalid while the command is large, and at one sample for another reason.
