@@ -19,12 +19,12 @@ use std::path::PathBuf;
 /// Parameters
 /// ----------
 /// out : path
-///     The output folder of an evaluated study.
+///     The output folder of an evaluated study, or of flights.
 ///
 /// Raises
 /// ------
 /// StageError
-///     If the folder has no evaluated study.
+///     If the folder has neither an evaluation nor flights.
 #[pyclass(frozen, module = "servotwin")]
 pub struct Results {
     inner: StudyResults,

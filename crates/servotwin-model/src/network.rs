@@ -66,6 +66,9 @@ impl Instance {
     }
 }
 
+/// The parameters of sources and tanks that describe the fluid. All sources and tanks of one circuit have the same values.
+pub const FLUID_PARAMETERS: [&str; 3] = ["temperature_k", "bulk_modulus_factor", "air_factor"];
+
 /// An external signal: a command, a boundary value, a load.
 #[derive(Clone, Debug)]
 pub struct ExternalInput {
@@ -263,8 +266,7 @@ impl Network {
         let value = |i: &Instance, name: &str| {
             i.component.spec().parameter(name).map(|index| i.parameters[index])
         };
-        let of_fluid = ["temperature_k", "bulk_modulus_factor", "air_factor"];
-        a.fluid == b.fluid && of_fluid.iter().all(|name| value(a, name) == value(b, name))
+        a.fluid == b.fluid && FLUID_PARAMETERS.iter().all(|name| value(a, name) == value(b, name))
     }
 
     fn wire(&self, joints: &Joints) -> Collected {

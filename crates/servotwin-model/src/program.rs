@@ -108,6 +108,11 @@ impl Program {
     pub fn observable(&self, name: &str) -> Option<&Observable> {
         self.observables.iter().find(|o| o.name == name)
     }
+    /// The component that determines the fluid of a component's circuit: the first source or tank of the circuit, or
+    /// the component itself if it has no fluid.
+    pub fn fluid_source(&self, component: usize) -> usize {
+        self.circuits[component]
+    }
     /// Number of variables.
     pub fn slots(&self) -> usize {
         self.slots

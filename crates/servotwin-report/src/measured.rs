@@ -218,16 +218,25 @@ The trees always answer, and the committee may stay silent.\n";
 
 /// The commands that reproduce the results.
 fn commands(study: &Study, results: &Results, flights: Option<&FlightResults>) -> Vec<String> {
+    if study.is_on_ground() {
+        let test = format!("servotwin test {} --out out", study.name);
+        return vec![test, "servotwin report out/ground_test --markdown".into()];
+    }
     let full = if study.is_full && study.has_quick_size() { " --full" } else { "" };
     let study = &study.name;
     let has_fitted =
         results.subjects.iter().any(|result| result.subject == servotwin::job::Subject::Fitted);
     let fitted = if has_fitted { " --fitted" } else { "" };
     let mut commands = vec![];
-    if flights.is_some_and(|flights| flights.is_full) {
+    let are_full = flights.is_some_and(|flights| flights.is_full);
+    if are_full {
         commands.push(format!("servotwin study {study} --suite flights --full --out out"));
     }
-    commands.push(format!("servotwin study {study}{full}{fitted} --out out"));
+    if !results.subjects.is_empty() {
+        commands.push(format!("servotwin study {study}{full}{fitted} --out out"));
+    } else if !are_full {
+        commands.push(format!("servotwin study {study} --suite flights --out out"));
+    }
     commands.push("servotwin report out --markdown".into());
     commands
 }

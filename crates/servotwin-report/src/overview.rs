@@ -82,6 +82,9 @@ pub fn write(material: &Material, page: &mut Page) {
 /// Reports results that a reader may expect and that this report lacks.
 fn missing(material: &Material) -> Option<String> {
     let Material { study, results, flights, .. } = material;
+    if study.is_on_ground() {
+        return None;
+    }
     let is_there = |scenario: Scenario| results.of(Subject::of(scenario)).is_some();
     let expected = Scenario::ALL.into_iter().filter(|scenario| scenario.is_usual());
     let mut missing: Vec<String> = expected

@@ -12,10 +12,12 @@ use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_io::files::{create_folder, write_atomically};
 
-/// Writes the report, its figures and the manifest from the results of the other stages.
+/// Writes the report, its figures and the manifest from the results of the other stages. Without an evaluation of
+/// records, the report has the flights alone.
 ///
 /// # Errors
-/// A file is missing, or cannot be read or written; the healthy system cannot be simulated.
+/// The folder has neither an evaluation nor flights; a file cannot be read or written; the healthy system cannot be
+/// simulated.
 pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let results = Results::read(folder)?;
     let subjects = results.subjects.iter().map(|result| result.subject);

@@ -20,7 +20,7 @@ pub enum PagePart {
     Fight,
     /// A sensor reading.
     Reading,
-    /// A residual, in percent of its sensor's scale.
+    /// A residual, in percent of its sensor's scale, and of its spread if that grows.
     Residual,
     /// The evidence for an action of an actuator, in parts of the limit to raise it.
     Evidence,
@@ -237,10 +237,16 @@ impl Signals {
                 scale: Some(unit.difference_to_shown(sensor.scale)),
                 ..Signal::new(&format!("{id}.reading"), label, unit.shown(), PagePart::Reading)
             };
+            let unit_of_residual = format!("% of {}", sensor.residual_divisor());
             let residual = Signal {
                 actuator,
                 band: band.map(|band| 100.0 * band.half_width),
-                ..Signal::new(&format!("{id}.residual"), label, "%", PagePart::Residual)
+                ..Signal::new(
+                    &format!("{id}.residual"),
+                    label,
+                    &unit_of_residual,
+                    PagePart::Residual,
+                )
             };
             self.push(reading, Source::Reading(place, unit));
             self.push(residual, Source::Residual(place));

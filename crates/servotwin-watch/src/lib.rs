@@ -399,7 +399,9 @@ impl<'w> Watch<'w> {
             let (inputs, measured) = values.split_at(self.map.inputs());
             let observation = self.observer.push(now_s, inputs, measured);
             // A twin whose input is not accepted follows an earlier value, and is no comparison for a sensor.
-            if observation.finding.state != DiagnosisState::EnvironmentInvalid {
+            if observation.finding.state == DiagnosisState::EnvironmentInvalid {
+                self.plausibility.invalid(inputs, observation.finding.evidence.first());
+            } else {
                 self.plausibility.twin(as_logged, observation.twin);
                 let (twin, whole) = (observation.twin, self.plausibility.beside());
                 let lookout = self.lookout.as_mut();

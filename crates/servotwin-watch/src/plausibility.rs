@@ -44,6 +44,18 @@ pub struct Plausibility {
     beside: Comparisons,
     /// What a [`Lookout`] found.
     found: Vec<LateMistake>,
+    environment: Environment,
+}
+
+/// Evidence about the periods with an invalid environment.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Environment {
+    /// The number of such periods.
+    invalid: u64,
+    /// For each input, how far it was outside the accepted range at most, SI; 0 for never.
+    excesses: Vec<f64>,
+    /// The reasons of the other such periods.
+    reasons: Vec<String>,
 }
 
 /// Something implausible that began within a log or a stream.
@@ -241,6 +253,10 @@ impl Plausibility {
             columns,
             beside,
             found: vec![],
+            environment: Environment {
+                excesses: vec![0.0; map.inputs()],
+                ..Environment::default()
+            },
         }
     }
 
@@ -273,6 +289,21 @@ impl Plausibility {
     /// Adds the sensor values, as the log has them, and the twin's values of a period.
     pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
         self.beside.take(measured, twin);
+    }
+
+    /// Adds a period with an invalid environment: its inputs, and the reason of the finding.
+    pub(super) fn invalid(&mut self, inputs: &[f64], reason: Option<&String>) {
+        let Environment { invalid, excesses, reasons } = &mut self.environment;
+        *invalid += 1;
+        let mut is_explained = inputs.iter().any(|value| value.is_nan());
+        for ((&value, column), largest) in inputs.iter().zip(&self.columns).zip(excesses) {
+            let excess = column.excess(value);
+            *largest = largest.max(excess);
+            is_explained |= excess > 0.0;
+        }
+        if let Some(reason) = reason.filter(|reason| !is_explained && !reasons.contains(reason)) {
+            reasons.push(reason.clone());
+        }
     }
 
     /// Adds what began within the log; `false` if that is known.
@@ -324,6 +355,9 @@ impl Plausibility {
         all.extend(at_rest.filter(|_| all.is_empty()));
         all.extend(self.late(false));
         all.extend(self.pace(period_s).into_iter().chain(columns));
+        if counts.judged == 0 {
+            all.extend(self.environment_in_words(system, map, counts));
+        }
         if all.is_empty() {
             // Other problems can also make inputs missing, and holding values would not fix those.
             all.extend(comes_and_goes(map, counts));
@@ -380,6 +414,39 @@ impl Plausibility {
         self.pace(period_s)
     }
 
+    /// Says why the environment was invalid: which inputs were outside of which ranges, and by how much, and other
+    /// reasons. Inputs that are outside in most rows have a sentence of their own.
+    fn environment_in_words(
+        &self,
+        system: &System,
+        map: &Map,
+        counts: &WatchCounts,
+    ) -> Option<String> {
+        let Environment { invalid, excesses, reasons } = &self.environment;
+        let inputs = system.network().inputs.iter().zip(&self.columns).zip(excesses).enumerate();
+        let outside = inputs.filter(|(channel, ((input, column), excess))| {
+            **excess > 0.0 && column.outside_in_words(map, *channel, input.unit, None).is_none()
+        });
+        let outside = outside.map(|(_, ((input, column), excess))| {
+            let (low, high) = column.range;
+            let unit = input.unit.symbol();
+            format!(
+                "{} lies outside of {} by up to {}",
+                input.id,
+                Quantities(rounded(low), rounded(high), unit),
+                NumberWithUnit(rounded(*excess), unit)
+            )
+        });
+        let all: Vec<String> = outside.chain(reasons.iter().cloned()).collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "the environment was invalid in {invalid} of {} periods: {}",
+                counts.samples,
+                all.join(", ")
+            )
+        })
+    }
+
     fn pace(&self, period_s: f64) -> Option<String> {
         let step_s = self.step_s()?;
         let apart = format!(
@@ -413,6 +480,12 @@ impl Column {
         if value.abs() > self.largest.abs() {
             self.largest = value;
         }
+    }
+
+    /// How far a value is outside of the accepted range; 0 inside and for a missing value.
+    fn excess(&self, value: f64) -> f64 {
+        let (low, high) = self.range;
+        (low - value).max(value - high).max(0.0)
     }
 
     /// Says that most values are outside of the accepted range, with a unit in which they would be inside.

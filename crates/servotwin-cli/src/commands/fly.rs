@@ -279,7 +279,9 @@ impl Flown<'_> {
             panel(title, "force / kN", fight);
         }
         let residual = |record: &FlightRecord| Some(self.largest_residual(record));
-        panel("Largest residual", "% of scale", both(&residual));
+        let widest = self.diagnoser.sensors.iter().max_by_key(|sensor| sensor.spread.is_some());
+        let divisor = widest.map_or("scale", |sensor| sensor.residual_divisor());
+        panel("Largest residual", &format!("% of {divisor}"), both(&residual));
         if let Some(last) = panels.last_mut() {
             let half = self.diagnoser.lengths[0].panel.bands.iter();
             let half = 100.0 * half.map(|band| band.half_width).fold(0.0, f64::max);

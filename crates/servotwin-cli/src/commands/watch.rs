@@ -127,6 +127,7 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     let watchdog = watchdog(options, period_s)?;
     let title = format!("{}: {address}", system.title);
     let scene = Scene::new(&title, system, observer.features(), period_s);
+    let scene = scene.with_residuals_of(&diagnoser);
     let resumed = match options.resume {
         true => options.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
         false => None,

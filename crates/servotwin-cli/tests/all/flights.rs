@@ -107,6 +107,30 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
 }
 
 #[test]
+fn a_folder_of_flights_alone_has_a_report() {
+    let folder = Folder::new("flights-report");
+    let (_, out) = (learned(&folder), folder.file("out"));
+    let output = servotwin(&["report", &out]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let html = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+    for part in ["Not in this report yet: ideal, noise, realistic.", ">The diagnosis at work<"] {
+        assert!(html.contains(part), "{part}");
+    }
+    for part in [">What errors do<", ">Rates by scenario and protocol<"] {
+        assert!(!html.contains(part), "{part}");
+    }
+    let output = servotwin(&["report", &out, "--markdown"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let page = stdout(&output);
+    assert!(
+        page.contains(
+            "servotwin study tiny --suite flights --out out\nservotwin report out --markdown"
+        ),
+        "{page}"
+    );
+}
+
+#[test]
 fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
     let folder = Folder::new("one-run");
     learned(&folder);
@@ -447,6 +471,11 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
     // The folder is that of a study: another suite of it is flown with what was learned, and a log is judged.
     let more = servotwin(&["study", &ground, "--suite", "healthy", "--environments", "2"]);
     assert!(more.status.success(), "{}", stderr(&more));
+    let report = servotwin(&["report", &ground]);
+    assert!(report.status.success(), "{}", stderr(&report));
+    let results = stdout(&servotwin(&["report", &ground, "--markdown"]));
+    let made = "servotwin test tiny --out out\nservotwin report out/ground_test --markdown";
+    assert!(results.contains(made), "{results}");
     let model = format!("{ground}/diagnoser-fitted.json");
     let log = folder.file("log.csv");
     let simulated = [
@@ -475,4 +504,12 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
         "{}",
         stdout(&watched)
     );
+    // A command that leaves the range of the test leaves nothing to judge.
+    let large = ["--command", "sine:amplitude=9deg,frequency=1Hz", "--duration", "5s"];
+    let output = servotwin(&[&["simulate", "aileron_dual"], &large[..], &["--out", &log]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let watched = servotwin(&["watch", &log, "--study", &study, "--model", &model]);
+    let told = stderr(&watched);
+    assert_eq!(watched.status.code(), Some(3), "{told}");
+    assert!(told.contains("command lies outside of -0.131 … 0.131 rad by up to 0.026"), "{told}");
 }

@@ -75,6 +75,13 @@ pub struct DiagnosedSensor {
     pub spread: Option<Spread>,
 }
 
+impl DiagnosedSensor {
+    /// What its residual is divided by, in words: its scale, and its spread if that grows.
+    pub fn residual_divisor(&self) -> &'static str {
+        if self.spread.is_some() { "scale and spread" } else { "scale" }
+    }
+}
+
 /// Bands, models and allowances for windows of one length.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -91,14 +91,6 @@ pub fn read(path: &Path) -> Result<Table, TableError> {
     ParquetReader::open(path)?.into_table(Limits::from_environment())
 }
 
-/// Reads and decodes only some columns of a Parquet file, in this order.
-///
-/// # Errors
-/// As [`read`].
-pub fn read_columns(path: &Path, names: &[&str]) -> Result<Table, TableError> {
-    ParquetReader::open_columns(path, names)?.into_table(Limits::from_environment())
-}
-
 /// Reads a Parquet file of another program: unsupported columns and those above the [`Limits`] are left out. Only the
 /// columns whose names `is_wanted` accepts are decoded.
 ///

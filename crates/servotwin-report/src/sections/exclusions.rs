@@ -31,7 +31,9 @@ pub fn write(material: &Material, page: &mut Page) {
         grid.push(row);
     }
     let note = format!("Variants by what became of them; undetectable by {}.", words.fixed_band());
-    page.table(&grid, &note);
+    if !grid.is_empty() {
+        page.table(&grid, &note);
+    }
     for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
         let mut grid = HtmlTable::new([
             ("variant", Alignment::Right),

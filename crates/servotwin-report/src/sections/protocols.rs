@@ -9,6 +9,9 @@ use servotwin::evaluation::protocol::ProtocolResult;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
+    if material.results.subjects.is_empty() {
+        return;
+    }
     let words = material.words();
     page.text(
         "A tree is only as good as its test is honest. A random third is the kindest test: for nearly every \

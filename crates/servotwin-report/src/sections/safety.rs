@@ -11,6 +11,10 @@ use servotwin::job::results::SubjectResult;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
+    let scenarios = lines::scenarios(material.results);
+    if scenarios.is_empty() {
+        return;
+    }
     let words = &material.words();
     match words.has_off() {
         true => about(words, page),
@@ -19,7 +23,6 @@ pub fn write(material: &Material, page: &mut Page) {
                  switches_off): so nothing is counted about missed, needless or wrong switching.",
         ),
     }
-    let scenarios = lines::scenarios(material.results);
     hardest_first(&scenarios, page, &|result, page| {
         let grid = grid(result, words);
         if !grid.is_empty() {

@@ -13,6 +13,9 @@ use servotwin::study::Purpose;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
+    if material.results.subjects.is_empty() {
+        return;
+    }
     if let Some(realism) = &material.study.realism {
         page.text(&format!(
                 "Ideal: the plant is the twin with one fault, and sensors are perfect. Noise: the same \

@@ -18,10 +18,12 @@ use servotwin_diagnosis::hierarchy::Question;
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
     let scenarios = lines::scenarios(material.results);
+    let (study, words) = (material.study, &material.words());
+    let limits = material.flights.map(|results| flights::limits(study, results, words));
     let Some(hardest) = scenarios.last() else {
+        limits.iter().for_each(|limits| page.note(&missed_limits(limits)));
         return;
     };
-    let (study, words) = (material.study, &material.words());
     page.text(&format!(
         "The virtual twin ({}) is compared with plants that have one of {} faults each, in {} \
              operating cases. Intervals are 95 %.",
@@ -45,9 +47,7 @@ pub fn write(material: &Material, page: &mut Page) {
                 false => String::new(),
             }
         ));
-    if let Some(results) = material.flights {
-        page.note(&missed_limits(&flights::limits(study, results, words)));
-    }
+    limits.iter().for_each(|limits| page.note(&missed_limits(limits)));
     if let Some(remark) = beyond_sensors(&hardest.evaluation, words) {
         page.note(&remark);
     }

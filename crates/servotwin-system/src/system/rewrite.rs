@@ -1,12 +1,12 @@
 //! Writes new parameter values into the text of a system file, with as few changes as possible.
 //!
 //! A value in the file is replaced in place. A missing one is written as a new line after the first line of its
-//! component, or of the assembly's instance. The result is parsed again; if it differs from the intended system, an
-//! error is returned.
+//! component, or of the assembly's instance. The temperature, bulk modulus and air content of a circuit are written at
+//! all its sources and tanks. The result is parsed again; if it differs from the intended system, an error is returned.
 
-use super::System;
+use super::{System, SystemError};
 use crate::document::{Entry, entries};
-use servotwin_model::network::Network;
+use servotwin_model::network::{FLUID_PARAMETERS, Network};
 use toml::de::DeTable;
 
 /// A parameter with its new value.
@@ -22,17 +22,23 @@ pub struct NewValue {
     pub comment: String,
 }
 
-/// The file's layout does not allow a parameter to be changed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "{component}.{parameter} cannot be written into the system file as it is laid out: give the component a section of \
-     its own"
-)]
-pub struct RewriteError {
-    /// The component's id.
-    pub component: String,
-    /// The name of the parameter.
-    pub parameter: &'static str,
+/// Why a system file cannot have new values.
+#[derive(Debug, thiserror::Error)]
+pub enum RewriteError {
+    /// The file's layout does not allow a parameter to be changed.
+    #[error(
+        "{component}.{parameter} cannot be written into the system file as it is laid out: give the component a \
+         section of its own"
+    )]
+    Layout {
+        /// The component's id.
+        component: String,
+        /// The name of the parameter.
+        parameter: &'static str,
+    },
+    /// The rewritten file has mistakes.
+    #[error("the system file cannot have the new values:\n{0}")]
+    Mistakes(#[source] SystemError),
 }
 
 /// A replacement of a range of text.
@@ -43,16 +49,18 @@ struct Edit {
 }
 
 impl System {
-    /// The text of the system file with new values, and a head comment of several lines.
+    /// The text of the system file with new values, and a head comment of several lines. Of several values of one
+    /// parameter the last counts, as in a simulation.
     ///
     /// # Errors
-    /// A parameter cannot be written.
+    /// The layout of the file does not allow a parameter to be written, or the system is impossible with the values.
     pub fn rewritten(&self, head: &[String], values: &[NewValue]) -> Result<String, RewriteError> {
         let (root, _) = DeTable::parse_recoverable(&self.text);
         let root = entries(root.get_ref());
         let components = table(&root, "components").unwrap_or_default();
+        let values = self.in_whole_circuits(values);
         let mut edits = Vec::new();
-        for new in values {
+        for new in &values {
             let edit = self.edit(&components, new).ok_or_else(|| self.refusal(new))?;
             edits.push(edit);
         }
@@ -65,10 +73,43 @@ impl System {
         }
         let head: String = head.iter().map(|line| format!("# {line}\n")).collect();
         let text = format!("{head}{text}");
-        match System::parse(&text, "rewritten") {
-            Ok(read) => self.says(&read, values).map(|()| text),
-            Err(_) => Err(self.refusal(&values[0])),
+        let read = System::parse(&text, "rewritten file").map_err(RewriteError::Mistakes)?;
+        self.says(&read, &values)?;
+        Ok(text)
+    }
+
+    /// The values with one for each parameter. A value of a circuit's fluid is repeated for all sources and tanks of the
+    /// circuit; that of the one which determines the fluid counts.
+    fn in_whole_circuits(&self, values: &[NewValue]) -> Vec<NewValue> {
+        let components = &self.network().components;
+        let source = |component| self.program.fluid_source(component);
+        let is_of_fluid = |new: &NewValue| {
+            let spec = components[new.component].component.spec();
+            spec.reference && FLUID_PARAMETERS.contains(&spec.parameters[new.parameter].name)
+        };
+        let determines = |new: &&NewValue| source(new.component) == new.component;
+        let (of_fluid, others): (Vec<_>, Vec<_>) = values.iter().partition(|new| is_of_fluid(new));
+        let (decisive, following): (Vec<_>, Vec<_>) = of_fluid.into_iter().partition(determines);
+        let mut all: Vec<NewValue> = Vec::new();
+        let mut put = |new: NewValue| match all
+            .iter_mut()
+            .find(|own| (own.component, own.parameter) == (new.component, new.parameter))
+        {
+            Some(own) => *own = new,
+            None => all.push(new),
+        };
+        others.into_iter().for_each(|new| put(new.clone()));
+        for new in following.into_iter().chain(decisive) {
+            let name = components[new.component].component.spec().parameters[new.parameter].name;
+            for (component, instance) in components.iter().enumerate() {
+                let spec = instance.component.spec();
+                let is_in_circuit = spec.reference && source(component) == source(new.component);
+                if let Some(parameter) = spec.parameter(name).filter(|_| is_in_circuit) {
+                    put(NewValue { component, parameter, ..new.clone() });
+                }
+            }
         }
+        all
     }
 
     /// Checks that a parsed system equals this one with the new values.
@@ -92,7 +133,7 @@ impl System {
     fn refusal(&self, new: &NewValue) -> RewriteError {
         let instance = &self.network().components[new.component];
         let parameter = instance.component.spec().parameters[new.parameter].name;
-        RewriteError { component: instance.id.clone(), parameter }
+        RewriteError::Layout { component: instance.id.clone(), parameter }
     }
 
     fn edit(&self, components: &[Entry], new: &NewValue) -> Option<Edit> {
@@ -126,13 +167,15 @@ impl System {
             };
             return Some(Edit { from: span.start, to, text: format!("{value:?}{behind}") });
         }
-        let first = own.first()?.at.start;
+        // A table may have a header of its own, beside which no other key can stand.
+        let entry = own.iter().find(|entry| entry.table().is_err()).or(own.first())?;
+        let first = entry.at.start;
         let line = self.text[..first].rfind('\n').map_or(0, |n| n + 1);
         let before = &self.text[line..first];
         if before.contains('{') {
             return Some(Edit { from: first, to: first, text: format!("{path} = {value:?}, ") });
         }
-        let end = own.first()?.value_at().end;
+        let end = entry.value_at().end;
         let at = self.text[end..].find('\n').map(|n| end + n + 1);
         let text = format!("{before}{path} = {value:?}  # {comment}\n");
         match at {
@@ -157,6 +200,7 @@ fn table<'a>(all: &[Entry<'a>], key: &str) -> Option<Vec<Entry<'a>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servotwin_model::network::Instance;
 
     fn new(system: &System, id: &str, parameter: &str, value: f64) -> NewValue {
         let components = &system.network().components;
@@ -217,5 +261,81 @@ mod tests {
         );
         assert!(text.contains("area_m2 = 2e-7 }"), "{text}");
         assert!(text.contains("chamber.start_pa = 300000.0  # ± 1\n"), "{text}");
+    }
+
+    #[test]
+    fn every_parameter_of_every_shipped_system_can_be_written() {
+        for (name, text) in crate::built_in::SYSTEMS {
+            let system = System::parse(text, name).unwrap();
+            let components = &system.network().components;
+            // All first parameters at once, then all second ones, and so on: reading a file takes most of the time.
+            for parameter in 0..components.iter().map(|c| c.parameters.len()).max().unwrap() {
+                let has_it =
+                    |(_, instance): &(usize, &Instance)| parameter < instance.parameters.len();
+                let moved = |(component, instance): (usize, &Instance)| {
+                    let (min, max) = instance.range(parameter);
+                    let nominal = instance.parameters[parameter];
+                    let step = 1e-3 * if nominal == 0.0 { max.min(1.0) } else { nominal.abs() };
+                    let value = if nominal + step <= max { nominal + step } else { nominal - step };
+                    assert!(value >= min && value != nominal, "{}", instance.id);
+                    NewValue { component, parameter, value, comment: "moved".into() }
+                };
+                let values: Vec<_> =
+                    components.iter().enumerate().filter(has_it).map(moved).collect();
+                let text = system.rewritten(&[], &values);
+                let text = text.unwrap_or_else(|refusal| panic!("{name}: {refusal}"));
+                let read = System::parse(&text, name).unwrap();
+                for NewValue { component, value, .. } in values {
+                    let found = read.network().components[component].parameters[parameter];
+                    assert_eq!(found, value, "{}, parameter {parameter}", components[component].id);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sources_and_tanks_of_a_circuit_get_one_temperature() {
+        let system = System::default();
+        let supply = new(&system, "actuator_1.supply", "temperature_k", 311.0);
+        let reserve = new(&system, "actuator_1.reserve", "temperature_k", 312.0);
+        let values = [supply, reserve, new(&system, "actuator_2.tank", "air_factor", 1.1)];
+        let text = system.rewritten(&[], &values).unwrap();
+        for part in ["supply", "tank", "reserve"] {
+            let line = format!("\n{part}.temperature_k = 311.0  # ± 1\n");
+            assert_eq!(text.matches(&line).count(), 1, "{text}");
+            let line = format!("\n{part}.air_factor = 1.1  # ± 1\n");
+            assert_eq!(text.matches(&line).count(), 1, "{text}");
+        }
+    }
+
+    #[test]
+    fn the_last_of_several_values_counts() {
+        let system = System::default();
+        let width = |value| new(&system, "actuator_1.servo_valve", "width_pa_m", value);
+        let text = system.rewritten(&[], &[width(2.3e-3), width(2.2e-3)]).unwrap();
+        assert!(text.contains("servo_valve.width_pa_m = 0.0022  # ± 1\n"), "{text}");
+    }
+
+    #[test]
+    fn a_part_with_a_header_before_its_instance_keeps_its_header() {
+        let instance = "[components.actuator_1]\n";
+        let part = "[components.actuator_1.cylinder]\nmass_kg = 2.5\n";
+        let text = System::default().text.replace(instance, &format!("{part}{instance}"));
+        let system = System::parse(&text, "text").unwrap();
+        let values = [
+            new(&system, "actuator_1.cylinder", "coulomb_friction_n", 510.0),
+            new(&system, "actuator_1.servo_valve", "null_bias", 0.01),
+        ];
+        let text = system.rewritten(&[], &values).unwrap();
+        assert!(text.contains("mass_kg = 2.5\ncoulomb_friction_n = 510.0"), "{text}");
+        assert!(text.contains("assembly = \"actuator\"\nservo_valve.null_bias = 0.01"), "{text}");
+    }
+
+    #[test]
+    fn values_that_are_impossible_are_refused_with_the_reason() {
+        let system = System::default();
+        let values = [new(&system, "actuator_1.cylinder", "volume_a_m3", 1e-6)];
+        let reason = system.rewritten(&[], &values).unwrap_err().to_string();
+        assert!(reason.contains("which must be below volume_a_m3 (1e-6)"), "{reason}");
     }
 }

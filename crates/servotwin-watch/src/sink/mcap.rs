@@ -65,23 +65,24 @@ impl Mcap {
             };
             traces.iter().map(|trace| (name(trace), trace.unit.symbol().to_owned())).collect()
         };
-        let plain = |names: Vec<&String>, unit: &str| -> Vec<(String, String)> {
-            names.into_iter().map(|name| (name.clone(), unit.to_owned())).collect()
-        };
-        let sensors: Vec<&String> = scene.sensors.iter().map(|trace| &trace.id).collect();
-        let share = "share of the sensor's scale";
+        let shares = scene.sensors.iter().zip(&scene.residual_divisors);
+        let shares = shares
+            .map(|(trace, divisor)| (trace.id.clone(), format!("share of the sensor's {divisor}")));
+        let shares: Vec<(String, String)> = shares.collect();
+        let features = scene.features.iter().map(|name| (name.clone(), String::new()));
+        let features: Vec<(String, String)> = features.collect();
         let mut channel = |topic: &str, names: &[(String, String)]| {
             Channel::new(&mut writer, topic, names).map_err(failed)
         };
         let features = match scene.features.is_empty() {
             true => None,
-            false => Some(channel("/features", &plain(scene.features.iter().collect(), ""))?),
+            false => Some(channel("/features", &features)?),
         };
         let (inputs, measured) =
             (channel("/inputs", &si(&scene.inputs))?, channel("/measured", &si(&scene.sensors))?);
         let twin = channel("/twin", &si(&scene.sensors))?;
-        let residuals = channel("/residuals", &plain(sensors.clone(), share))?;
-        let bands = channel("/bands", &plain(sensors, share))?;
+        let residuals = channel("/residuals", &shares)?;
+        let bands = channel("/bands", &shares)?;
         let decisions = Channel::decisions(&mut writer).map_err(failed)?;
         Ok(Mcap {
             path: path.into(),

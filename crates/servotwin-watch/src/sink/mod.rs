@@ -12,6 +12,7 @@ use super::watchdog::{Notice, SinkLoss};
 use servotwin::observer::Observation;
 use servotwin::shown::Shown;
 use servotwin::system::{Sensor, System};
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::FileError;
 use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
@@ -118,6 +119,8 @@ pub struct Scene {
     pub inputs: Vec<Trace>,
     /// The sensors of the system.
     pub sensors: Vec<Trace>,
+    /// What the residual of each sensor is divided by, in words.
+    pub residual_divisors: Vec<&'static str>,
     /// The names of the observer's features.
     pub features: Vec<String>,
     /// The sampling period, s.
@@ -158,8 +161,18 @@ impl Scene {
             title: title.into(),
             inputs: network.inputs.iter().enumerate().map(input).collect(),
             sensors: system.sensors.iter().map(sensor).collect(),
+            residual_divisors: vec!["scale"; system.sensors.len()],
             features,
             period_s,
         }
+    }
+
+    /// The same with the residuals of a diagnoser, which divides some of them by their spread.
+    pub fn with_residuals_of(mut self, diagnoser: &Diagnoser) -> Self {
+        for (trace, divisor) in self.sensors.iter().zip(&mut self.residual_divisors) {
+            let own = diagnoser.sensors.iter().find(|sensor| sensor.name == trace.id);
+            own.iter().for_each(|sensor| *divisor = sensor.residual_divisor());
+        }
+        self
     }
 }

@@ -6,6 +6,7 @@ use crate::places::places;
 use proptest::prelude::*;
 use servotwin::study::Study;
 use servotwin::system::System;
+use servotwin_diagnosis::spread::Spread;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::{Irregularity, WatchCounts};
 use servotwin_watch::map::{Map, Trust, guess};
@@ -754,6 +755,78 @@ fn an_hour_is_a_small_page() {
     let text = strip.text();
     assert!(text.contains("2000.00 s  isolated: shutdown"), "{text}");
     assert!(text.lines().next().unwrap().contains(".####"), "{text}");
+}
+
+#[test]
+fn a_residual_that_is_divided_by_its_spread_is_no_share_of_scale() {
+    let study = Study::default();
+    let mut diagnoser = servotwin_watch::shipped::diagnoser(&study).unwrap();
+    diagnoser.sensors[3].spread = Some(Spread { spool: 3, growth: 1.0 });
+    let scene = Scene::new("a log", &study.system, vec![], 0.01).with_residuals_of(&diagnoser);
+    let html = Timeline::new(scene).html(&WatchCounts::new("row", 24));
+    assert_eq!(html.matches("\"% of scale and spread\"").count(), 1);
+    assert_eq!(html.matches("\"% of scale\"").count(), 12);
+}
+
+/// Judges nothing: the environment is invalid while the command is large, and at one sample for another reason.
+#[derive(Default)]
+struct Doubting(Fake);
+
+impl Observer for Doubting {
+    fn push(&mut self, time_s: f64, inputs: &[f64], measured: &[f64]) -> Observation<'_> {
+        let reason = match inputs[0] {
+            command if command > 0.1 => "environment invalid / command / out of range",
+            _ if (time_s - 0.5).abs() < 1e-9 => "environment invalid / supply_pressure / doubtful",
+            _ => "",
+        };
+        self.0.push(time_s, inputs, measured);
+        self.0.finding = Finding { evidence: vec![reason.into()], ..Finding::default() };
+        if !reason.is_empty() {
+            self.0.finding.state = DiagnosisState::EnvironmentInvalid;
+        }
+        Observation {
+            twin: &self.0.zeros,
+            residuals: &self.0.residuals,
+            bands: &self.0.zeros,
+            features: &[],
+            finding: &self.0.finding,
+        }
+    }
+
+    fn restart(&mut self) {}
+
+    fn save(&self) -> Vec<u8> {
+        vec![]
+    }
+
+    fn restore(&mut self, _: &[u8]) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+#[test]
+fn an_invalid_environment_is_explained_where_nothing_could_be_judged() {
+    let folder = Folder::new("log-environment");
+    let study = spring_study();
+    let command = |row: usize| match row % 3 {
+        0 => 0.1 + 0.001 * row as f64,
+        _ => 0.0,
+    };
+    let rows = (0..99).map(|row| format!("{:?},1e5,{:?}\n", row as f64 * 0.01, command(row)));
+    let log = folder.write("log.csv", format!("t,p,c\n{}", rows.collect::<String>()));
+    let text = "format = 1\n[time]\ncolumn = \"t\"\n[sensors]\np_a = { column = \"p\" }\n\
+                [inputs]\ncommand = { column = \"c\", unit = \"rad\" }\n";
+    let map = Map::parse(text, "map", &study.system).unwrap();
+    let mut source = Address::File(log).open(map.wanted()).unwrap();
+    let mut observer = Doubting::default();
+    let mut watch = Watch::new(&mut *source, &map, &mut observer, 0.01);
+    watch.expect(&study, &[(-0.1, 0.1), (1e4, 1e8)]);
+    watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
+    let counts = watch.counts().clone();
+    let said = watch.plausibility().sentences(&study.system, &map, 0.01, &counts);
+    let expected = "the environment was invalid in 33 of 99 periods: command lies outside of -0.1 … 0.1 rad by up to \
+                    0.096 rad, environment invalid / supply_pressure / doubtful";
+    assert!(said.iter().any(|sentence| sentence == expected), "{said:?}");
 }
 
 #[test]

@@ -90,8 +90,12 @@ impl Unknown {
     /// The unknowns of what every plant draws on top of its tolerances (`[flights].draws`), in the study's order.
     /// Parameters that have a tolerance are left out.
     pub fn of_draws(study: &Study) -> Vec<Self> {
-        let known = Self::of_study(study);
-        let is_new = |unknown: &Self| known.iter().all(|other| other.name != unknown.name);
+        let members = |unknown: &Self| match &unknown.moved {
+            Moved::Parameters { members, .. } => members.iter().map(|own| (own.0, own.1)).collect(),
+            Moved::Fault(..) => vec![],
+        };
+        let known: Vec<(usize, usize)> = Self::of_study(study).iter().flat_map(members).collect();
+        let is_new = |unknown: &Self| members(unknown).iter().all(|own| !known.contains(own));
         let draws = study.flights.iter().flat_map(|flights| &flights.draws);
         let draws = draws.map(|draw| Self::draw(&study.system, draw));
         draws.filter(is_new).collect()

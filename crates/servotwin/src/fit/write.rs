@@ -45,3 +45,42 @@ impl FitResults {
         lines
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Unknown;
+    use super::*;
+    use crate::built_in;
+    use crate::study::Study;
+    use crate::system::System;
+
+    #[test]
+    fn all_that_a_fit_may_move_can_be_written_for_every_shipped_study() {
+        for (name, text) in built_in::STUDIES {
+            let study = Study::parse(text, name).unwrap();
+            let [tolerances, draws] = [Unknown::of_study(&study), Unknown::of_draws(&study)];
+            assert!(!tolerances.is_empty(), "{name}");
+            let moved = |unknown: &Unknown| {
+                let Moved::Parameters { members, .. } = &unknown.moved else { panic!() };
+                let z = 0.1 * if unknown.range.1 > 0.0 { unknown.range.1 } else { unknown.range.0 };
+                assert_ne!(z, 0.0, "{}", unknown.name);
+                let new = |&(component, parameter, nominal): &(usize, usize, f64)| NewValue {
+                    component,
+                    parameter,
+                    value: nominal + z * unknown.per_sigma(nominal),
+                    comment: String::new(),
+                };
+                members.iter().map(new).collect::<Vec<_>>()
+            };
+            let each: Vec<Vec<NewValue>> = tolerances.iter().chain(&draws).map(moved).collect();
+            for values in each.iter().chain([&each.concat()]) {
+                let text = study.system.rewritten(&[], values);
+                let text = text.unwrap_or_else(|refusal| panic!("{name}: {refusal}"));
+                let read = System::parse(&text, "rewritten").unwrap();
+                for &NewValue { component, parameter, value, .. } in values {
+                    assert_eq!(read.network().components[component].parameters[parameter], value);
+                }
+            }
+        }
+    }
+}

@@ -15,7 +15,7 @@ pub struct Results {
     pub format: String,
     /// The name of the study.
     pub study: String,
-    /// One entry for each subject.
+    /// One entry for each evaluated subject.
     pub subjects: Vec<SubjectResult>,
 }
 
@@ -38,15 +38,17 @@ impl Results {
         Results { format: FORMAT.into(), study: study.name.clone(), subjects }
     }
 
-    /// Reads the results in a folder.
+    /// Reads the results in a folder. A folder of flights alone has no subjects.
     ///
     /// # Errors
-    /// [`JobError::Missing`], or the file is not an evaluation.
+    /// [`JobError::Missing`] without an evaluation and without flights; the file is not an evaluation, or the study
+    /// cannot be read.
     pub fn read(folder: &Folder) -> Result<Self, JobError> {
         let path = folder.results();
-        match path.exists() {
-            true => Ok(model_file::read(path)?),
-            false => Err(JobError::Missing { path, command: "study" }),
+        match (path.exists(), folder.flights().exists()) {
+            (true, _) => Ok(model_file::read(path)?),
+            (false, true) => Ok(Results::new(&folder.read_study()?, vec![])),
+            (false, false) => Err(JobError::Missing { path, command: "study" }),
         }
     }
 

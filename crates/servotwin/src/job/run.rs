@@ -277,7 +277,7 @@ impl StudyResults {
     /// Reads the results of a study from its output folder. Other processes may write there meanwhile.
     ///
     /// # Errors
-    /// The folder has no evaluated study, or one of its files is damaged.
+    /// The folder has neither an evaluation nor flights, or one of its files is damaged.
     pub fn read(out: impl AsRef<Path>) -> Result<Self, JobError> {
         let folder = Folder::new(out.as_ref());
         folder.read_study()?;

@@ -207,9 +207,12 @@ impl Timeline {
             let pairs = traces.iter().zip(series);
             pairs.map(|(trace, series)| series.json(&trace.label, trace.shown.symbol())).collect()
         };
-        let plain = |labels: Vec<&str>, series: &[Series], unit: &str| -> Vec<Value> {
-            labels.iter().zip(series).map(|(label, series)| series.json(label, unit)).collect()
-        };
+        let residuals = self.scene.sensors.iter().zip(&self.scene.residual_divisors);
+        let residuals = residuals.zip(&self.residuals).map(|((trace, divisor), series)| {
+            series.json(&trace.label, &format!("% of {divisor}"))
+        });
+        let features = self.scene.features.iter().zip(&self.features);
+        let features = features.map(|(name, series)| series.json(name, ""));
         let change = |(sample, time_s, finding): &(usize, f64, Finding)| {
             json!({
                 "at": *sample as f64 * self.scene.period_s,
@@ -222,8 +225,6 @@ impl Timeline {
         let met =
             |state: &DiagnosisState| self.changes.iter().any(|(_, _, found)| found.state == *state);
         let legend = DiagnosisState::ALL.into_iter().filter(met);
-        let labels = self.scene.sensors.iter().map(|trace| &*trace.label).collect();
-        let features = self.scene.features.iter().map(|name| &**name).collect();
         let percent = |band: &f64| band.is_finite().then_some(100.0 * band);
         let at = |sample: &usize| *sample as f64 * self.scene.period_s;
         json!({
@@ -235,10 +236,10 @@ impl Timeline {
             "changes": self.changes.iter().map(change).collect::<Vec<_>>(),
             "bands": self.bands.iter().map(percent).collect::<Vec<_>>(),
             "inputs": all(&self.scene.inputs, &self.inputs),
-            "residuals": plain(labels, &self.residuals, "% of scale"),
+            "residuals": residuals.collect::<Vec<_>>(),
             "measured": all(&self.scene.sensors, &self.measured),
             "twin": all(&self.scene.sensors, &self.twin),
-            "features": plain(features, &self.features, ""),
+            "features": features.collect::<Vec<_>>(),
         })
     }
 
