@@ -5,7 +5,7 @@ set -eu
 cd "$(dirname "$0")/../../.."
 out=target/shipped
 rm -rf "$out"
-cargo run --release --quiet -- fly --out "$out"
+cargo run --release --quiet -- study paper --suite flights --scenario noise --out "$out"
 gzip -9 -n -c "$out/diagnoser-noise.json" > crates/servotwin-watch/shipped/aileron.json.gz
 cat "$out/study.toml" "$out/system.toml" | sha256sum | cut -c 1-64 | tr -d '\n' \
     > crates/servotwin-watch/shipped/learned-from.txt

@@ -25,6 +25,7 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
 use servotwin_report::words::{number, spoken};
+use servotwin_watch::shipped;
 use std::fmt::Write;
 use std::sync::Arc;
 
@@ -33,8 +34,8 @@ use std::sync::Arc;
 /// No option is required: by default, the stroke sensor of the first actuator gets a bias, or the study's first fault
 /// begins. The flight knows the truth, so the output states whether actuator, action and component were right. The
 /// command writes into the folder `flight` of the output folder: `flight.svg`, which marks onset, detection and
-/// reaction, and the records `flight-reacting.csv` and `flight-alone.csv`. If the diagnoser is missing, the command
-/// trains it first, which takes about two minutes.
+/// reaction, and the records `flight-reacting.csv` and `flight-alone.csv`. The built-in aileron flies with a diagnosis that
+/// comes with the program; for anything else the command trains one first if it is missing, which takes about two minutes.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -163,7 +164,8 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     })
 }
 
-/// The diagnoser of a scenario, trained if it does not exist.
+/// The diagnoser of a scenario in a folder. If it is missing, the built-in aileron without tolerances has a shipped one, and
+/// any other is learned first.
 pub(crate) fn diagnoser(
     options: &StudyOptions,
     folder: &Folder,
@@ -176,6 +178,13 @@ pub(crate) fn diagnoser(
     }
     if study.flights.is_none() {
         return Err(JobError::NoFlights.into());
+    }
+    let may_be_shipped = scenario == Scenario::Noise && !study.is_full;
+    if let Some(shipped) = may_be_shipped.then(|| shipped::diagnoser(study)).flatten() {
+        let text =
+            "the diagnosis comes with the program; servotwin study --suite flights learns one";
+        note(global, text);
+        return Ok(Arc::new(shipped));
     }
     let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
     let _hold = options.keep(study, global)?;
@@ -328,7 +337,38 @@ impl Flown<'_> {
         ]
     }
 
+    /// The verdict, what the diagnosis is good for, and its evidence.
     fn text(&self, onset_s: f64) -> String {
+        let verdict = FlightVerdict::of(self.truths, &self.with, self.diagnoser);
+        let mut out = verdict.text();
+        if self.with.actions.is_empty() {
+            let _ = writeln!(out, "nothing had to be done");
+        }
+        let unit = self.unit().shown();
+        let names = [
+            format!("rms tracking error / {unit}"),
+            format!("largest tracking error / {unit}"),
+            "rms force fight / N".into(),
+        ];
+        let (with, without) =
+            (self.numbers(&self.with, onset_s), self.numbers(&self.without, onset_s));
+        for (name, (with, without)) in names.iter().zip(with.into_iter().zip(without)) {
+            if let (Some(with), Some(without)) = (with, without) {
+                let _ = writeln!(
+                    out,
+                    "{name}: {} without the diagnosis, {} with it",
+                    number(without),
+                    number(with)
+                );
+            }
+        }
+        let fight = |record| self.numbers(record, onset_s)[2];
+        out += &verdict.on_force_fight(fight(&self.with), fight(&self.without));
+        out + &self.costs(onset_s).text() + "\n" + &self.events(onset_s)
+    }
+
+    /// What the diagnosis said and did, in the order of time.
+    fn events(&self, onset_s: f64) -> String {
         let mut out = String::new();
         for change in &self.with.changes {
             let said = spoken(&self.diagnoser.describe(change.finding));
@@ -350,32 +390,7 @@ impl Flown<'_> {
                 spoken(command),
             );
         }
-        if self.with.actions.is_empty() {
-            let _ = writeln!(out, "nothing had to be done");
-        }
-        let verdict = FlightVerdict::of(self.truths, &self.with, self.diagnoser);
-        out += &verdict.text();
-        let unit = self.unit().shown();
-        let names = [
-            format!("rms tracking error / {unit}"),
-            format!("largest tracking error / {unit}"),
-            "rms force fight / N".into(),
-        ];
-        let (with, without) =
-            (self.numbers(&self.with, onset_s), self.numbers(&self.without, onset_s));
-        for (name, (with, without)) in names.iter().zip(with.into_iter().zip(without)) {
-            if let (Some(with), Some(without)) = (with, without) {
-                let _ = writeln!(
-                    out,
-                    "{name}: {} without the diagnosis, {} with it",
-                    number(without),
-                    number(with)
-                );
-            }
-        }
-        let fight = |record| self.numbers(record, onset_s)[2];
-        out += &verdict.on_force_fight(fight(&self.with), fight(&self.without));
-        out + &self.costs(onset_s).text()
+        out
     }
 
     fn costs(&self, onset_s: f64) -> FlightCosts {

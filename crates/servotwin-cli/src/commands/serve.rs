@@ -142,31 +142,18 @@ fn show(
     Ok(String::new())
 }
 
-/// The diagnoser that the options name, or that of the folder. If it is missing, the built-in aileron has a shipped one,
-/// and any other is learned first.
+/// The diagnoser that the options name, or that of `servotwin fly`.
 fn diagnoser(
     options: &Options,
     study: &servotwin::study::Study,
     scenario: servotwin::study::Scenario,
     global: Global,
 ) -> Result<std::sync::Arc<servotwin_diagnosis::diagnoser::Diagnoser>, Failure> {
-    use super::note;
-    use servotwin::study::Scenario;
-    use servotwin_watch::shipped;
-    use std::sync::Arc;
-
     if let Some(path) = &options.input.model {
-        return Ok(Arc::new(servotwin::evaluation::model_file::read_diagnoser(path)?));
+        let named = servotwin::evaluation::model_file::read_diagnoser(path)?;
+        return Ok(std::sync::Arc::new(named));
     }
     let folder = servotwin::job::Folder::new(&options.study.folder());
-    let is_first_look = scenario == Scenario::Noise && !folder.diagnoser(scenario).exists();
-    let may_be_shipped = is_first_look && !study.is_full;
-    if let Some(shipped) = may_be_shipped.then(|| shipped::diagnoser(study)).flatten() {
-        let text =
-            "the diagnosis comes with the program; servotwin fly --out FOLDER learns one anew";
-        note(global, text);
-        return Ok(Arc::new(shipped));
-    }
     super::fly::diagnoser(&options.study, &folder, study, scenario, global)
 }
 
