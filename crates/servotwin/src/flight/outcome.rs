@@ -99,6 +99,12 @@ pub struct FlightOutcome {
     pub visible_by_chance: u64,
     /// The first action.
     pub first: FirstAction,
+    /// The name of the first action; empty for none.
+    pub first_action: String,
+    /// The actuator of the first action.
+    pub first_actuator: String,
+    /// When the first action was raised; `None` for never.
+    pub first_action_s: Option<f64>,
     /// When a right action was raised first, whatever was raised before; `None` for never.
     pub right_action_s: Option<f64>,
     /// The most specific output.
@@ -121,6 +127,31 @@ pub struct FlightOutcome {
     pub shutdown_evidence: f64,
     /// The same in windows of baseline-corrected residuals.
     pub corrected_shutdown_evidence: f64,
+    /// The actuators that the flight control computer switched off, separated by commas; `all` for the only one. Empty in open
+    /// loop, where nothing below is known either.
+    pub switched_off: String,
+    /// Whether a reaction changed inputs or parameters.
+    pub changes_mode: bool,
+    /// The root mean square of the command since the onset, rad or m.
+    pub command_rms: Option<f64>,
+    /// The root mean square of the tracking error since the onset without reactions, rad or m; `None` where nothing follows
+    /// the command.
+    pub error_rms: Option<f64>,
+    /// The largest tracking error without reactions.
+    pub error_max: Option<f64>,
+    /// The root mean square of the tracking error with reactions.
+    pub reacting_error_rms: Option<f64>,
+    /// The largest tracking error with reactions.
+    pub reacting_error_max: Option<f64>,
+    /// The root mean square of the force fight without reactions, N; `None` of one actuator.
+    pub force_fight_rms_n: Option<f64>,
+    /// The same with reactions.
+    pub reacting_force_fight_rms_n: Option<f64>,
+    /// The largest difference of the faulty actuator's rod force from the healthy flight, without reactions, N; `None` without
+    /// a rod or without a fault.
+    pub force_difference_n: Option<f64>,
+    /// The same of its piston's position, m.
+    pub travel_difference_m: Option<f64>,
 }
 
 impl FlightOutcome {
@@ -158,8 +189,11 @@ impl FlightOutcome {
     }
 }
 
+/// The unit of a command and of what follows it.
+const COMMAND: &str = "rad or m";
+
 /// The columns of the table: field, unit and description. Missing times are NaN.
-const COLUMNS: [(&str, &str, &str); 30] = [
+const COLUMNS: [(&str, &str, &str); 44] = [
     ("number", DIMENSIONLESS, "Number of the flight, from which specimen and noise follow."),
     ("environment", DIMENSIONLESS, "Number of the environment."),
     ("event", "", "Full name of the fault, title of another event, or healthy."),
@@ -179,6 +213,9 @@ const COLUMNS: [(&str, &str, &str); 30] = [
     ("visible_s", "s", "When the fault became visible, since the onset."),
     ("visible_by_chance", DIMENSIONLESS, "How often a fault was called visible before the onset."),
     ("first", "", "First action after the onset."),
+    ("first_action", "", "Name of that action."),
+    ("first_actuator", "", "Its actuator."),
+    ("first_action_s", "s", "When it was raised, since the onset."),
     ("right_action_s", "s", "When a right action was raised, since the onset."),
     ("word", "", "Most specific output after the onset."),
     ("first_word_s", "s", "When anything but health was reported, since the onset."),
@@ -190,6 +227,17 @@ const COLUMNS: [(&str, &str, &str); 30] = [
     ("evidence", DIMENSIONLESS, "Largest evidence for an action, in parts of its limit."),
     ("shutdown_evidence", DIMENSIONLESS, "The same for a shutdown, uncorrected windows."),
     ("corrected_shutdown_evidence", DIMENSIONLESS, "The same, baseline-corrected windows."),
+    ("switched_off", "", "Actuators that were switched off; all for the only one."),
+    ("changes_mode", "", "Whether a reaction changed inputs or parameters."),
+    ("command_rms", COMMAND, "Root mean square of the command since the onset, in closed loop."),
+    ("error_rms", COMMAND, "Root mean square of the tracking error without reactions."),
+    ("error_max", COMMAND, "Largest tracking error without reactions."),
+    ("reacting_error_rms", COMMAND, "Root mean square of the tracking error with reactions."),
+    ("reacting_error_max", COMMAND, "Largest tracking error with reactions."),
+    ("force_fight_rms_n", "N", "Root mean square of the force fight without reactions."),
+    ("reacting_force_fight_rms_n", "N", "The same with reactions."),
+    ("force_difference_n", "N", "Largest difference of the rod force from the healthy flight."),
+    ("travel_difference_m", "m", "Largest difference of the piston from the healthy flight."),
 ];
 
 /// The table of outcomes, with a unit and a description for every column.
