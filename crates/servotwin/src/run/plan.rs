@@ -257,7 +257,7 @@ impl Run {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::suites::{JUDGE, LEARN};
+    use crate::study::suites::{EFFECTS, JUDGE, LEARN};
     use std::collections::BTreeSet;
 
     #[test]
@@ -276,6 +276,24 @@ mod tests {
             let own: BTreeSet<usize> = repeat.iter().filter_map(kinds).collect();
             assert_eq!(own.len(), each, "one actuator for each kind at each intensity");
         }
+    }
+
+    #[test]
+    fn in_closed_loop_every_fault_of_the_system_begins_at_half_and_full_intensity() {
+        let study = Study::default();
+        let effects = study.suite(EFFECTS, false).unwrap();
+        let runs = runs(&study, effects, &(0..1));
+        let faults = study.system.all_faults().len();
+        assert_eq!(runs.len(), 2 * faults + 1);
+        let middle = study.flights.as_ref().unwrap().onset_s.iter().sum::<f64>() / 2.0;
+        for (place, run) in runs[..2 * faults].iter().enumerate() {
+            let intensity = [0.5, 1.0][place % 2];
+            assert_eq!((run.fault, run.intensity), (Some(place / 2), intensity));
+            assert_eq!((run.onset_s, run.profile, run.environment), (middle, Profile::Step, 0));
+        }
+        assert!(runs[2 * faults].is_healthy());
+        let environments = study.environments(effects, 0..1).unwrap();
+        assert_eq!(environments[0].name, study.cases[0].name);
     }
 
     #[test]
