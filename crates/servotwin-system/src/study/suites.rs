@@ -293,8 +293,8 @@ impl Suite {
             reader.range(&section.key("onset_s"), to, is_inside, allowed)?;
         }
         let is_closed_loop = text.closed_loop.unwrap_or(false);
-        if let Some(mistake) = text.mistake_in_closed_loop(name) {
-            return Err(reader.note(&reader.span(&section.key("closed_loop")), mistake));
+        if let Some((key, mistake)) = text.mistake_in_closed_loop(name) {
+            return Err(reader.note(&reader.span(&section.key(key)), mistake));
         }
         let middle = |[from, to]: [f64; 2]| [(from + to) / 2.0; 2];
         let onset_s = if is_closed_loop { onset_s.map(middle) } else { onset_s };
@@ -376,16 +376,13 @@ impl Text {
         }
     }
 
-    /// Why a suite of a name cannot be flown in closed loop, or not without.
-    fn mistake_in_closed_loop(&self, name: &str) -> Option<StudyMistake> {
+    /// The key for which a suite of this name cannot be flown in closed loop, or not without.
+    fn mistake_in_closed_loop(&self, name: &str) -> Option<(&'static str, StudyMistake)> {
         let is_closed_loop = self.closed_loop.unwrap_or(false);
         let is_known = KNOWN.iter().any(|(known, ..)| *known == name);
         if is_known && is_closed_loop != (name == EFFECTS) {
-            return Some(StudyMistake::KnownClosedLoop);
+            return Some(("closed_loop", StudyMistake::KnownClosedLoop));
         }
-        let has_ranges = [&self.inputs, &self.unit_inputs, &self.unit_parameters]
-            .iter()
-            .any(|ranges| !ranges.is_empty());
         let foreign = [
             ("like", self.like.is_some()),
             ("unseen", self.unseen.is_some()),
@@ -394,10 +391,12 @@ impl Text {
             ("scatter", self.scatter.is_some()),
             ("missing", self.missing.is_some()),
             ("commands", self.commands.is_some()),
-            ("inputs", has_ranges),
+            ("inputs", !self.inputs.is_empty()),
+            ("unit_inputs", !self.unit_inputs.is_empty()),
+            ("unit_parameters", !self.unit_parameters.is_empty()),
         ];
         let (key, _) = foreign.into_iter().find(|(_, is_set)| is_closed_loop && *is_set)?;
-        Some(StudyMistake::ClosedLoop { key })
+        Some((key, StudyMistake::ClosedLoop { key }))
     }
 
     fn in_full_size(self) -> Text {
