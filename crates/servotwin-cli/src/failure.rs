@@ -328,7 +328,7 @@ fn of_safety(error: &SafetyError) -> u8 {
         | SafetyError::FindingLine { .. }
         | SafetyError::NoScenario { .. }
         | SafetyError::NoFlights { .. } => 2,
-        SafetyError::Flight { .. } | SafetyError::NotReproduced { .. } => 1,
+        SafetyError::NotReproduced { .. } => 1,
         SafetyError::File(error) => of_file(error),
         SafetyError::Table(error) => of_table(error),
         _ => 3,

@@ -136,6 +136,7 @@ fn healthy_run() -> FlownSuite {
             is_full: false,
             diagnoser_sha256: String::new(),
             study_sha256: String::new(),
+            system_sha256: String::new(),
         },
         environments: 500,
         calibration: None,

@@ -2,7 +2,6 @@
 
 use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
-use servotwin::flight::runtime::RuntimeError;
 use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::nearest;
@@ -27,9 +26,6 @@ pub enum SafetyError {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The twin or the diagnosis could not run.
-    #[error("the flight of {fault} at intensity {intensity}: {error}")]
-    Flight { fault: String, intensity: f64, error: RuntimeError },
     /// The folder has no manifest, so system, study and model of its results are unknown.
     #[error(
         "{folder}: there is no manifest.json here, so nothing says what the results were made of; 'servotwin study \

@@ -13,16 +13,16 @@ use servotwin::job::{Among, Folder};
 use servotwin::study::{Scenario, Study};
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::FmeaSheet;
-use servotwin_safety::fmea::{self, FlyFaults, WeightedCoverage, format, weighted_coverage};
+use servotwin_safety::fmea::{self, WeightedCoverage, format, weighted_coverage};
 use servotwin_safety::results::{FOLDER, StudyResultsFolder};
 use std::path::{Path, PathBuf};
 
 /// Fill an FMEA (failure mode and effects analysis) from the results of a study.
 ///
 /// The sheet has one row for every fault that the system can have. Every filled cell names its evidence: a file and its
-/// rows, or a figure. A cell without evidence names what is missing. Every fault of the study is flown in closed loop with the
-/// diagnosis and without it, and safety/fmea-flights.csv stores the flights. If the diagnoser is missing, the command
-/// learns it first. Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their
+/// runs, or a figure. A cell without evidence names what is missing. Every fault of the system is flown in closed loop with
+/// the diagnosis and without it: the suite effects, whose flights outcomes-effects-SCENARIO.parquet stores. If the diagnoser
+/// is missing, the command learns it first. Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their
 /// rows as stale when the system, the study or the models change. With a study instead of a folder, the sheet holds
 /// declarations only.
 #[derive(clap::Args)]
@@ -43,11 +43,8 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<String>,
     /// Fly nothing; use stored flights as they are.
-    #[arg(long, conflicts_with = "all_faults")]
-    no_flights: bool,
-    /// Also fly the faults that no class of the study lists.
     #[arg(long)]
-    all_faults: bool,
+    no_flights: bool,
     /// Number of threads [default: all processors; the sheet does not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
@@ -79,12 +76,7 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
     let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
     let _hold = folder.hold(Among::Nobody)?;
-    let fly = match (options.no_flights, options.all_faults) {
-        (true, _) => FlyFaults::Never,
-        (_, true) => FlyFaults::All,
-        _ => FlyFaults::Listed,
-    };
-    if fly != FlyFaults::Never
+    if !options.no_flights
         && !fmea::can_fly(&results)
         && let Ok(scenario) = results.flown_setting()
     {
@@ -93,7 +85,7 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
         results = StudyResultsFolder::open(folder.clone(), wanted)?;
     }
     let rates = options.rates.as_deref();
-    let sources = fmea::sources(&results, rates, fly, workers(options.threads))?;
+    let sources = fmea::sources(&results, rates, !options.no_flights, workers(options.threads))?;
     stop::check()?;
     let default = folder.path().join(FOLDER).join("fmea.csv");
     write(options, &sources, &default, global)

@@ -40,7 +40,7 @@ pub(crate) struct Options {
     /// data sets. 'flights' trains the diagnosis on flights in which faults begin (diagnoser-SCENARIO.json) and judges it in
     /// every suite that is not on request. Another suite is flown with the diagnosers in the folder, and nothing is
     /// learned: judge, unseen, other_structure, other_structure_fitted, missing_sensors, healthy, healthy_other_structure,
-    /// or one of the study's own. Every flight becomes a row of outcomes-SUITE-SCENARIO.parquet. An interrupted suite goes
+    /// effects, or one of the study's own. Every flight becomes a row of outcomes-SUITE-SCENARIO.parquet. An interrupted suite goes
     /// on where it was last stored.
     #[arg(long, value_name = "SUITES", value_delimiter = ',')]
     pub(super) suite: Vec<String>,

@@ -1,7 +1,7 @@
 //! Artefacts for a safety case, made as users make them, from a study small enough for a test.
 
 use super::flights::learned;
-use super::{Folder, fails, stderr, stdout, succeeds};
+use super::{Folder, Shared, copy_folder, fails, stderr, stdout, succeeds};
 use servotwin::job::flights::Crew;
 use servotwin::parallel::Workers;
 use servotwin::table::csv::texts::{self, Texts};
@@ -26,6 +26,20 @@ fn flown(name: &str) -> (Folder, String, String) {
     learned(&folder);
     let (out, rates) = (folder.file("out"), folder.file("rates.csv"));
     fs::write(&rates, RATES).unwrap();
+    (folder, out, rates)
+}
+
+/// The same with the flights of an FMEA, which are flown once for all tests.
+fn flown_in_closed_loop(name: &str) -> (Folder, String, String) {
+    static FLOWN: Shared = Shared::new("fmea-flown");
+    let folder = Folder::new(name);
+    let made = FLOWN.get(|path| {
+        let (learned, out, _) = flown("fmea-flown");
+        succeeds(&["fmea", &out, "--quiet"]);
+        copy_folder(&learned.0, path);
+    });
+    copy_folder(made, &folder.0);
+    let (out, rates) = (folder.file("out"), folder.file("rates.csv"));
     (folder, out, rates)
 }
 
@@ -110,7 +124,7 @@ fn scram_computes_the_same_probabilities() {
 
 #[test]
 fn every_fault_is_flown_once_and_a_persons_cells_survive() {
-    let (folder, out, rates) = flown("fmea");
+    let (folder, out, rates) = flown_in_closed_loop("fmea");
     let printed = succeeds(&["fmea", &out, "--rates", &rates]);
     let path = Path::new(&out).join("safety/fmea.csv");
     assert!(printed.ends_with("safety/fmea.csv\n"), "{printed}");
@@ -120,10 +134,22 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
         cell(&sheet, fault, "effect_on_system")
             .starts_with("aircraft: rms surface error (aileron) ")
     );
-    assert!(
-        cell(&sheet, fault, "evidence: effect_on_system")
-            .contains("safety/fmea-flights.csv rows 2, 3")
-    );
+    // The evidence names runs, and each can be flown again to the bit.
+    let flights = Path::new(&out).join("outcomes-effects-realistic.parquet");
+    let outcomes = table::read(&flights).unwrap();
+    let (numbers, events) = (outcomes.f64("number").unwrap(), outcomes.text("event").unwrap());
+    let row = events.iter().rposition(|event| event == fault).unwrap();
+    let number = numbers[row];
+    let evidence = cell(&sheet, fault, "evidence: effect_on_system");
+    let named =
+        format!("outcomes-effects-realistic.parquet runs {}, {number} (case S1", number - 1.0);
+    assert!(evidence.starts_with(&named), "{evidence}");
+    let (study, name) = (folder.file("tiny.toml"), format!("effects#{number}@realistic"));
+    let again = succeeds(&["flights", &study, "--out", &out, "--run", &name]);
+    for field in ["error_rms", "reacting_error_max", "force_fight_rms_n", "travel_difference_m"] {
+        let value = outcomes.f64(field).unwrap()[row];
+        assert!(value > 0.0 && again.contains(&format!("  {field}: {value}\n")), "{again}");
+    }
     assert_eq!(cell(&sheet, fault, "failure_rate_per_h"), "1e-7");
     let severity = cell(&sheet, fault, "severity");
     let lost = cell(&sheet, fault, "effect_on_system");
@@ -137,9 +163,11 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     let latency = cell(&sheet, fault, "detection_latency");
     assert!(latency.contains("of 2 own flights"), "{latency}");
     assert!(latency.contains("; judged flights, all intensities: visible after "), "{latency}");
-    assert_eq!(cell(&sheet, "actuator_1.servo_valve.gain_low", "effect_on_system"), "not flown");
-    // The flights are stored: without threads to fly on, the second run gives the same sheet.
-    let flights = Path::new(&out).join("safety/fmea-flights.csv");
+    // No class lists this fault.
+    let unlisted = "actuator_1.servo_valve.gain_low";
+    assert!(cell(&sheet, unlisted, "effect_on_system").contains("rms surface error"));
+    assert_eq!(cell(&sheet, unlisted, "isolation"), "no right action to compare with");
+    // The flights are stored: nothing flies again.
     let stored = fs::metadata(&flights).unwrap().modified().unwrap();
     let severity = sheet.column("severity").unwrap();
     let mut edited = sheet.clone();
@@ -148,6 +176,8 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     write(&path, &edited);
     let printed = succeeds(&["fmea", &out, "--rates", &rates]);
     assert!(printed.contains(" 1 filled in by people, 0 rows stale"), "{printed}");
+    let named = ["--suite", "effects", "--scenario", "realistic", "--quiet"];
+    succeeds(&[&["flights", &study, "--out", &out][..], &named].concat());
     assert_eq!(fs::metadata(&flights).unwrap().modified().unwrap(), stored, "flown again");
     let again = texts::read(&path).unwrap();
     assert_eq!(cell(&again, fault, "severity"), "S4, by the board");
@@ -155,6 +185,9 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     // Another diagnoser makes the row stale, and its flights too.
     let diagnoser = Path::new(&out).join("diagnoser-realistic.json");
     fs::copy(Path::new(&out).join("diagnoser-noise.json"), &diagnoser).unwrap();
+    succeeds(&["fmea", &out, "--no-flights"]);
+    let evidence = cell(&texts::read(&path).unwrap(), fault, "evidence: effect_on_system");
+    assert!(evidence.ends_with("; STALE: the model changed since they were flown"), "{evidence}");
     fs::remove_file(Path::new(&out).join("manifest.json")).unwrap();
     let message = fails(&["fmea", &out], 3);
     assert!(message.contains("there is no manifest.json here"), "{message}");
@@ -163,8 +196,7 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
 
 #[test]
 fn a_sheet_quotes_flights_of_its_own_scenario() {
-    let (folder, out, rates) = flown("fmea-scenario");
-    succeeds(&["fmea", &out]);
+    let (folder, out, rates) = flown_in_closed_loop("fmea-scenario");
     // A diagnoser stands for results of the scenario.
     let diagnoser = |scenario: &str| Path::new(&out).join(format!("diagnoser-{scenario}.json"));
     fs::copy(diagnoser("noise"), diagnoser("ideal")).unwrap();

@@ -3,9 +3,9 @@
 use super::cell::{FmeaCell, rate_in_words, span_in_words};
 use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
-use super::flights::FlownFault;
 use super::residuals::{MovedResidual, ResidualRuns, STRONG};
 use servotwin::flight::judge::KindLatency;
+use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::results::SubjectResult;
 use servotwin::shown::{number, shown};
 use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
@@ -38,7 +38,7 @@ fn evaluated<'s>(
     let missing = || {
         FmeaCell::missing(
             "not evaluated",
-            "no evaluation.json: 'servotwin evaluate FOLDER' writes it",
+            "no evaluation.json: 'servotwin study FOLDER' writes it",
         )
     };
     let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RESULTS))?;
@@ -116,8 +116,8 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
 fn reported_in_words((_, own): &OwnFlights) -> String {
     let reported: Vec<String> = own
         .iter()
-        .filter(|(_, flown)| flown.report_s.is_finite())
-        .map(|(_, flown)| flown.intensity.to_string())
+        .filter(|flown| flown.first_word_s.is_some())
+        .map(|flown| flown.intensity.to_string())
         .collect();
     match reported.is_empty() {
         true => format!("reported in 0 of {} own flights", own.len()),
@@ -135,15 +135,16 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
     let own = flown(sources, subject);
     if let Ok((flights, own)) = &own {
         let count = own.len();
-        let event = |name: &str, of: fn(&FlownFault) -> f64| {
-            let happened = own.iter().filter(|(_, flown)| of(flown).is_finite()).count();
-            match span_in_words(own.iter().map(|(_, flown)| of(flown)), "s") {
+        let event = |name: &str, of: fn(&FlightOutcome) -> Option<f64>| {
+            let times = || own.iter().filter_map(|flown| of(flown));
+            let happened = times().count();
+            match span_in_words(times(), "s") {
                 Some(span) => format!("{name} after {span} in {happened} of {count} own flights"),
                 None => format!("{name} in 0 of {count} own flights"),
             }
         };
-        parts.push(event("reported", |flown| flown.report_s));
-        parts.push(event("action", |flown| flown.action_s));
+        parts.push(event("reported", |flown| flown.first_word_s));
+        parts.push(event("action", |flown| flown.first_action_s));
         evidence.push(flight_evidence(flights, own));
     }
     match kind_latencies(sources, subject) {
@@ -152,7 +153,7 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
             evidence.push(place);
         }
         None => {
-            evidence.push("no judged latencies: 'servotwin flights FOLDER --out FOLDER'".into())
+            evidence.push("no judged latencies: 'servotwin study FOLDER --suite flights'".into())
         }
     }
     match own {
@@ -304,8 +305,8 @@ impl RightActions {
         if subject.case.is_none() {
             return Err(not_in_study("no right action to compare with"));
         }
-        let right = own.iter().filter(|(_, flown)| flown.is_right).count() as u64;
-        let alarmed = flights.healthy().is_some_and(|flown| !flown.action.is_empty());
+        let right = own.iter().filter(|flown| flown.first == FirstAction::Right).count() as u64;
+        let alarmed = flights.healthy().is_some_and(|flown| flown.early_alarms > 0);
         Ok(RightActions {
             of_all: Rate::new(right, own.len() as u64),
             of_visible: None,

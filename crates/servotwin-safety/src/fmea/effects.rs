@@ -3,15 +3,16 @@
 use super::can_fly;
 use super::cell::{FmeaCell, span_in_words};
 use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
-use super::flights::{FILE, FlownFault, FmeaFlights};
+use super::flights::FmeaFlights;
 use super::severity::{SeverityInputs, level};
+use servotwin::flight::outcome::FlightOutcome;
 use servotwin::flight::tracking::{TrackedQuantities, command_unit};
 use servotwin::study::{FaultCase, Study};
 use servotwin::text::spoken;
 use servotwin_model::spec::Unit;
 
-/// All flights, and those of a fault with their rows in the file.
-pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<(usize, &'s FlownFault)>);
+/// All flights, and those of a fault.
+pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<&'s FlightOutcome>);
 
 /// The remedy where a folder with results is missing.
 pub(super) const NO_RESULTS: &str =
@@ -31,7 +32,7 @@ pub(super) fn flown<'s>(
             Some(results) if can_fly(results) => {
                 "no flights of this scenario: 'servotwin fmea FOLDER'"
             }
-            Some(_) => "no diagnoser of this scenario: 'servotwin flights FOLDER --out FOLDER'",
+            Some(_) => "no diagnoser of this scenario: 'servotwin study FOLDER --suite flights'",
         };
         return Err(FmeaCell::missing("not flown", remedy));
     };
@@ -40,19 +41,20 @@ pub(super) fn flown<'s>(
         true if subject.case.is_none() => Err(not_in_study("not flown")),
         true => Err(FmeaCell::missing(
             "not flown",
-            format!("{FILE}: no completed flight of this fault"),
+            format!("{}: no completed flight of this fault", flights.file()),
         )),
         false => Ok((flights, own)),
     }
 }
 
 /// Where the flights of a fault stand.
-pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)]) -> String {
-    let rows: Vec<String> = own.iter().map(|(row, _)| row.to_string()).collect();
+pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[&FlightOutcome]) -> String {
+    let numbers: Vec<String> = own.iter().map(|flown| flown.number.to_string()).collect();
     let stale = flights.stale.as_ref().map(|why| format!("; STALE: {why} since they were flown"));
     format!(
-        "safety/{FILE} rows {} (case {}, scenario {}){}",
-        rows.join(", "),
+        "{} runs {} (case {}, scenario {}){}",
+        flights.file(),
+        numbers.join(", "),
         flights.case,
         flights.scenario,
         stale.unwrap_or_default()
@@ -60,10 +62,13 @@ pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[(usize, &FlownFault)
 }
 
 /// The first action of every own flight, in words.
-pub(super) fn answers(own: &[(usize, &FlownFault)]) -> String {
-    let answer = |(_, flown): &(usize, &FlownFault)| match flown.action.as_str() {
+pub(super) fn answers(own: &[&FlightOutcome]) -> String {
+    let answer = |flown: &&FlightOutcome| match flown.first_action.as_str() {
         "" => format!("no action at {}", flown.intensity),
-        action => format!("first action {action} at {}", flown.intensity),
+        action => {
+            let named = format!("{action} {}", flown.first_actuator);
+            format!("first action {} at {}", named.trim(), flown.intensity)
+        }
     };
     own.iter().map(answer).collect::<Vec<_>>().join(", ")
 }
@@ -100,8 +105,9 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaC
         Err(cell) => return cell,
     };
     let evidence = flight_evidence(flights, &own);
-    let flown = |of: fn(&FlownFault) -> f64| own.iter().map(move |(_, flown)| of(flown));
-    if flown(|flown| flown.travel_difference_m).all(f64::is_nan) {
+    let flown =
+        |of: fn(&FlightOutcome) -> Option<f64>| own.iter().filter_map(move |flown| of(flown));
+    if flown(|flown| flown.travel_difference_m).count() == 0 {
         let reason = match actuator_of(sources.study, &subject.fault.id) {
             None => "not measured: the component belongs to no single actuator",
             Some(_) => "not measured: the actuator has no piston",
@@ -132,8 +138,8 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaC
     FmeaCell::new(text, evidence)
 }
 
-fn intensities(own: &[(usize, &FlownFault)]) -> String {
-    own.iter().map(|(_, flown)| flown.intensity.to_string()).collect::<Vec<_>>().join(", ")
+fn intensities(own: &[&FlightOutcome]) -> String {
+    own.iter().map(|flown| flown.intensity.to_string()).collect::<Vec<_>>().join(", ")
 }
 
 pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
@@ -145,42 +151,49 @@ pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCel
     let place = if is_aircraft(study) { "aircraft" } else { "machine" };
     let mut parts = vec![];
     let (words, unit) = error_words(study);
-    let shown = |of: fn(&FlownFault) -> f64| {
-        let values = own.iter().map(|(_, flown)| unit.difference_to_shown(of(flown)));
+    let span = |own: &[&FlightOutcome], of: fn(&FlightOutcome) -> Option<f64>| {
+        let values =
+            own.iter().filter_map(|flown| of(flown)).map(|si| unit.difference_to_shown(si));
         span_in_words(values, unit.shown())
     };
-    let healthy = flights.healthy().map(|flown| unit.difference_to_shown(flown.error_alone[0]));
+    let shown = |of| span(&own, of);
     if let (Some(alone), Some(with)) =
-        (shown(|flown| flown.error_alone[0]), shown(|flown| flown.error_reacting[0]))
+        (shown(|flown| flown.error_rms), shown(|flown| flown.reacting_error_rms))
     {
-        let healthy = span_in_words(healthy.into_iter(), unit.shown()).unwrap_or_default();
+        let healthy = flights.healthy().and_then(|flown| span(&[flown], |flown| flown.error_rms));
+        let healthy = healthy.unwrap_or_default();
         parts.push(format!(
             "rms {words} {alone} without the diagnosis, {with} with it, {healthy} healthy"
         ));
     }
-    if let Some(largest) = shown(|flown| flown.error_alone[1]) {
+    if let Some(largest) = shown(|flown| flown.error_max) {
         parts.push(format!("largest without it {largest}"));
     }
-    let fight = |place: usize| {
-        span_in_words(own.iter().map(|(_, flown)| flown.force_fight_n[place] / 1e3), "kN")
+    let fight = |of: fn(&FlightOutcome) -> Option<f64>| {
+        span_in_words(own.iter().filter_map(|flown| of(flown)).map(|n| n / 1e3), "kN")
     };
-    if let (Some(alone), Some(with)) = (fight(0), fight(1)) {
+    if let (Some(alone), Some(with)) =
+        (fight(|flown| flown.force_fight_rms_n), fight(|flown| flown.reacting_force_fight_rms_n))
+    {
         parts.push(format!("rms force fight {alone} without it, {with} with it"));
     }
     parts.push(lanes_in_words(study, &own));
     FmeaCell::new(format!("{place}: {}", parts.join("; ")), flight_evidence(flights, &own))
 }
 
+/// The names of the lanes that were switched off.
+fn lanes_off(flown: &FlightOutcome) -> Vec<&str> {
+    flown.switched_off.split(',').filter(|name| !name.is_empty()).collect()
+}
+
 /// Which lanes the diagnosis switched off.
-fn lanes_in_words(study: &Study, own: &[(usize, &FlownFault)]) -> String {
+fn lanes_in_words(study: &Study, own: &[&FlightOutcome]) -> String {
     let lanes = study.units.len();
-    let each = own.iter().map(|(_, flown)| {
-        let off = flown.lane_count();
-        match off {
-            0 => format!("no lane lost at {}", flown.intensity),
-            off => {
-                format!("{off} of {lanes} lanes off at {} ({})", flown.intensity, flown.lanes_off)
-            }
+    let each = own.iter().map(|flown| match lanes_off(flown) {
+        off if off.is_empty() => format!("no lane lost at {}", flown.intensity),
+        off => {
+            let names = off.join(" ");
+            format!("{} of {lanes} lanes off at {} ({names})", off.len(), flown.intensity)
         }
     });
     each.collect::<Vec<_>>().join(", ")
@@ -195,12 +208,11 @@ pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell
         );
     };
     let growth = growth(flights, &own);
-    let each = || own.iter().map(|(_, flown)| flown);
     let inputs = SeverityInputs {
         growth,
-        lanes_off: each().map(|own| own.lane_count()).max().unwrap_or(0),
+        lanes_off: own.iter().map(|flown| lanes_off(flown).len()).max().unwrap_or(0),
         lanes,
-        changes_mode: each().any(|own| own.changes_mode),
+        changes_mode: own.iter().any(|flown| flown.changes_mode),
     };
     let measured = match growth {
         Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),
@@ -230,9 +242,8 @@ fn by_action_alone(study: &Study, case: &FaultCase) -> FmeaCell {
 }
 
 /// The growth of the tracking error at the largest flown intensity, as a part of the command.
-fn growth(flights: &FmeaFlights, own: &[(usize, &FlownFault)]) -> Option<f64> {
-    let strongest = own.iter().max_by(|a, b| a.1.intensity.total_cmp(&b.1.intensity))?.1;
-    let growth =
-        (strongest.error_alone[0] - flights.healthy()?.error_alone[0]) / strongest.command_rms;
+fn growth(flights: &FmeaFlights, own: &[&FlightOutcome]) -> Option<f64> {
+    let strongest = own.iter().max_by(|a, b| a.intensity.total_cmp(&b.intensity))?;
+    let growth = (strongest.error_rms? - flights.healthy()?.error_rms?) / strongest.command_rms?;
     growth.is_finite().then_some(growth)
 }

@@ -119,13 +119,7 @@ pub(crate) fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
 
 /// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
 pub(super) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
-    if let [only] = study.units.as_slice() {
-        return Some(only);
-    }
-    let has_it = |unit: &&String| {
-        fault.strip_prefix(unit.as_str()).is_some_and(|rest| rest.starts_with('.'))
-    };
-    study.units.iter().find(has_it).map(String::as_str)
+    study.unit_of(fault).map(|unit| study.units[unit].as_str())
 }
 
 /// A fault's name without its actuator.

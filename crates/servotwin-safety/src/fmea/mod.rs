@@ -2,7 +2,7 @@
 //!
 //! - [`fields`]: the columns, and what fills them
 //! - `residuals`: runs of the campaign, by fault
-//! - `flights`: closed-loop flights, with the diagnosis and without it
+//! - `flights`: outcomes of closed-loop flights, with the diagnosis and without it
 //! - [`severity`]: the stated rule
 //! - [`mod@sheet`]: what people filled in, and how it survives
 //! - [`mod@format`]: CSV and XLSX
@@ -22,23 +22,12 @@ use crate::error::SafetyError;
 use crate::rates::{FailureRates, RatedFault};
 use crate::results::{EvidenceBasis, StudyResultsFolder};
 use fields::{FmeaSources, FmeaSubject, rows};
-use flights::{FlightPlan, FmeaFlights};
+use flights::FmeaFlights;
 use residuals::ResidualRuns;
 use servotwin::parallel::Workers;
 use servotwin::study::Study;
 use sheet::FmeaSheet;
 use std::path::Path;
-
-/// Whether faults are flown for the sheet.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FlyFaults {
-    /// Those of the study, where there is a diagnoser and their flights are missing or of another model.
-    Listed,
-    /// All of the system, likewise.
-    All,
-    /// Never: stored flights are used as they are.
-    Never,
-}
 
 /// The names that rates of a system may have: all of its faults.
 pub(crate) fn rated_faults(study: &Study) -> Vec<RatedFault> {
@@ -46,21 +35,22 @@ pub(crate) fn rated_faults(study: &Study) -> Vec<RatedFault> {
     names.map(|id| RatedFault { kind: fields::kind_of(study, &id), id }).collect()
 }
 
-/// The sources of the sheet of a folder with results.
+/// The sources of the sheet of a folder with results. If it `flies`, flights that are missing or of another basis are flown
+/// where there is a diagnoser; else stored flights are used as they are.
 ///
 /// # Errors
 /// A file is missing or damaged; a flight cannot be simulated; a rate is wrong.
 pub fn sources<'s>(
     results: &'s StudyResultsFolder,
     rates: Option<&Path>,
-    fly: FlyFaults,
+    flies: bool,
     workers: Workers,
 ) -> Result<FmeaSources<'s>, SafetyError> {
     Ok(FmeaSources {
         study: &results.study,
         rates: read_rates(&results.study, rates)?,
         runs: ResidualRuns::read(results)?,
-        flights: flown(results, fly, workers)?,
+        flights: FmeaFlights::of_folder(results, flies, workers)?,
         results: Some(results),
     })
 }
@@ -84,37 +74,6 @@ fn read_rates(study: &Study, path: Option<&Path>) -> Result<Option<FailureRates>
 /// Whether a folder has a diagnoser to fly with in the quoted scenario.
 pub fn can_fly(results: &StudyResultsFolder) -> bool {
     results.flown_setting().is_ok_and(|scenario| results.folder.diagnoser(scenario).exists())
-}
-
-fn flown(
-    results: &StudyResultsFolder,
-    fly: FlyFaults,
-    workers: Workers,
-) -> Result<Option<FmeaFlights>, SafetyError> {
-    let stored = FmeaFlights::read(results)?;
-    let study = &results.study;
-    let faults = match fly {
-        FlyFaults::Never => vec![],
-        FlyFaults::Listed => listed_faults(study),
-        FlyFaults::All => study.system.all_faults(),
-    };
-    let is_enough = |stored: &FmeaFlights| stored.stale.is_none() && stored.covers(&faults);
-    let is_current = stored.as_ref().is_some_and(is_enough);
-    if is_current || fly == FlyFaults::Never || !can_fly(results) {
-        return Ok(stored);
-    }
-    Ok(Some(FmeaFlights::fly(results, &FlightPlan::of(study), &faults, workers)?))
-}
-
-/// The faults that the study lists, each once.
-fn listed_faults(study: &Study) -> Vec<String> {
-    let mut list: Vec<String> = vec![];
-    for fault in &study.faults {
-        if list.last() != Some(&fault.id) {
-            list.push(fault.id.clone());
-        }
-    }
-    list
 }
 
 /// Makes the sheet, with the cells that people filled into an earlier one.
@@ -162,8 +121,8 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
 #[cfg(test)]
 mod tests {
     use super::fields::FIELDS;
-    use super::flights::FlownFault;
     use super::*;
+    use servotwin::flight::outcome::FlightOutcome;
 
     fn cell(sheet: &FmeaSheet, fault: &str, name: &str) -> String {
         let place = FIELDS.iter().position(|field| field.name == name).unwrap();
@@ -199,28 +158,31 @@ mod tests {
         let fault = "actuator_1.servo_valve.gain_low";
         let unlisted = "actuator_1.servo_valve.wear_pa";
         assert!(study.faults.iter().all(|case| case.id != unlisted));
-        let healthy = FlownFault { fault: "healthy".into(), ..FlownFault::empty() };
-        let shut_down = |fault: &str, intensity, action_s| FlownFault {
-            fault: fault.into(),
+        let healthy = FlightOutcome { is_finished: true, ..FlightOutcome::default() };
+        let of_fault = |fault: &str, intensity| FlightOutcome {
+            event: fault.into(),
             intensity,
-            report_s: 0.5,
-            action_s,
-            action: "shut_down actuator_1".into(),
-            lanes_off: "actuator_1".into(),
-            travel_difference_m: 0.0,
-            ..FlownFault::empty()
+            onset_s: Some(7.0),
+            ..healthy.clone()
         };
-        let silent = FlownFault {
-            fault: unlisted.into(),
-            intensity: 0.5,
+        let shut_down = |fault: &str| FlightOutcome {
+            first_word_s: Some(0.5),
+            first_action: "shut_down".into(),
+            first_actuator: "actuator_1".into(),
+            first_action_s: Some(0.7),
+            switched_off: "actuator_1".into(),
+            travel_difference_m: Some(0.0),
+            ..of_fault(fault, 1.0)
+        };
+        let silent = FlightOutcome {
             // What a solver's steps differ by.
-            travel_difference_m: 6e-10,
-            force_difference_n: 5e-3,
-            ..FlownFault::empty()
+            travel_difference_m: Some(6e-10),
+            force_difference_n: Some(5e-3),
+            ..of_fault(unlisted, 0.5)
         };
-        let list = vec![healthy, silent, shut_down(unlisted, 1.0, 0.7), shut_down(fault, 1.0, 0.7)];
+        let outcomes = vec![silent, shut_down(unlisted), shut_down(fault), healthy];
         let (case, scenario) = ("S1/50".into(), "realistic".into());
-        let flights = Some(FmeaFlights { list, case, scenario, stale: None });
+        let flights = Some(FmeaFlights { outcomes, case, scenario, stale: None });
         let sources = FmeaSources { flights, ..declared_sources(&study, None).unwrap() };
         let sheet = sheet(&sources, None).unwrap();
         for (field, text) in [

@@ -47,6 +47,12 @@ pub(crate) enum StudyMistake {
     /// A draw that is neither a factor nor an offset, or both.
     #[error("a draw has either 'times' or 'plus'")]
     TimesOrPlus,
+    /// A key that a suite in closed loop cannot have.
+    #[error("a suite in closed loop has no '{key}'")]
+    ClosedLoop { key: &'static str },
+    /// A suite with a known name that is flown as it is not known.
+    #[error("of the suites with a known name 'effects' alone is flown in closed loop")]
+    KnownClosedLoop,
     /// Flights without the noise and specimens of `[realistic]`.
     #[error("flights need the section 'realistic'")]
     NoRealism,

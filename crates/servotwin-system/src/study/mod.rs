@@ -391,6 +391,16 @@ impl Study {
         }
     }
 
+    /// The index of the actuator that a fault or another part of the system belongs to by its name; `None` if it belongs to
+    /// no single one. The only actuator of a study has all.
+    pub fn unit_of(&self, name: &str) -> Option<usize> {
+        let has_it = |unit: &String| {
+            let rest = name.strip_prefix(unit.as_str());
+            self.units.len() == 1 || rest.is_some_and(|rest| rest.starts_with('.'))
+        };
+        self.units.iter().position(has_it)
+    }
+
     /// The purposes for which there is a data set.
     pub fn purposes(&self) -> Vec<Purpose> {
         let there = |purpose: &Purpose| !self.cases_of(*purpose).is_empty();

@@ -63,6 +63,9 @@ section! {
         may scatter: Option<f64> = Value::Number(0.0, 10.0, ""),
             "factor of all tolerances and draws; default 1";
         may missing: Option<bool>, "true: every flight is judged once without each sensor";
+        may closed_loop: Option<bool>,
+            "true: every fault of the system is flown in the operating cases with a flight control computer that \
+             reacts, and without";
         may commands: Option<Vec<String>>, "commands in place of those of [flights]";
         may inputs: Ranges, "ranges of inputs in place of those of [flights]";
         may unit_inputs: Ranges, "ranges of inputs that every channel has, likewise";
@@ -137,11 +140,14 @@ pub const HEALTHY: &str = "healthy";
 /// The same by plants that differ from their twin in structure.
 pub const HEALTHY_OTHER_STRUCTURE: &str = "healthy_other_structure";
 
+/// Flights in closed loop, which show what every fault of the system does.
+pub const EFFECTS: &str = "effects";
+
 /// The suites with a known name: purpose, and the usual values as in a study file. Where there is no shutdown in the 300
 /// environments of `held_out`, at most 1 % of environments have one (95 %, rule of three). Their specimens differ one and
 /// a half times as much as declared: the factor of safety between the loads that a structure may see and those that it
 /// must withstand (CS 25.303).
-pub const KNOWN: [(&str, Purpose, &str); 10] = [
+pub const KNOWN: [(&str, Purpose, &str); 11] = [
     (LEARN, Purpose::Train, ""),
     (HARD_NEGATIVES, Purpose::Train, "healthy = 1"),
     (HELD_OUT, Purpose::Tune, "environments = 300\nhealthy = 1\nscatter = 1.5"),
@@ -159,6 +165,11 @@ pub const KNOWN: [(&str, Purpose, &str); 10] = [
         HEALTHY_OTHER_STRUCTURE,
         Purpose::Test,
         "environments = 1000\nhealthy = 1\nplants = 'other_structure'\non_request = true",
+    ),
+    (
+        EFFECTS,
+        Purpose::Test,
+        "environments = 1\nrepeats = 1\nhealthy = 1\nclosed_loop = true\non_request = true",
     ),
 ];
 
@@ -197,6 +208,10 @@ pub struct Suite {
     pub scatter: f64,
     /// Whether every flight is judged once without each sensor.
     pub misses_sensors: bool,
+    /// Whether its runs are flown in closed loop. Their environments are the operating cases in turn; all runs of an
+    /// environment have one specimen and one noise; and every fault of the system, whether a class lists it or not, begins at
+    /// half and at full intensity in the middle of the range of the onset. No key says otherwise.
+    pub is_closed_loop: bool,
     /// Whether it is flown only when it is named.
     pub is_on_request: bool,
     /// Whether its runs are the records of a data set. Their environments are operating cases, and every fault is simulated
@@ -277,6 +292,12 @@ impl Suite {
             let is_inside = from >= 0.0 && to < duration_s;
             reader.range(&section.key("onset_s"), to, is_inside, allowed)?;
         }
+        let is_closed_loop = text.closed_loop.unwrap_or(false);
+        if let Some((key, mistake)) = text.mistake_in_closed_loop(name) {
+            return Err(reader.note(&reader.span(&section.key(key)), mistake));
+        }
+        let middle = |[from, to]: [f64; 2]| [(from + to) / 2.0; 2];
+        let onset_s = if is_closed_loop { onset_s.map(middle) } else { onset_s };
         let is_other = text.plants.as_deref() == Some(OTHER);
         let flown = match reader.text.on_ground {
             true => vec![Scenario::Fitted],
@@ -309,6 +330,7 @@ impl Suite {
             is_fitted: text.fitted.unwrap_or(false),
             scatter: text.scatter.unwrap_or(1.0),
             misses_sensors: text.missing.unwrap_or(false),
+            is_closed_loop,
             is_on_request: text.on_request.unwrap_or(false),
             is_records: false,
             varied: {
@@ -344,6 +366,7 @@ impl Text {
             fitted: self.fitted.or(other.fitted),
             scatter: self.scatter.or(other.scatter),
             missing: self.missing.or(other.missing),
+            closed_loop: self.closed_loop.or(other.closed_loop),
             commands: self.commands.or(other.commands),
             inputs: merged(self.inputs, other.inputs),
             unit_inputs: merged(self.unit_inputs, other.unit_inputs),
@@ -351,6 +374,29 @@ impl Text {
             on_request: self.on_request.or(other.on_request),
             full: self.full,
         }
+    }
+
+    /// The key for which a suite of this name cannot be flown in closed loop, or not without.
+    fn mistake_in_closed_loop(&self, name: &str) -> Option<(&'static str, StudyMistake)> {
+        let is_closed_loop = self.closed_loop.unwrap_or(false);
+        let is_known = KNOWN.iter().any(|(known, ..)| *known == name);
+        if is_known && is_closed_loop != (name == EFFECTS) {
+            return Some(("closed_loop", StudyMistake::KnownClosedLoop));
+        }
+        let foreign = [
+            ("like", self.like.is_some()),
+            ("unseen", self.unseen.is_some()),
+            ("plants", self.plants.is_some()),
+            ("fitted", self.fitted.is_some()),
+            ("scatter", self.scatter.is_some()),
+            ("missing", self.missing.is_some()),
+            ("commands", self.commands.is_some()),
+            ("inputs", !self.inputs.is_empty()),
+            ("unit_inputs", !self.unit_inputs.is_empty()),
+            ("unit_parameters", !self.unit_parameters.is_empty()),
+        ];
+        let (key, _) = foreign.into_iter().find(|(_, is_set)| is_closed_loop && *is_set)?;
+        Some((key, StudyMistake::ClosedLoop { key }))
     }
 
     fn in_full_size(self) -> Text {
@@ -416,7 +462,9 @@ fn is_possible(reader: &Reader, flights: &Flights, name: &str, usual: &Text) -> 
         LEARN | JUDGE => true,
         HARD_NEGATIVES => false,
         // In a test no fault begins, and its twin is fitted; held-out tests would be fitted anew for every margin.
-        HELD_OUT | UNSEEN | OTHER_STRUCTURE | HEALTHY_OTHER_STRUCTURE if reader.text.on_ground => {
+        HELD_OUT | UNSEEN | OTHER_STRUCTURE | HEALTHY_OTHER_STRUCTURE | EFFECTS
+            if reader.text.on_ground =>
+        {
             false
         }
         _ => has_judge && has_plants && has_calibration,
@@ -452,6 +500,7 @@ impl Study {
             is_fitted: false,
             scatter: 1.0,
             misses_sensors: false,
+            is_closed_loop: false,
             is_on_request: false,
             is_records: true,
             varied: Varied::default(),
@@ -477,7 +526,7 @@ impl Study {
         suite.varied.ranges(&self.units, onset_s, suite.duration_s)
     }
 
-    /// Environments of a suite by their numbers: operating cases for records. Each depends on nothing but the suite's seed,
+    /// Environments of a suite by their numbers: operating cases for records and in closed loop. Each depends on nothing but the suite's seed,
     /// what varies in it, and its number.
     ///
     /// # Errors
@@ -487,8 +536,9 @@ impl Study {
         suite: &Suite,
         numbers: Range<usize>,
     ) -> Result<Vec<Environment>, StudyError> {
-        if suite.is_records {
-            return Ok(self.cases_of(suite.purpose)[numbers].to_vec());
+        if suite.is_records || suite.is_closed_loop {
+            let cases = self.cases_of(suite.purpose);
+            return Ok(numbers.map(|number| cases[number % cases.len()].clone()).collect());
         }
         let reader = self.reader();
         let all = suite.seed_of_environment(usize::MAX);

@@ -11,7 +11,7 @@ use servotwin_system::template::{Like, Template};
 #[test]
 fn broken_studies_are_told_what_is_wrong() {
     let parse = |text: &str, name: &str| Study::parse(text, name).map(drop);
-    golden::assert_mistakes("tests/broken_studies", 8, parse);
+    golden::assert_mistakes("tests/broken_studies", 9, parse);
 }
 
 /// The detail of the class, `leakage`, stands two lines above the fault and is part of its name.

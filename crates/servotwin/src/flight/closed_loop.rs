@@ -84,6 +84,16 @@ pub fn fly(
     diagnoser: &Arc<Diagnoser>,
     keep: &[Slot],
 ) -> Result<FlightRecord, RuntimeError> {
+    fly_watched(plan, diagnoser, keep, |_, _| ())
+}
+
+/// The same; `watch` takes the index of every sample and the session behind it.
+pub(super) fn fly_watched(
+    plan: &ClosedLoop,
+    diagnoser: &Arc<Diagnoser>,
+    keep: &[Slot],
+    mut watch: impl FnMut(u64, &Session),
+) -> Result<FlightRecord, RuntimeError> {
     let mut flight = ClosedLoopFlight::new(plan, diagnoser)?;
     let count = |list: usize| vec![Vec::new(); list];
     let sensors = flight.measured.len();
@@ -97,8 +107,9 @@ pub fn fly(
         ..FlightRecord::default()
     };
     let samples = (plan.duration_s / flight.period_s + 1e-6) as usize;
-    for _ in 0..=samples {
+    for index in 0..=samples {
         let change = flight.sample()?;
+        watch(index as u64, flight.session());
         record.time_s.push(flight.time_s());
         push(&mut record.plant, keep.iter().map(|&slot| flight.plant(slot)));
         push(&mut record.inputs, flight.inputs.iter().copied());

@@ -11,6 +11,7 @@
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
 //! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
+//! - `effects`: runs of a suite in closed loop, and what their faults do to the flight
 //! - [`outcome`]: what was flown and what a diagnosis did, a row for each flight; `watched` fills it
 //! - [`judge`]: latency, certainty and errors of the diagnosis, counted from outcomes
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
@@ -19,6 +20,7 @@
 pub(crate) mod boundaries;
 pub mod closed_loop;
 pub mod cost;
+mod effects;
 mod evidence;
 pub mod judge;
 pub mod measure;

@@ -57,70 +57,116 @@ pub enum Word {
     Actuator,
 }
 
-/// A flight, and what one diagnosis did in it. Times are seconds since the onset.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FlightOutcome {
+/// The unit of a command and of what follows it.
+const COMMAND: &str = "rad or m";
+
+/// Declares the outcome with the columns of its table: the description of each is the comment above the field.
+macro_rules! outcome {
+    ($($(#[doc = $description:literal])+ $field:ident: $type:ty, $unit:expr;)+) => {
+        /// A flight, and what one diagnosis did in it. Missing numbers are NaN in the table.
+        #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        pub struct FlightOutcome {
+            $($(#[doc = $description])+ pub $field: $type,)+
+        }
+
+        /// The columns of the table: field, unit and description.
+        const COLUMNS: &[(&str, &str, &str)] =
+            &[$((stringify!($field), $unit, concat!($($description),+))),+];
+    };
+}
+
+outcome! {
     /// The number of the flight, from which specimen and noise follow.
-    pub number: u64,
+    number: u64, DIMENSIONLESS;
     /// The number of its environment.
-    pub environment: u64,
+    environment: u64, DIMENSIONLESS;
     /// The full name of the fault, or the title of an event that is no fault of the study; `healthy` for none.
-    pub event: String,
+    event: String, "";
     /// The fault without its actuator, or the name of the challenge set; `healthy` for none.
-    pub kind: String,
+    kind: String, "";
     /// The intensity of the fault, or the strength of the event; 0 for none.
-    pub intensity: f64,
+    intensity: f64, DIMENSIONLESS;
     /// How the fault develops; empty for none.
-    pub profile: String,
-    /// The onset, s since the beginning of the flight; `None` without a fault.
-    pub onset_s: Option<f64>,
-    /// Duration of the flight, s.
-    pub duration_s: f64,
+    profile: String, "";
+    /// The onset, since the beginning of the flight.
+    onset_s: Option<f64>, "s";
+    /// Duration of the flight.
+    duration_s: f64, "s";
     /// The actuators at fault, separated by commas.
-    pub at_fault: String,
+    at_fault: String, "";
     /// Healthy actuators whose twin reads a wrong boundary sensor, separated by commas.
-    pub misinformed: String,
+    misinformed: String, "";
     /// What is right after the onset.
-    pub needed: Needed,
+    needed: Needed, "";
     /// The action of the fault's class; empty for an event that has none.
-    pub action: String,
+    action: String, "";
     /// Whether that action switches the actuator off.
-    pub needs_shutdown: bool,
+    needs_shutdown: bool, "";
     /// The sensor that the diagnosis lacks during the whole flight; empty for none.
-    pub missing: String,
-    /// The target rate of false alarms of the diagnosis, per hour.
-    pub target_per_h: f64,
+    missing: String, "";
+    /// The target rate of false alarms of the diagnosis.
+    target_per_h: f64, "1/h";
     /// Whether the flight was simulated to its end. If not, nothing below counts.
-    pub is_finished: bool,
-    /// When the fault became visible; `None` for never.
-    pub visible_s: Option<f64>,
+    is_finished: bool, "";
+    /// When the fault became visible, since the onset.
+    visible_s: Option<f64>, "s";
     /// How often a fault would have been called visible before the onset.
-    pub visible_by_chance: u64,
-    /// The first action.
-    pub first: FirstAction,
-    /// When a right action was raised first, whatever was raised before; `None` for never.
-    pub right_action_s: Option<f64>,
-    /// The most specific output.
-    pub word: Word,
-    /// When anything but health was reported first; `None` for never.
-    pub first_word_s: Option<f64>,
+    visible_by_chance: u64, DIMENSIONLESS;
+    /// The first action after the onset.
+    first: FirstAction, "";
+    /// The name of the first action; empty for none.
+    first_action: String, "";
+    /// The actuator of the first action.
+    first_actuator: String, "";
+    /// When the first action was raised, since the onset.
+    first_action_s: Option<f64>, "s";
+    /// When a right action was raised first, since the onset, whatever was raised before.
+    right_action_s: Option<f64>, "s";
+    /// The most specific output after the onset.
+    word: Word, "";
+    /// When anything but health was reported first, since the onset.
+    first_word_s: Option<f64>, "s";
     /// Number of actions before the onset.
-    pub early_alarms: u64,
+    early_alarms: u64, DIMENSIONLESS;
     /// Number of these that switch an actuator off.
-    pub early_shutdowns: u64,
+    early_shutdowns: u64, DIMENSIONLESS;
     /// Whether an actuator at fault was shut down.
-    pub shutdown_at_fault: bool,
+    shutdown_at_fault: bool, "";
     /// Whether a misinformed actuator was shut down.
-    pub shutdown_misinformed: bool,
-    /// Whether any other healthy actuator was shut down.
-    pub shutdown_healthy: bool,
+    shutdown_misinformed: bool, "";
+    /// Whether any other healthy actuator was shut down after the onset.
+    shutdown_healthy: bool, "";
     /// The largest evidence for any action in the whole flight, in parts of its limit.
-    pub evidence: f64,
+    evidence: f64, DIMENSIONLESS;
     /// The largest evidence for a shutdown in windows of uncorrected residuals, in parts of its limit.
-    pub shutdown_evidence: f64,
+    shutdown_evidence: f64, DIMENSIONLESS;
     /// The same in windows of baseline-corrected residuals.
-    pub corrected_shutdown_evidence: f64,
+    corrected_shutdown_evidence: f64, DIMENSIONLESS;
+    /// The actuators that the flight control computer switched off, separated by commas; `all` for the only one. Empty in
+    /// open loop, of which nothing below is known either.
+    switched_off: String, "";
+    /// Whether a reaction changed inputs or parameters.
+    changes_mode: bool, "";
+    /// The root mean square of the command since the onset.
+    command_rms: Option<f64>, COMMAND;
+    /// The root mean square of the tracking error since the onset without reactions; missing where nothing follows the
+    /// command.
+    error_rms: Option<f64>, COMMAND;
+    /// The largest tracking error without reactions.
+    error_max: Option<f64>, COMMAND;
+    /// The root mean square of the tracking error with reactions.
+    reacting_error_rms: Option<f64>, COMMAND;
+    /// The largest tracking error with reactions.
+    reacting_error_max: Option<f64>, COMMAND;
+    /// The root mean square of the force fight without reactions; missing for one actuator.
+    force_fight_rms_n: Option<f64>, "N";
+    /// The same with reactions.
+    reacting_force_fight_rms_n: Option<f64>, "N";
+    /// The largest difference of the faulty actuator's rod force from the healthy flight, without reactions.
+    force_difference_n: Option<f64>, "N";
+    /// The same of its piston's position.
+    travel_difference_m: Option<f64>, "m";
 }
 
 impl FlightOutcome {
@@ -158,40 +204,6 @@ impl FlightOutcome {
     }
 }
 
-/// The columns of the table: field, unit and description. Missing times are NaN.
-const COLUMNS: [(&str, &str, &str); 30] = [
-    ("number", DIMENSIONLESS, "Number of the flight, from which specimen and noise follow."),
-    ("environment", DIMENSIONLESS, "Number of the environment."),
-    ("event", "", "Full name of the fault, title of another event, or healthy."),
-    ("kind", "", "Fault without its actuator, challenge set, or healthy."),
-    ("intensity", DIMENSIONLESS, "Intensity of the fault or strength of the event, 0 for none."),
-    ("profile", "", "How the fault develops."),
-    ("onset_s", "s", "Onset since the beginning of the flight."),
-    ("duration_s", "s", "Duration of the flight."),
-    ("at_fault", "", "Actuators at fault."),
-    ("misinformed", "", "Healthy actuators whose twin reads a wrong boundary sensor."),
-    ("needed", "", "What is right after the onset."),
-    ("action", "", "Action of the fault's class."),
-    ("needs_shutdown", "", "Whether that action switches the actuator off."),
-    ("missing", "", "Sensor that the diagnosis lacks."),
-    ("target_per_h", "1/h", "Target rate of false alarms of the diagnosis."),
-    ("is_finished", "", "Whether the flight was simulated to its end."),
-    ("visible_s", "s", "When the fault became visible, since the onset."),
-    ("visible_by_chance", DIMENSIONLESS, "How often a fault was called visible before the onset."),
-    ("first", "", "First action after the onset."),
-    ("right_action_s", "s", "When a right action was raised, since the onset."),
-    ("word", "", "Most specific output after the onset."),
-    ("first_word_s", "s", "When anything but health was reported, since the onset."),
-    ("early_alarms", DIMENSIONLESS, "Actions before the onset."),
-    ("early_shutdowns", DIMENSIONLESS, "Actions before the onset that switch an actuator off."),
-    ("shutdown_at_fault", "", "Whether an actuator at fault was shut down."),
-    ("shutdown_misinformed", "", "Whether a misinformed actuator was shut down."),
-    ("shutdown_healthy", "", "Whether another healthy actuator was shut down after the onset."),
-    ("evidence", DIMENSIONLESS, "Largest evidence for an action, in parts of its limit."),
-    ("shutdown_evidence", DIMENSIONLESS, "The same for a shutdown, uncorrected windows."),
-    ("corrected_shutdown_evidence", DIMENSIONLESS, "The same, baseline-corrected windows."),
-];
-
 /// The table of outcomes, with a unit and a description for every column.
 pub fn table(outcomes: &[FlightOutcome]) -> Table {
     let value = |row: &FlightOutcome| serde_json::to_value(row).expect("plain fields");
@@ -209,7 +221,7 @@ pub fn table(outcomes: &[FlightOutcome]) -> Table {
             }
             _ => Values::Float(of().map(|value| value.as_f64().unwrap_or(f64::NAN)).collect()),
         };
-        Column::new(field, unit, values).described(description)
+        Column::new(field, unit, values).described(description.trim())
     };
     Table::from_columns(COLUMNS.iter().map(column).collect()).expect("columns of one length")
 }
@@ -220,7 +232,7 @@ pub fn table(outcomes: &[FlightOutcome]) -> Table {
 /// A column is missing, or a cell has no value that it may have.
 pub fn from_table(table: &Table) -> Result<Vec<FlightOutcome>, TableError> {
     let mut rows = vec![serde_json::Map::new(); table.row_count()];
-    for (field, ..) in COLUMNS {
+    for &(field, ..) in COLUMNS {
         let column = table.column(field)?;
         for (place, row) in rows.iter_mut().enumerate() {
             let value: Value = match &column.values {

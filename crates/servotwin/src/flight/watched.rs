@@ -1,5 +1,6 @@
 //! Flights watched by diagnoses: one observer for every suite of flights, whose result is a row of outcomes.
 
+use super::effects;
 use super::evidence::EvidencePeak;
 use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
 use super::unseen_faults::{self, Touched};
@@ -11,7 +12,7 @@ use crate::run::other_plant::OtherPlants;
 use crate::run::runner::in_batches;
 use crate::run::{CampaignError, Observer, Run, Runner, plan};
 use crate::study::{Scenario, Study, Suite};
-use servotwin_diagnosis::diagnoser::{Alarm, IndexedFinding, Outcome, Raised, Session};
+use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
 use std::ops::Range;
 
@@ -61,6 +62,17 @@ impl Truth {
         Truth { run, at_fault, misinformed: vec![] }
     }
 
+    /// What is known of the flight before it is flown, watched by a diagnoser.
+    pub(crate) fn run_watched_by(&self, diagnoser: &Diagnoser) -> FlightOutcome {
+        let target_per_h = diagnoser.tuning.false_alarms_per_h;
+        FlightOutcome { target_per_h, ..self.run.clone() }
+    }
+
+    /// The first sample since the onset.
+    pub(crate) fn first_sample(&self, period_s: f64) -> u64 {
+        (self.run.onset_s.unwrap_or(f64::INFINITY) / period_s).ceil() as u64
+    }
+
     /// Whether something is wrong with an actuator, or with what its twin reads.
     fn concerns(&self, actuator: usize) -> bool {
         self.at_fault.contains(&actuator) || self.misinformed.contains(&actuator)
@@ -95,6 +107,13 @@ pub fn fly_suite<E: From<CampaignError>>(
     }
     if suite.is_unseen {
         return done(fly_unseen((study, suite, scenario), watching, None, workers)?);
+    }
+    if suite.is_closed_loop {
+        return (from..suite.environments).try_for_each(|number| {
+            progress(number - from, suite.environments - from);
+            let environments = number..number + 1;
+            done(fly_environments((study, suite, scenario), watching, environments, workers)?)
+        });
     }
     let (all, mut ended) = (plan::count(study, suite), 0);
     in_batches(study, suite, scenario, from, workers, |runner, environments| {
@@ -146,6 +165,13 @@ fn fly_runs(
     (environments, runs): (Range<usize>, Vec<Run>),
     workers: Workers,
 ) -> Result<FlownEnvironments, CampaignError> {
+    // The twin of a lane is recorded before any plant flies, but a reaction changes the twin, too.
+    if suite.is_closed_loop {
+        let diagnoser = watching[0].session.diagnoser();
+        let outcomes = effects::fly((study, suite, scenario), diagnoser, &runs, workers)?;
+        let environments = environments.end;
+        return Ok(FlownEnvironments { outcomes, environments, calibration: None });
+    }
     let others = OtherPlants::of(study, suite)?;
     let (plants, end) = ((scenario, others.as_ref()), environments.end);
     let runner = Runner::of_runs(study, suite, plants, (environments, runs), workers)?;
@@ -211,27 +237,22 @@ struct FlightWatch {
     diagnoses: Vec<Diagnosis>,
     truth: Truth,
     touched: Option<Touched>,
-    /// The first sample since the onset.
-    onset: u64,
-    period_s: f64,
 }
 
 impl FlightWatch {
     fn new(watching: &[Watching], truth: Truth, touched: Option<Touched>, period_s: f64) -> Self {
-        let onset_s = truth.run.onset_s.unwrap_or(f64::INFINITY);
-        let onset = (onset_s / period_s).ceil() as u64;
+        let onset = truth.first_sample(period_s);
         let diagnoses = watching.iter().map(|own| Diagnosis::new(own.clone(), onset)).collect();
-        FlightWatch { diagnoses, truth, touched, onset, period_s }
+        FlightWatch { diagnoses, truth, touched }
     }
 
     fn into_outcomes(self, is_finished: bool) -> Vec<FlightOutcome> {
-        let FlightWatch { diagnoses, truth, period_s, .. } = &self;
+        let FlightWatch { diagnoses, truth, .. } = &self;
         let outcome = |own: &Diagnosis| {
             let run = own.run(truth);
-            if is_finished {
-                FlightOutcome { is_finished, ..own.outcome(run, truth, *period_s) }
-            } else {
-                run
+            match is_finished {
+                true => own.watch.outcome(run, own.session.diagnoser(), truth),
+                false => run,
             }
         };
         diagnoses.iter().map(outcome).collect()
@@ -249,7 +270,7 @@ impl Observer for FlightWatch {
         };
         let (index, truth) = (index as u64, &self.truth);
         for own in &mut self.diagnoses {
-            own.take(index, (inputs, measured, twin), truth, self.onset);
+            own.take(index, (inputs, measured, twin), truth);
         }
     }
 }
@@ -260,31 +281,13 @@ struct Diagnosis {
     missing: Option<usize>,
     /// The sensor values without the missing sensor.
     measured: Vec<f64>,
-    switches_off: Vec<bool>,
-    log: RaisedLog,
-    out_of_bands: OutOfBands,
-    of_any: EvidencePeak,
-    of_shutdown: EvidencePeak,
-    word: Word,
-    first_word: Option<u64>,
+    watch: SessionWatch,
 }
 
 impl Diagnosis {
     fn new(Watching { session, missing }: Watching, onset: u64) -> Self {
-        let diagnoser = session.diagnoser();
-        let switches_off = diagnoser.tuning.switches_off(diagnoser.names());
-        Diagnosis {
-            out_of_bands: OutOfBands::new(diagnoser.lengths.len(), onset),
-            of_any: EvidencePeak::new(diagnoser, |_, _| true),
-            of_shutdown: EvidencePeak::new(diagnoser, |_, action| switches_off[action]),
-            switches_off,
-            missing,
-            measured: vec![],
-            log: RaisedLog::default(),
-            word: Word::Healthy,
-            first_word: None,
-            session,
-        }
+        let watch = SessionWatch::new(session.diagnoser(), onset);
+        Diagnosis { session, missing, measured: vec![], watch }
     }
 
     fn take(
@@ -292,7 +295,6 @@ impl Diagnosis {
         index: u64,
         (inputs, measured, twin): (&[f64], &[f64], &[f64]),
         truth: &Truth,
-        onset: u64,
     ) {
         let measured = match self.missing {
             None => measured,
@@ -303,38 +305,82 @@ impl Diagnosis {
                 &self.measured
             }
         };
-        let outcome = self.session.push(inputs, measured, twin);
-        self.log.take(outcome);
-        if index >= onset {
-            let word = word(outcome, truth);
-            self.word = self.word.max(word);
-            self.first_word = self.first_word.or((word > Word::Healthy).then_some(index));
-        }
-        self.out_of_bands.look(index, &self.session);
-        self.of_any.take(&self.session);
-        self.of_shutdown.take(&self.session);
+        self.session.push(inputs, measured, twin);
+        self.watch.take(index, &self.session, truth);
     }
 
     /// What is known before the flight.
     fn run(&self, truth: &Truth) -> FlightOutcome {
         let diagnoser = self.session.diagnoser();
         let missing = self.missing.map(|sensor| diagnoser.sensors[sensor].name.clone());
-        FlightOutcome {
-            missing: missing.unwrap_or_default(),
-            target_per_h: diagnoser.tuning.false_alarms_per_h,
-            ..truth.run.clone()
+        FlightOutcome { missing: missing.unwrap_or_default(), ..truth.run_watched_by(diagnoser) }
+    }
+}
+
+/// What is kept of a session.
+pub(super) struct SessionWatch {
+    switches_off: Vec<bool>,
+    /// The first sample since the onset.
+    onset: u64,
+    log: RaisedLog,
+    out_of_bands: OutOfBands,
+    of_any: EvidencePeak,
+    of_shutdown: EvidencePeak,
+    word: Word,
+    first_word: Option<u64>,
+}
+
+impl SessionWatch {
+    pub(crate) fn new(diagnoser: &Diagnoser, onset: u64) -> Self {
+        let switches_off = diagnoser.tuning.switches_off(diagnoser.names());
+        SessionWatch {
+            out_of_bands: OutOfBands::new(diagnoser.lengths.len(), onset),
+            of_any: EvidencePeak::new(diagnoser, |_, _| true),
+            of_shutdown: EvidencePeak::new(diagnoser, |_, action| switches_off[action]),
+            switches_off,
+            onset,
+            log: RaisedLog::default(),
+            word: Word::Healthy,
+            first_word: None,
         }
     }
 
-    fn outcome(&self, run: FlightOutcome, truth: &Truth, period_s: f64) -> FlightOutcome {
-        let diagnoser = self.session.diagnoser();
+    /// Takes a session behind a sample.
+    pub(crate) fn take(&mut self, index: u64, session: &Session, truth: &Truth) {
+        let outcome = session.outcome();
+        self.log.take(outcome);
+        if index >= self.onset {
+            let word = word(outcome, truth);
+            self.word = self.word.max(word);
+            self.first_word = self.first_word.or((word > Word::Healthy).then_some(index));
+        }
+        self.out_of_bands.look(index, session);
+        self.of_any.take(session);
+        self.of_shutdown.take(session);
+    }
+
+    /// The outcome of a finished run, which was watched by a diagnoser.
+    pub(crate) fn outcome(
+        &self,
+        run: FlightOutcome,
+        diagnoser: &Diagnoser,
+        truth: &Truth,
+    ) -> FlightOutcome {
+        let period_s = diagnoser.period_s;
         let onset_s = run.onset_s.unwrap_or(f64::INFINITY);
         let after = |sample: u64| sample as f64 * period_s - onset_s;
         let (late, early): (Vec<&Raised>, Vec<&Raised>) =
             self.log.raised.iter().partition(|raised| after(raised.sample) >= 0.0);
         let is_off = |raised: &&&Raised| self.switches_off[raised.action as usize];
         let actuator = |raised: &Raised| raised.actuator as usize;
-        let is_right = |raised: &Raised| self.is_right(raised, &run, truth);
+        let names = diagnoser.names();
+        let is_right = |raised: &Raised| {
+            let name = &names.actions[raised.action as usize];
+            self.is_right((raised, name), &run, truth)
+        };
+        let named = |of: &[String], place: fn(&Raised) -> usize| {
+            late.first().map(|raised| of[place(raised)].clone()).unwrap_or_default()
+        };
         let first = late.first().map_or(FirstAction::None, |raised| match raised {
             raised if is_right(raised) => FirstAction::Right,
             raised if truth.concerns(actuator(raised)) => FirstAction::OtherAction,
@@ -353,6 +399,9 @@ impl Diagnosis {
             visible_s: self.out_of_bands.seen.map(after),
             visible_by_chance: self.out_of_bands.by_chance,
             first,
+            first_action: named(&names.actions, |raised| raised.action as usize),
+            first_actuator: named(&names.actuators, |raised| raised.actuator as usize),
+            first_action_s: late.first().map(|raised| after(raised.sample)),
             right_action_s: late
                 .iter()
                 .find(|raised| is_right(raised))
@@ -367,18 +416,23 @@ impl Diagnosis {
             evidence: self.of_any.largest(),
             shutdown_evidence: evidence(false),
             corrected_shutdown_evidence: evidence(true),
+            is_finished: true,
             ..run
         }
     }
 
     /// Whether an action is right after the onset.
-    fn is_right(&self, raised: &Raised, run: &FlightOutcome, truth: &Truth) -> bool {
+    fn is_right(
+        &self,
+        (raised, name): (&Raised, &String),
+        run: &FlightOutcome,
+        truth: &Truth,
+    ) -> bool {
         let is_off = self.switches_off[raised.action as usize];
-        let names = self.session.diagnoser().names();
         truth.concerns(raised.actuator as usize)
             && match run.needed {
                 Needed::Nothing => false,
-                Needed::ItsAction => names.actions[raised.action as usize] == run.action,
+                Needed::ItsAction => *name == run.action,
                 Needed::Shutdown => is_off,
                 Needed::NoShutdown => !is_off,
                 Needed::Any => true,

@@ -44,8 +44,8 @@ pub struct FlightResults {
     pub limits: Limits,
     /// Training flights that were not used, by scenario.
     pub left_out: BTreeMap<String, LeftOut>,
-    /// The flown suites, by scenario, suite and missing sensor. Suites of healthy flights are left out: their figures are
-    /// counted from the outcomes themselves.
+    /// The flown suites, by scenario, suite and missing sensor. Suites of healthy flights and those in closed loop are left out:
+    /// their figures come from the outcomes themselves.
     pub suites: Vec<FlightMetrics>,
     /// The flown suites of unseen faults.
     pub unseen: Vec<UnseenFaultMetrics>,
@@ -144,7 +144,9 @@ impl FlightResults {
                 let rows: Vec<_> = outcomes.iter().filter(is_own).cloned().collect();
                 counted(&sensor.name, &rows);
             }
-        } else if ![HEALTHY, HEALTHY_OTHER_STRUCTURE].contains(&name.as_str()) {
+        } else if !suite.is_closed_loop
+            && ![HEALTHY, HEALTHY_OTHER_STRUCTURE].contains(&name.as_str())
+        {
             counted("", &outcomes);
         }
     }

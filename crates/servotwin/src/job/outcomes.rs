@@ -55,6 +55,8 @@ pub struct Basis {
     pub diagnoser_sha256: String,
     /// The hash of the study file.
     pub study_sha256: String,
+    /// The hash of the system file.
+    pub system_sha256: String,
 }
 
 impl Basis {
@@ -62,7 +64,7 @@ impl Basis {
     ///
     /// # Errors
     /// The diagnoser's file cannot be read.
-    pub(crate) fn of(
+    pub fn of(
         folder: &Folder,
         (study, is_full): (&Study, bool),
         scenario: Scenario,
@@ -71,6 +73,7 @@ impl Basis {
             is_full,
             diagnoser_sha256: sha256(&folder.diagnoser(scenario))?,
             study_sha256: sha256_of_text(&study.text),
+            system_sha256: sha256_of_text(&study.system.text),
         })
     }
 }
@@ -141,7 +144,7 @@ impl FlownSuite {
     }
 
     /// What determines the runs.
-    fn origin(&self) -> [(&'static str, String); 7] {
+    fn origin(&self) -> [(&'static str, String); 8] {
         let FlownSuite { suite, scenario, seed, runs, basis, .. } = self;
         [
             ("suite", suite.clone()),
@@ -151,6 +154,7 @@ impl FlownSuite {
             ("runs", runs.clone()),
             ("diagnoser_sha256", basis.diagnoser_sha256.clone()),
             ("study_sha256", basis.study_sha256.clone()),
+            ("system_sha256", basis.system_sha256.clone()),
         ]
     }
 
@@ -216,7 +220,7 @@ pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watchin
 ///
 /// # Errors
 /// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written.
-pub(crate) fn fly(
+pub fn fly(
     folder: &Folder,
     (study, is_full): (&Study, bool),
     suite: &Suite,
@@ -344,6 +348,7 @@ pub fn stored(
             is_full: text("size") == "full",
             diagnoser_sha256: text("diagnoser_sha256"),
             study_sha256: text("study_sha256"),
+            system_sha256: text("system_sha256"),
         },
         environments: number("environments") as usize,
         calibration: serde_json::from_str(&text("calibration")).ok(),

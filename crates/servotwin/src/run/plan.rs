@@ -39,6 +39,9 @@ const DRIFT_STEPS: u32 = 40;
 /// How long an intermittent fault is present, and absent, s.
 pub(crate) const PULSE_S: f64 = 1.0;
 
+/// The intensities of every fault in closed loop.
+const CLOSED_LOOP_INTENSITIES: [f64; 2] = [0.5, 1.0];
+
 /// A run of a suite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Run {
@@ -46,7 +49,7 @@ pub struct Run {
     pub number: usize,
     /// The number of its environment.
     pub environment: usize,
-    /// The fault as an index in [`Study::faults`]; `None` for a healthy run.
+    /// The fault as an index in [`Study::faults`], or in closed loop in all faults of the system; `None` for a healthy run.
     pub fault: Option<usize>,
     /// The fault's intensity; 0 for a healthy run.
     pub intensity: f64,
@@ -101,6 +104,9 @@ pub fn count(study: &Study, suite: &Suite) -> usize {
 /// training takes the actuators in turn.
 fn of_a_repeat(study: &Study, suite: &Suite) -> usize {
     match takes_turns(study, suite) {
+        _ if suite.is_closed_loop => {
+            study.system.all_faults().len() * CLOSED_LOOP_INTENSITIES.len()
+        }
         true => study.faults.len() / study.units.len(),
         false => study.faults.len(),
     }
@@ -155,6 +161,18 @@ pub fn run(study: &Study, suite: &Suite, number: usize) -> Run {
 fn with_fault(study: &Study, suite: &Suite, number: usize) -> Run {
     let each = of_a_repeat(study, suite);
     let (repeat, place) = (number / each, number % each);
+    if suite.is_closed_loop {
+        let count = CLOSED_LOOP_INTENSITIES.len();
+        return Run {
+            number,
+            environment: repeat % suite.environments,
+            fault: Some(place / count),
+            intensity: CLOSED_LOOP_INTENSITIES[place % count],
+            onset_s: suite.onset_s.map_or(0.0, |[middle, _]| middle),
+            profile: Profile::Step,
+            duration_s: suite.duration_s,
+        };
+    }
     let intensities = study.intensities.len().max(1);
     let turn = (repeat + place / intensities + place % intensities) % study.units.len();
     let fault = if takes_turns(study, suite) { turn * each + place } else { place };
@@ -239,7 +257,7 @@ impl Run {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::suites::{JUDGE, LEARN};
+    use crate::study::suites::{EFFECTS, JUDGE, LEARN};
     use std::collections::BTreeSet;
 
     #[test]
@@ -258,6 +276,24 @@ mod tests {
             let own: BTreeSet<usize> = repeat.iter().filter_map(kinds).collect();
             assert_eq!(own.len(), each, "one actuator for each kind at each intensity");
         }
+    }
+
+    #[test]
+    fn in_closed_loop_every_fault_of_the_system_begins_at_half_and_full_intensity() {
+        let study = Study::default();
+        let effects = study.suite(EFFECTS, false).unwrap();
+        let runs = runs(&study, effects, &(0..1));
+        let faults = study.system.all_faults().len();
+        assert_eq!(runs.len(), 2 * faults + 1);
+        let middle = study.flights.as_ref().unwrap().onset_s.iter().sum::<f64>() / 2.0;
+        for (place, run) in runs[..2 * faults].iter().enumerate() {
+            let intensity = [0.5, 1.0][place % 2];
+            assert_eq!((run.fault, run.intensity), (Some(place / 2), intensity));
+            assert_eq!((run.onset_s, run.profile, run.environment), (middle, Profile::Step, 0));
+        }
+        assert!(runs[2 * faults].is_healthy());
+        let environments = study.environments(effects, 0..1).unwrap();
+        assert_eq!(environments[0].name, study.cases[0].name);
     }
 
     #[test]
