@@ -7,6 +7,8 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
+use servotwin::campaign::Share;
+use servotwin::document::counted;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::FlightMetrics;
 use servotwin::flight::unseen_faults::UnseenFaultOutcome;
@@ -30,7 +32,10 @@ pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> 
         false => {
             let is_full = check(&options.study, &study)?;
             let suites = chosen_suites(options, &study, is_full)?;
-            flown(&options.study, &study, (&suites, &scenarios), global)
+            match options.share {
+                Some(share) => one_share((options, share), &study, (&suites, &scenarios), global),
+                None => flown(&options.study, &study, (&suites, &scenarios), global),
+            }
         }
     }
 }
@@ -72,6 +77,40 @@ fn chosen_suites(options: &Options, study: &Study, is_full: bool) -> Result<Vec<
         })
     };
     options.suite.iter().map(suite).collect()
+}
+
+/// Flies a share of some suites.
+fn one_share(
+    (options, share): (&Options, Share),
+    study: &Study,
+    (suites, scenarios): (&[Suite], &[Scenario]),
+    global: Global,
+) -> Result<String, Failure> {
+    if suites.iter().any(|suite| suite.is_unseen) {
+        return Err(Failure::Options("--share: a suite of unseen faults is flown as a whole"));
+    }
+    stop::heed();
+    let folder = Folder::new(&options.study.folder());
+    let _hold = folder.join_study(study)?;
+    let (mut text, mut flown) = (String::new(), vec![]);
+    for suite in suites {
+        for &scenario in scenarios.iter().filter(|&&scenario| suite.is_flown_in(scenario)) {
+            let block = with_crew(options.study.threads, global, |crew| {
+                let place = (study, options.study.full);
+                outcomes::fly_share(&folder, place, suite, scenario, (share, crew))
+            })?;
+            let (name, scenario) = (&suite.name, scenario.name());
+            let (first, all) = (block.start, suite.environments);
+            let count = counted(block.len(), "environment");
+            let _ = writeln!(text, "{name}, {scenario}: {count} of {all} from {first} on");
+            flown.push(json!({ "suite": name, "scenario": scenario, "first": first, "environments": block.len() }));
+        }
+    }
+    Ok(match global {
+        Global { json: true, .. } => json(&json!(flown)),
+        Global { quiet: true, .. } => String::new(),
+        _ => text,
+    })
 }
 
 /// Flies some suites with the diagnosers in the folder of the options; without any, learns first, and flies every suite

@@ -57,9 +57,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SEED", requires = "suite",
           value_parser = clap::value_parser!(u64).range(0..=999))]
     pub(super) seed: Option<u64>,
-    /// Simulate only one share of the records, e.g. 3/100 for the third of 100 shares. Use this for machines that have the
-    /// folder in common, or whose 'parts' folders you copy together. No data set is written: the same command without
-    /// --share simulates what is missing, and writes them.
+    /// Simulate only one share of these suites, e.g. 3/100 for the third of 100 shares. Use this for machines that have the
+    /// folder in common, or whose 'parts' folders you copy together. The same command without --share simulates what is
+    /// missing, and joins all.
     #[arg(long, requires = "suite", conflicts_with = "keep_traces")]
     pub(super) share: Option<Share>,
     /// Also write the time series of every record (gigabytes).
@@ -75,14 +75,14 @@ pub(crate) struct Options {
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let is_records = options.suite == [RECORDS];
-    if !is_records && (options.share.is_some() || options.keep_traces) {
-        return Err(Failure::Options("--share and --keep-traces are for --suite records"));
+    if !is_records && options.keep_traces {
+        return Err(Failure::Options("--keep-traces is for --suite records"));
     }
-    if (is_records || options.suite == [FLIGHTS])
-        && (options.environments.is_some() || options.seed.is_some())
-    {
+    let is_changed = options.environments.is_some() || options.seed.is_some();
+    let is_learning = options.suite == [FLIGHTS];
+    if (is_records && is_changed) || (is_learning && (is_changed || options.share.is_some())) {
         return Err(Failure::Options(
-            "--environments and --seed are for suites by their own names",
+            "--environments, --seed and --share are for suites of flights by their own names, --share also for records",
         ));
     }
     match options.suite[..] {

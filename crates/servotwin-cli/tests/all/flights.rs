@@ -193,6 +193,39 @@ fn healthy_flights_go_on_where_they_were_stored() {
     assert_eq!(std::fs::read(&diagnoser).unwrap(), learned, "nothing is learned");
 }
 
+#[test]
+fn shares_of_a_suite_are_joined_to_the_bytes_of_one_machine() {
+    let folder = Folder::new("flight-shares");
+    learned(&folder);
+    let out = folder.file("out");
+    let read =
+        |suite: &str| std::fs::read(format!("{out}/outcomes-{suite}-noise.parquet")).unwrap();
+    let study = |more: &[&str]| {
+        let output = servotwin(&[&["study", &out, "--scenario", "noise"], more].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        stdout(&output)
+    };
+    study(&["--suite", "healthy", "--environments", "5"]);
+    let whole = ["judge", "healthy"].map(read);
+    for suite in ["judge", "healthy"] {
+        std::fs::remove_file(format!("{out}/outcomes-{suite}-noise.parquet")).unwrap();
+    }
+    let told = study(&["--suite", "judge", "--share", "2/2"]);
+    assert_eq!(told, "judge, noise: 1 environment of 2 from 1 on\n");
+    study(&["--suite", "judge"]);
+    // Shares of two divisions that overlap, and a damaged one.
+    let healthy = ["--suite", "healthy", "--environments", "5", "--share"];
+    for share in ["2/3", "2/2", "3/3"] {
+        study(&[&healthy[..], &[share]].concat());
+    }
+    let last = format!("{out}/parts/outcomes-healthy-noise-3.parquet");
+    std::fs::write(&last, &std::fs::read(&last).unwrap()[..100]).unwrap();
+    study(&healthy[..4]);
+    assert!(["judge", "healthy"].map(read) == whole);
+    let unseen = servotwin(&["study", &out, "--suite", "unseen", "--share", "1/2"]);
+    assert!(stderr(&unseen).contains("is flown as a whole"), "{}", stderr(&unseen));
+}
+
 /// A plant whose twin is told a wrong temperature and whose cylinder has another friction law comes nearer to an alarm.
 #[test]
 fn healthy_flights_of_other_plants_are_other_flights() {

@@ -39,6 +39,11 @@ impl Share {
     pub(crate) fn holds(self, part: usize) -> bool {
         part % self.of == self.number - 1
     }
+
+    /// The block of so many things that belongs to the share.
+    pub(crate) fn block(self, count: usize) -> Range<usize> {
+        count * (self.number - 1) / self.of..count * self.number / self.of
+    }
 }
 
 impl FromStr for Share {

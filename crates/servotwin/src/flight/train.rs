@@ -361,7 +361,7 @@ pub(crate) fn environment(study: &Study, is_full: bool) -> Result<InputChecks, C
                 range.into_iter().for_each(|value| reach(input, value));
             }
         }
-        for environments in batches(study, suite, 0) {
+        for environments in batches(study, suite, 0..suite.environments) {
             for environment in study.environments(suite, environments)? {
                 let command = &environment.inputs[study.command_input];
                 let breaks = command.breaks_s().iter().copied().chain([suite.longest_s()]);

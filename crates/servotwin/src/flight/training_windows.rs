@@ -271,10 +271,17 @@ pub fn learn(
 ) -> Result<TrainingWindows, CampaignError> {
     let mut taken = TrainingWindows::default();
     if let Some(suite) = design.study.suite(LEARN, is_full) {
-        in_batches(design.study, suite, design.scenario, 0, workers, |flown, _| {
-            taken.add(of_runs(design, flown));
-            Ok::<_, CampaignError>(())
-        })?;
+        in_batches(
+            design.study,
+            suite,
+            design.scenario,
+            0..suite.environments,
+            workers,
+            |flown, _| {
+                taken.add(of_runs(design, flown));
+                Ok::<_, CampaignError>(())
+            },
+        )?;
     }
     Ok(taken)
 }
@@ -295,7 +302,7 @@ pub(crate) fn add_hard_negatives(
     let bands = (0..design.kinds().len()).map(of_kind).collect::<Option<Vec<Vec<f64>>>>();
     let suite = design.study.suite(HARD_NEGATIVES, is_full);
     let (Some(bands), Some(suite)) = (bands, suite) else { return Ok(()) };
-    in_batches(design.study, suite, design.scenario, 0, workers, |flown, _| {
+    in_batches(design.study, suite, design.scenario, 0..suite.environments, workers, |flown, _| {
         taken.take(flown, design, |_| Pick::Outside(&bands));
         Ok(())
     })

@@ -89,34 +89,34 @@ pub struct FlownEnvironments {
     pub calibration: Option<CalibrationRecords>,
 }
 
-/// Flies a suite in a scenario from an environment on, watched by some diagnoses. `done` takes what became of some
-/// environments after the other; `progress` the number of runs that have ended, and of all.
+/// Flies environments of a suite in a scenario, watched by some diagnoses; of unseen faults all runs. `done` takes what became
+/// of some environments after the other; `progress` the number of runs that have ended, and of all.
 ///
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, the error of `done`, or the run was cancelled.
 pub fn fly_suite<E: From<CampaignError>>(
     (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
-    from: usize,
+    environments: Range<usize>,
     workers: Workers,
     progress: &(dyn Fn(usize, usize) + Sync),
     mut done: impl FnMut(FlownEnvironments) -> Result<(), E>,
 ) -> Result<(), E> {
-    if from >= suite.environments {
+    if environments.is_empty() {
         return Ok(());
     }
     if suite.is_unseen {
         return done(fly_unseen((study, suite, scenario), watching, None, workers)?);
     }
     if suite.is_closed_loop {
-        return (from..suite.environments).try_for_each(|number| {
-            progress(number - from, suite.environments - from);
-            let environments = number..number + 1;
-            done(fly_environments((study, suite, scenario), watching, environments, workers)?)
+        return environments.clone().try_for_each(|number| {
+            progress(number - environments.start, environments.len());
+            let one = number..number + 1;
+            done(fly_environments((study, suite, scenario), watching, one, workers)?)
         });
     }
-    let (all, mut ended) = (plan::count(study, suite), 0);
-    in_batches(study, suite, scenario, from, workers, |runner, environments| {
+    let (all, mut ended) = (plan::runs(study, suite, &environments).len(), 0);
+    in_batches(study, suite, scenario, environments, workers, |runner, environments| {
         let told = |count: usize| progress(ended + count, all);
         let flown = watch_environments(runner, watching, environments.end, workers, &told)?;
         ended += runner.runs.len();

@@ -96,6 +96,11 @@ impl Folder {
         self.0.join(format!("outcomes-{suite}-{scenario}.parquet"))
     }
 
+    /// The folder of parts: shares of records and of suites of flights.
+    pub(crate) fn parts(&self) -> PathBuf {
+        self.0.join(PARTS)
+    }
+
     /// The file that names the training flights of a scenario that taught nothing.
     pub fn left_out(&self, scenario: Scenario) -> PathBuf {
         self.0.join(format!("left_out-{}.json", scenario.name()))
@@ -297,7 +302,7 @@ impl Folder {
 
     /// The folders into which stages write.
     fn written_folders(&self) -> [PathBuf; 3] {
-        [self.0.clone(), self.0.join(PARTS), self.figures()]
+        [self.0.clone(), self.parts(), self.figures()]
     }
 
     /// Reads the folder's study for a program that writes nothing.

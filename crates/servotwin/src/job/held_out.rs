@@ -109,7 +109,8 @@ fn fly(
     let watching = watching(suite, &Arc::new(diagnoser));
     let watching = watching.map_err(|error| JobError::Evaluation(error.into()))?;
     let mut outcomes = vec![];
-    fly_suite((study, suite, scenario), &watching, 0, workers, &|_, _| (), |flown| {
+    let all = 0..suite.environments;
+    fly_suite((study, suite, scenario), &watching, all, workers, &|_, _| (), |flown| {
         outcomes.extend(flown.outcomes);
         Ok::<_, JobError>(())
     })?;

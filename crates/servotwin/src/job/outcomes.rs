@@ -2,6 +2,8 @@
 
 use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
+use crate::campaign::Share;
+use crate::files::create_folder;
 use crate::flight::judge::HealthyMetrics;
 use crate::flight::outcome::{self, FlightOutcome};
 use crate::flight::watched::{self, FlownEnvironments, Watching, fly_suite};
@@ -16,6 +18,9 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::error::Error;
 use std::collections::BTreeMap;
+use std::fs;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A suite is stored whenever it has grown by this fraction: every part at first, and rarely once its file is large.
@@ -91,7 +96,9 @@ pub struct FlownSuite {
     pub runs: String,
     /// What it was flown with.
     pub basis: Basis,
-    /// The number of environments that have been flown.
+    /// The first environment that was flown; above 0 in a share.
+    pub first: usize,
+    /// The environment behind the last one that was flown.
     pub environments: usize,
     /// What became of the calibration flights, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
@@ -112,6 +119,7 @@ impl FlownSuite {
             seed: suite.seed,
             runs: in_words(suite),
             basis: Basis::of(folder, (study, is_full), scenario)?,
+            first: 0,
             environments: 0,
             calibration: None,
             outcomes: vec![],
@@ -163,7 +171,8 @@ impl FlownSuite {
             ("calibration", serde_json::to_string(&records).expect("three numbers"))
         });
         let environments = [("environments", self.environments.to_string())];
-        let all = self.origin().into_iter().chain(environments).chain(calibration);
+        let first = (self.first > 0).then(|| ("first", self.first.to_string()));
+        let all = self.origin().into_iter().chain(environments).chain(first).chain(calibration);
         all.map(|(key, value)| (key.to_owned(), value)).collect()
     }
 
@@ -171,11 +180,10 @@ impl FlownSuite {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub(crate) fn write(&self, folder: &Folder) -> Result<(), JobError> {
+    fn write(&self, path: &Path) -> Result<(), JobError> {
         let mut rows = outcome::table(&self.outcomes);
         rows.metadata.extend(self.metadata());
-        let path = folder.outcomes(&self.suite, &self.scenario);
-        table::write(&path, &rows).map_err(|error| JobError::Outcomes { path, error })
+        table::write(path, &rows).map_err(|error| JobError::Outcomes { path: path.into(), error })
     }
 
     /// Takes what became of some environments.
@@ -185,6 +193,60 @@ impl FlownSuite {
         if let Some(more) = flown.calibration {
             self.calibration.get_or_insert_default().add(more);
         }
+    }
+}
+
+/// A flown part with its file, which is written whenever it has grown.
+struct Growing {
+    path: PathBuf,
+    flown: FlownSuite,
+    /// [`FlownSuite::environments`] of the file.
+    written: usize,
+}
+
+impl Growing {
+    /// What a file holds of the same runs; none of a file of other runs.
+    fn begun(path: PathBuf, stored: Option<FlownSuite>, new: FlownSuite) -> Self {
+        let is_same = |own: &FlownSuite| own.origin() == new.origin() && own.first == new.first;
+        let flown = stored.filter(is_same).unwrap_or(new);
+        Growing { path, written: flown.environments, flown }
+    }
+
+    fn take(&mut self, own: FlownEnvironments, end: usize) -> Result<(), JobError> {
+        self.flown.take(own);
+        let FlownSuite { first, environments, .. } = self.flown;
+        let has_grown =
+            (environments - self.written) as f64 > STORED_EVERY * (self.written - first) as f64;
+        if has_grown || environments == end { self.write() } else { Ok(()) }
+    }
+
+    fn write(&mut self) -> Result<(), JobError> {
+        self.flown.outcomes.sort_by_key(|outcome| outcome.number);
+        self.flown.write(&self.path)?;
+        self.written = self.flown.environments;
+        Ok(())
+    }
+
+    /// Flies the environments up to `end`.
+    fn fly(
+        &mut self,
+        place: (&Study, &Suite, Scenario),
+        watching: &[Watching],
+        end: usize,
+        crew: &Crew,
+    ) -> Result<(), JobError> {
+        let (_, suite, scenario) = place;
+        let what = format!("{}: suite {}", scenario.name(), suite.name);
+        let from = self.flown.environments;
+        let share = |environments: f64| environments / suite.environments as f64;
+        let told = |done: usize, of: usize| {
+            let flown = end.saturating_sub(from) as f64 * done as f64 / of.max(1) as f64;
+            (crew.progress)(&what, share(from as f64 + flown));
+        };
+        (crew.progress)(&what, share(from as f64));
+        fly_suite(place, watching, from..end.max(from), crew.workers, &told, |own| {
+            self.take(own, end)
+        })
     }
 }
 
@@ -215,8 +277,8 @@ pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watchin
     })
 }
 
-/// Flies a suite in a scenario with the stored diagnoser, and writes its outcomes. What the folder's file holds of the same
-/// runs stays; a file of other runs is replaced. Nothing is learned.
+/// Flies a suite in a scenario with the stored diagnoser, and writes its outcomes. What the folder's file and its shares
+/// hold of the same runs stays; a file of other runs is replaced. Nothing is learned.
 ///
 /// # Errors
 /// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written.
@@ -230,30 +292,68 @@ pub fn fly(
     let model = Arc::new(diagnoser(folder, scenario)?);
     let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
     let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
-    let stored = stored(folder, &suite.name, scenario)?;
-    let is_begun = |stored: &FlownSuite| {
-        stored.origin() == new.origin() && stored.environments <= suite.environments
-    };
-    let mut flown = stored.filter(is_begun).unwrap_or(new);
-    let what = format!("{}: suite {}", scenario.name(), suite.name);
-    let (from, mut written) = (flown.environments, flown.environments);
-    let told = |done: usize, of: usize| {
-        let before = from as f64 / suite.environments as f64;
-        (crew.progress)(&what, before + (1.0 - before) * done as f64 / of.max(1) as f64);
-    };
-    (crew.progress)(&what, from as f64 / suite.environments as f64);
-    let place = (study, suite, scenario);
-    fly_suite(place, &watching, from, crew.workers, &told, |own| -> Result<(), JobError> {
-        flown.take(own);
-        let has_grown = (flown.environments - written) as f64 > STORED_EVERY * written as f64;
-        if has_grown || flown.environments == suite.environments {
-            flown.outcomes.sort_by_key(|outcome| outcome.number);
-            flown.write(folder)?;
-            written = flown.environments;
+    let shares = shares(folder, &new);
+    let (place, path) = ((study, suite, scenario), folder.outcomes(&suite.name, scenario.name()));
+    let stored = read(&path)?.filter(|own| own.environments <= suite.environments);
+    let mut growing = Growing::begun(path, stored, new);
+    for share in shares.into_iter().filter(|share| share.environments <= suite.environments) {
+        // Shares of several divisions may overlap.
+        if share.first >= growing.flown.environments {
+            growing.fly(place, &watching, share.first, crew)?;
+            let FlownSuite { outcomes, environments, calibration, .. } = share;
+            growing.flown.take(FlownEnvironments { outcomes, environments, calibration });
         }
-        Ok(())
-    })?;
-    Ok(flown)
+    }
+    growing.fly(place, &watching, suite.environments, crew)?;
+    if growing.written < growing.flown.environments {
+        growing.write()?;
+    }
+    Ok(growing.flown)
+}
+
+/// Flies a share of the environments of a suite in a scenario, as [`fly`], into a file of its own, and returns these
+/// environments. [`fly`] joins it to the bytes of an undivided suite.
+///
+/// # Errors
+/// As [`fly`].
+pub fn fly_share(
+    folder: &Folder,
+    (study, is_full): (&Study, bool),
+    suite: &Suite,
+    scenario: Scenario,
+    (share, crew): (Share, &Crew),
+) -> Result<Range<usize>, JobError> {
+    let block = share.block(suite.environments);
+    let model = Arc::new(diagnoser(folder, scenario)?);
+    let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
+    let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
+    let new = FlownSuite { first: block.start, environments: block.start, ..new };
+    create_folder(folder.parts())?;
+    let path = folder.parts().join(share_name(&new, &block.start.to_string()));
+    // A damaged share counts as missing.
+    let stored = read(&path).ok().flatten();
+    let mut growing = Growing::begun(path, stored, new);
+    growing.fly((study, suite, scenario), &watching, block.end, crew)?;
+    Ok(block)
+}
+
+/// The name of a share's file.
+fn share_name(FlownSuite { suite, scenario, .. }: &FlownSuite, first: &str) -> String {
+    format!("outcomes-{suite}-{scenario}-{first}.parquet")
+}
+
+/// The stored shares of a suite of which nothing is flown yet, by their first environments.
+fn shares(folder: &Folder, new: &FlownSuite) -> Vec<FlownSuite> {
+    let name = share_name(new, "");
+    let prefix = name.trim_end_matches(".parquet");
+    let mut shares = vec![];
+    for entry in fs::read_dir(folder.parts()).into_iter().flatten().flatten() {
+        let is_share = entry.file_name().to_string_lossy().starts_with(prefix);
+        let stored = if is_share { read(&entry.path()).ok().flatten() } else { None };
+        shares.extend(stored.filter(|own| own.origin() == new.origin()));
+    }
+    shares.sort_by_key(|share| share.first);
+    shares
 }
 
 /// Flies one environment of a suite in a scenario, watched by a diagnoser; of unseen faults all runs.
@@ -310,7 +410,8 @@ pub fn write(
 ) -> Result<(), JobError> {
     outcomes.sort_by_key(|outcome| outcome.number);
     let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
-    FlownSuite { environments: suite.environments, outcomes, ..new }.write(folder)
+    let path = folder.outcomes(&suite.name, scenario.name());
+    FlownSuite { environments: suite.environments, outcomes, ..new }.write(&path)
 }
 
 /// Reads the healthy flights in environments of their own, in all scenarios.
@@ -331,12 +432,16 @@ pub fn stored(
     suite: &str,
     scenario: Scenario,
 ) -> Result<Option<FlownSuite>, JobError> {
-    let path = folder.outcomes(suite, scenario.name());
+    read(&folder.outcomes(suite, scenario.name()))
+}
+
+/// Reads a file of outcomes; `None` if there is none.
+fn read(path: &Path) -> Result<Option<FlownSuite>, JobError> {
     if !path.exists() {
         return Ok(None);
     }
-    let wrong = |error: TableError| JobError::Outcomes { path: path.clone(), error };
-    let rows = table::read(&path).map_err(wrong)?;
+    let wrong = |error: TableError| JobError::Outcomes { path: path.into(), error };
+    let rows = table::read(path).map_err(wrong)?;
     let text = |key: &str| rows.metadata.get(key).cloned().unwrap_or_default();
     let number = |key: &str| text(key).parse().unwrap_or_default();
     Ok(Some(FlownSuite {
@@ -350,6 +455,7 @@ pub fn stored(
             study_sha256: text("study_sha256"),
             system_sha256: text("system_sha256"),
         },
+        first: number("first") as usize,
         environments: number("environments") as usize,
         calibration: serde_json::from_str(&text("calibration")).ok(),
         outcomes: outcome::from_table(&rows).map_err(wrong)?,

@@ -73,7 +73,7 @@ pub struct Runner<'s> {
     fitted: BTreeMap<usize, Overrides>,
 }
 
-/// Flies a suite in a scenario, some environments at a time, so that memory does not grow with their number. `fly` takes
+/// Flies environments of a suite in a scenario, some at a time, so that memory does not grow with their number. `fly` takes
 /// the runner of the environments at hand, and the numbers of these.
 ///
 /// # Errors
@@ -82,12 +82,12 @@ pub(crate) fn in_batches<'s, E: From<CampaignError>>(
     study: &'s Study,
     suite: &'s Suite,
     scenario: Scenario,
-    from: usize,
+    environments: Range<usize>,
     workers: Workers,
     mut fly: impl FnMut(&Runner, Range<usize>) -> Result<(), E>,
 ) -> Result<(), E> {
     let others = OtherPlants::of(study, suite)?;
-    for environments in batches(study, suite, from) {
+    for environments in batches(study, suite, environments) {
         let runner =
             Runner::new(study, suite, (scenario, others.as_ref()), environments.clone(), workers)?;
         fly(&runner, environments)?;
@@ -98,12 +98,15 @@ pub(crate) fn in_batches<'s, E: From<CampaignError>>(
     Ok(())
 }
 
-/// The environments of a suite from a number on, in parts of one size.
-pub(crate) fn batches(study: &Study, suite: &Suite, from: usize) -> Vec<Range<usize>> {
+/// Environments of a suite in parts of one size.
+pub(crate) fn batches(
+    study: &Study,
+    suite: &Suite,
+    Range { start, end }: Range<usize>,
+) -> Vec<Range<usize>> {
     let samples = suite.longest_s() / study.sample_period_s;
     let size = ((TWIN_SAMPLES / samples) as usize).max(1);
-    let all = suite.environments;
-    (from..all).step_by(size).map(|first| first..all.min(first + size)).collect()
+    (start..end).step_by(size).map(|first| first..end.min(first + size)).collect()
 }
 
 impl<'s> Runner<'s> {

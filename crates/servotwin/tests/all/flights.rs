@@ -86,7 +86,7 @@ fn outcomes(name: &str, threads: usize) -> Vec<FlightOutcome> {
     let (place, own) = ((study(), suite(name), Scenario::Noise), Workers::new(threads));
     let watching = watching(suite(name), diagnoser()).unwrap();
     let mut outcomes = vec![];
-    let flown = fly_suite(place, &watching, 0, own, &|_, _| (), |flown| {
+    let flown = fly_suite(place, &watching, 0..place.1.environments, own, &|_, _| (), |flown| {
         outcomes.extend(flown.outcomes);
         Ok::<_, CampaignError>(())
     });
