@@ -13,6 +13,9 @@ use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
 use std::collections::BTreeMap;
 
+/// The scenario of tests on the ground.
+const TESTS: Scenario = Scenario::Fitted;
+
 /// Faults that were hidden in flight, by the action that they need, and by whether they are strong.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct GroundTest(BTreeMap<(String, bool), PassedFaults>);
@@ -33,7 +36,7 @@ impl GroundTest {
     /// The folder has no judged flights, or its `ground_test` no judged tests; a file is damaged.
     pub(crate) fn read(results: &StudyResultsFolder) -> Result<Self, JobError> {
         let flights = judged(&results.folder, results.scenario, "study --suite flights")?;
-        let tests = judged(&results.folder.ground_test(), Scenario::Fitted, "test")?;
+        let tests = judged(&results.folder.ground_test(), TESTS, "test")?;
         Ok(Self::count(&flights, &tests))
     }
 
@@ -75,6 +78,15 @@ impl GroundTest {
     }
 }
 
+/// The judged tests of a folder; none if there are none.
+///
+/// # Errors
+/// The file is damaged.
+pub(crate) fn tests(results: &StudyResultsFolder) -> Result<Vec<FlightOutcome>, JobError> {
+    let stored = outcomes::stored(&results.folder.ground_test(), JUDGE, TESTS)?;
+    Ok(stored.map_or(vec![], |own| own.outcomes))
+}
+
 /// The judged outcomes of a folder; without any, `command` makes them.
 fn judged(
     folder: &Folder,
@@ -96,7 +108,7 @@ fn is_hidden(flight: &FlightOutcome) -> bool {
 }
 
 /// Whether a test reports a fault. A wrong reading of the environment is no report: the test is repeated.
-fn is_reported(test: &FlightOutcome) -> bool {
+pub(crate) fn is_reported(test: &FlightOutcome) -> bool {
     matches!(test.word, Word::Detected | Word::Unknown | Word::Actuator)
 }
 

@@ -4,6 +4,7 @@ use super::cell::{FmeaCell, rate_in_words, span_in_words};
 use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns, STRONG};
+use crate::ground_test;
 use servotwin::flight::judge::KindLatency;
 use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::results::SubjectResult;
@@ -36,10 +37,7 @@ fn evaluated<'s>(
         return Err(not_in_study("not evaluated"));
     }
     let missing = || {
-        FmeaCell::missing(
-            "not evaluated",
-            "no evaluation.json: 'servotwin study FOLDER' writes it",
-        )
+        FmeaCell::missing("not evaluated", "no evaluation.json: 'servotwin study FOLDER' writes it")
     };
     let results = sources.results.ok_or_else(|| FmeaCell::missing("not evaluated", NO_RESULTS))?;
     let result = results.evaluated().ok_or_else(missing)?;
@@ -106,27 +104,36 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
         parts.push(reported_in_words(own));
         evidence.push(flight_evidence(own.0, &own.1));
     }
+    let is_own = |test: &&FlightOutcome| test.event == subject.fault.id && test.is_finished;
+    let tests: Vec<&FlightOutcome> = sources.tests.iter().filter(is_own).collect();
+    if !tests.is_empty() {
+        let counted = counted_in_words(&tests, ground_test::is_reported, "tests on the ground");
+        parts.push(counted);
+        evidence.push("ground_test/outcomes-judge-fitted.parquet".into());
+    }
     match (runs, own) {
-        (Err(not_run), Err(_)) => not_run,
+        (Err(not_run), Err(_)) if tests.is_empty() => not_run,
         _ => FmeaCell::new(parts.join("; "), evidence.join("; ")),
     }
 }
 
 /// The intensities at which the own flights reported the fault.
 fn reported_in_words((_, own): &OwnFlights) -> String {
-    let reported: Vec<String> = own
-        .iter()
-        .filter(|flown| flown.first_word_s.is_some())
-        .map(|flown| flown.intensity.to_string())
-        .collect();
-    match reported.is_empty() {
-        true => format!("reported in 0 of {} own flights", own.len()),
-        false => format!(
-            "reported in {} of {} own flights (intensity {})",
-            reported.len(),
-            own.len(),
-            reported.join(", ")
-        ),
+    counted_in_words(own, |flown| flown.first_word_s.is_some(), "own flights")
+}
+
+/// How many of some flights reported their fault, and at which intensities.
+fn counted_in_words(
+    all: &[&FlightOutcome],
+    is_reported: impl Fn(&FlightOutcome) -> bool,
+    of: &str,
+) -> String {
+    let reported = all.iter().filter(|flown| is_reported(flown));
+    let reported: Vec<String> = reported.map(|flown| flown.intensity.to_string()).collect();
+    let (count, all) = (reported.len(), all.len());
+    match count {
+        0 => format!("reported in 0 of {all} {of}"),
+        _ => format!("reported in {count} of {all} {of} (intensity {})", reported.join(", ")),
     }
 }
 

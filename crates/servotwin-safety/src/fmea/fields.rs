@@ -6,6 +6,7 @@ use super::residuals::ResidualRuns;
 use super::{declared, diagnosis, effects};
 use crate::rates::FailureRates;
 use crate::results::StudyResultsFolder;
+use servotwin::flight::outcome::FlightOutcome;
 use servotwin::study::{FaultCase, Study};
 use servotwin::system::ListedFault;
 
@@ -19,6 +20,8 @@ pub struct FmeaSources<'s> {
     pub runs: Option<ResidualRuns>,
     /// The closed-loop flights.
     pub flights: Option<FmeaFlights>,
+    /// The judged tests on the ground; none if there are none.
+    pub tests: Vec<FlightOutcome>,
     /// The user's failure rates.
     pub rates: Option<FailureRates>,
 }

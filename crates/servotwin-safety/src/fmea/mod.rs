@@ -19,6 +19,7 @@ pub mod severity;
 pub mod sheet;
 
 use crate::error::SafetyError;
+use crate::ground_test;
 use crate::rates::{FailureRates, RatedFault};
 use crate::results::{EvidenceBasis, StudyResultsFolder};
 use fields::{FmeaSources, FmeaSubject, rows};
@@ -51,6 +52,7 @@ pub fn sources<'s>(
         rates: read_rates(&results.study, rates)?,
         runs: ResidualRuns::read(results)?,
         flights: FmeaFlights::of_folder(results, flies, workers)?,
+        tests: ground_test::tests(results)?,
         results: Some(results),
     })
 }
@@ -64,7 +66,7 @@ pub fn declared_sources<'s>(
     rates: Option<&Path>,
 ) -> Result<FmeaSources<'s>, SafetyError> {
     let rates = read_rates(study, rates)?;
-    Ok(FmeaSources { study, results: None, runs: None, flights: None, rates })
+    Ok(FmeaSources { study, results: None, runs: None, flights: None, tests: vec![], rates })
 }
 
 fn read_rates(study: &Study, path: Option<&Path>) -> Result<Option<FailureRates>, SafetyError> {
@@ -122,7 +124,7 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
 mod tests {
     use super::fields::FIELDS;
     use super::*;
-    use servotwin::flight::outcome::FlightOutcome;
+    use servotwin::flight::outcome::{FlightOutcome, Word};
 
     fn cell(sheet: &FmeaSheet, fault: &str, name: &str) -> String {
         let place = FIELDS.iter().position(|field| field.name == name).unwrap();
@@ -180,15 +182,24 @@ mod tests {
             force_difference_n: Some(5e-3),
             ..of_fault(unlisted, 0.5)
         };
-        let outcomes = vec![silent, shut_down(unlisted), shut_down(fault), healthy];
+        let outcomes = vec![silent, shut_down(unlisted), shut_down(fault), healthy.clone()];
         let (case, scenario) = ("S1/50".into(), "realistic".into());
         let flights = Some(FmeaFlights { outcomes, case, scenario, stale: None });
-        let sources = FmeaSources { flights, ..declared_sources(&study, None).unwrap() };
+        let in_test = |intensity, word| FlightOutcome { word, ..of_fault(unlisted, intensity) };
+        let tests = vec![
+            in_test(0.3, Word::Healthy),
+            in_test(0.6, Word::Unknown),
+            in_test(1.0, Word::Actuator),
+        ];
+        let sources = FmeaSources { flights, tests, ..declared_sources(&study, None).unwrap() };
         let sheet = sheet(&sources, None).unwrap();
         for (field, text) in [
             ("local_effect", "not in the campaign"),
             ("effect_on_actuator", "does not differ from the healthy flight (intensities 0.5, 1)"),
-            ("detection_means", "reported in 1 of 2 own flights (intensity 1)"),
+            (
+                "detection_means",
+                "reported in 1 of 2 own flights (intensity 1); reported in 2 of 3 tests on the ground (intensity 0.6, 1)",
+            ),
             (
                 "detection_latency",
                 "reported after 0.5 s in 1 of 2 own flights; action after 0.7 s in 1 of 2 own flights",
