@@ -49,7 +49,7 @@ impl BaselineSettings {
 
 /// The mean residual of every sensor, in fixed memory.
 #[derive(Debug, Clone)]
-pub struct Baseline {
+pub(crate) struct Baseline {
     settings: BaselineSettings,
     samples: u64,
     /// Mean residuals, in the sensors' units.
@@ -59,7 +59,7 @@ pub struct Baseline {
 /// A stored [`Baseline`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stored {
+pub(crate) struct Stored {
     /// Number of samples learned from.
     pub samples: u64,
     /// The mean residuals, in the sensors' units.
@@ -71,7 +71,7 @@ impl Baseline {
     ///
     /// # Errors
     /// As [`BaselineSettings::check`].
-    pub fn new(settings: BaselineSettings, sensors: usize) -> Result<Self, Error> {
+    pub(crate) fn new(settings: BaselineSettings, sensors: usize) -> Result<Self, Error> {
         settings.check()?;
         Ok(Baseline { settings, samples: 0, means: vec![0.0; sensors] })
     }
@@ -80,7 +80,7 @@ impl Baseline {
     ///
     /// # Panics
     /// Here and in `subtract`, if there are fewer values or scales than sensors.
-    pub fn learn(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
+    pub(crate) fn learn(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
         self.samples += 1;
         let memory = match self.is_settling() {
             true => self.samples as f64,
@@ -98,13 +98,13 @@ impl Baseline {
     }
 
     /// Whether the initial mean is complete.
-    pub fn is_settled(&self) -> bool {
+    pub(crate) fn is_settled(&self) -> bool {
         self.samples >= u64::from(self.settings.settle_samples)
     }
 
     /// Writes measured values without the specimen's mean residual into `values`. Sensors with a stand-in value stay as
     /// they are. Does not allocate.
-    pub fn subtract(&self, measured: &[f64], stands_in: &[bool], values: &mut [f64]) {
+    pub(crate) fn subtract(&self, measured: &[f64], stands_in: &[bool], values: &mut [f64]) {
         for (place, value) in values.iter_mut().enumerate() {
             let mean = if stands_in[place] { 0.0 } else { self.means[place] };
             *value = measured[place] - mean;
@@ -112,13 +112,13 @@ impl Baseline {
     }
 
     /// Forgets everything.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.samples = 0;
         self.means.fill(0.0);
     }
 
     /// Returns the complete state.
-    pub fn store(&self) -> Stored {
+    pub(crate) fn store(&self) -> Stored {
         Stored { samples: self.samples, means: self.means.clone() }
     }
 
@@ -126,7 +126,7 @@ impl Baseline {
     ///
     /// # Errors
     /// [`Error::LengthMismatch`].
-    pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
+    pub(crate) fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
         same_length("means of a reference", self.means.len(), stored.means.len())?;
         if stored.samples > 1 << 53 || !stored.means.iter().all(|mean| mean.is_finite()) {
             return Err(Error::CorruptModel { broken: "a stored reference is no mean of samples" });

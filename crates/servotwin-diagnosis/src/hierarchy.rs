@@ -379,7 +379,7 @@ impl Hierarchy {
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].
-    pub fn detail<V: AsRef<[f64]>>(
+    pub(crate) fn detail<V: AsRef<[f64]>>(
         &self,
         views: &[V],
         (actuator, action): (u32, u32),
@@ -419,7 +419,7 @@ impl Hierarchy {
     /// # Errors
     /// [`Error::CorruptModel`], [`Error::LengthMismatch`], [`Error::IndexOutOfRange`], and the errors of
     /// [`Classifier::check`].
-    pub fn check(&self) -> Result<(), Error> {
+    pub(crate) fn check(&self) -> Result<(), Error> {
         require_sound(!self.names.actuators.is_empty(), "there is no actuator")?;
         for stage in &self.stages {
             stage.model.check()?;

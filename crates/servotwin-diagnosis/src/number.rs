@@ -58,6 +58,6 @@ impl Number for f64 {
 }
 
 /// A sum; −0, which changes no number, for none.
-pub fn sum<N: Number>(numbers: impl IntoIterator<Item = N>) -> N {
+pub(crate) fn sum<N: Number>(numbers: impl IntoIterator<Item = N>) -> N {
     numbers.into_iter().fold(N::constant(-0.0), |sum, number| sum + number)
 }

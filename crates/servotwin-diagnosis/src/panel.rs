@@ -104,7 +104,7 @@ impl Panel {
     ///
     /// # Errors
     /// [`Error::CorruptModel`] and the errors of [`Hierarchy::check`].
-    pub fn check(&self) -> Result<(), Error> {
+    pub(crate) fn check(&self) -> Result<(), Error> {
         require_sound(
             self.trees.names == self.committee.names,
             "trees and committee read other features",

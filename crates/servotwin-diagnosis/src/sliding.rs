@@ -71,7 +71,7 @@ pub struct Sliding {
 /// A stored [`Sliding`]; numbers only, so that any format preserves its bits.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stored {
+pub(crate) struct Stored {
     /// The statistics of the base pane.
     pub base: Vec<f64>,
     /// Statistics of the newest full base pane, if a span has not taken it yet.
@@ -85,7 +85,7 @@ pub struct Stored {
 /// A stored span.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct StoredSpan {
+pub(crate) struct StoredSpan {
     /// Number of completed panes.
     pub ended: u64,
     /// The statistics of the open pane.
@@ -231,7 +231,7 @@ impl Sliding {
     }
 
     /// Number of spans.
-    pub fn spans(&self) -> usize {
+    pub(crate) fn spans(&self) -> usize {
         self.rings.len()
     }
 
@@ -252,13 +252,13 @@ impl Sliding {
     }
 
     /// The share of a span's window that its newest pane makes up: 1 for the first.
-    pub fn share_of_newest(&self, span: usize) -> f64 {
+    pub(crate) fn share_of_newest(&self, span: usize) -> f64 {
         let ring = &self.rings[span];
         f64::from(ring.span.pane_samples) / (ring.window.count() as f64).max(1.0)
     }
 
     /// Forgets all samples. Does not allocate.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.base.clear();
         self.turn = self.rings.len();
         self.rings.iter_mut().for_each(Ring::clear);
@@ -266,7 +266,7 @@ impl Sliding {
     }
 
     /// Returns the complete state for storing.
-    pub fn store(&self) -> Stored {
+    pub(crate) fn store(&self) -> Stored {
         let is_taken = self.turn >= self.rings.len();
         Stored {
             base: self.base.state(),
@@ -280,7 +280,7 @@ impl Sliding {
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] and [`Error::CorruptModel`] for a state of other spans or sensors.
-    pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
+    pub(crate) fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
         same_length("spans", self.rings.len(), stored.spans.len())?;
         let of_base = u64::from(self.base_samples);
         restore(&mut self.base, &stored.base, of_base)?;

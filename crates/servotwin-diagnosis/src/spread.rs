@@ -41,7 +41,7 @@ impl Spread {
     ///
     /// # Errors
     /// [`Error::CorruptModel`], [`Error::SettingOutOfRange`].
-    pub fn check(&self, sensors: usize) -> Result<(), Error> {
+    pub(crate) fn check(&self, sensors: usize) -> Result<(), Error> {
         let range = 0.0..=MAX_GROWTH;
         require(range.contains(&self.growth), "growth", self.growth, "0 to 1000")?;
         let is_there = (self.spool as usize) < sensors;
@@ -104,7 +104,7 @@ impl Spreads {
     }
 
     /// Number of sensors.
-    pub fn sensors(&self) -> usize {
+    pub(crate) fn sensors(&self) -> usize {
         self.of.len()
     }
 
@@ -112,13 +112,13 @@ impl Spreads {
     ///
     /// # Panics
     /// There is no such sensor.
-    pub fn factor(&self, sensor: usize) -> f64 {
+    pub(crate) fn factor(&self, sensor: usize) -> f64 {
         self.factors[sensor]
     }
 
     /// The measured values whose residuals are those of the sample in parts of their spread, and d of each sensor. A
     /// sensor without a spread keeps its bits. Does not allocate.
-    pub fn divide(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> [&[f64]; 2] {
+    pub(crate) fn divide(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) -> [&[f64]; 2] {
         let reach = self.reach.take(twin, scales);
         self.measured.copy_from_slice(measured);
         for (i, spread) in self.of.iter().enumerate() {
@@ -131,12 +131,12 @@ impl Spreads {
     }
 
     /// Forgets the last sample.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.reach.has_last = false;
     }
 
     /// The twin's signals at the last sample, in parts of scale; empty if there is none.
-    pub fn store(&self) -> Vec<f64> {
+    pub(crate) fn store(&self) -> Vec<f64> {
         if self.reach.has_last { self.reach.last.clone() } else { vec![] }
     }
 
@@ -144,7 +144,7 @@ impl Spreads {
     ///
     /// # Errors
     /// [`Error::LengthMismatch`]; [`Error::CorruptModel`] for a value that is not finite.
-    pub fn restore(&mut self, stored: &[f64]) -> Result<(), Error> {
+    pub(crate) fn restore(&mut self, stored: &[f64]) -> Result<(), Error> {
         self.reach.has_last = !stored.is_empty();
         if self.reach.has_last {
             same_length("twin signals", self.of.len(), stored.len())?;

@@ -57,7 +57,7 @@ pub struct Windows {
 /// Stored [`Windows`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Stored {
+pub(crate) struct Stored {
     /// As [`Spreads::store`].
     twin: Vec<f64>,
     absolute: sliding::Stored,
@@ -131,7 +131,7 @@ impl Windows {
     }
 
     /// As [`Spreads::factor`].
-    pub fn spread(&self, sensor: usize) -> f64 {
+    pub(crate) fn spread(&self, sensor: usize) -> f64 {
         self.spreads.factor(sensor)
     }
 
@@ -167,13 +167,13 @@ impl Windows {
     }
 
     /// As [`Sliding::share_of_newest`].
-    pub fn share_of_newest(&self, kind: usize) -> f64 {
+    pub(crate) fn share_of_newest(&self, kind: usize) -> f64 {
         let (sliding, span) = self.of(kind);
         sliding.share_of_newest(span)
     }
 
     /// Clears all samples and the baseline, for another mode or specimen.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.spreads.clear();
         self.absolute.clear();
         if let Some(baseline_corrected) = &mut self.baseline_corrected {
@@ -183,7 +183,7 @@ impl Windows {
     }
 
     /// Returns the complete state.
-    pub fn store(&self) -> Stored {
+    pub(crate) fn store(&self) -> Stored {
         let baseline_corrected =
             self.baseline_corrected.as_ref().map(|baseline_corrected| StoredBaselineCorrected {
                 baseline: baseline_corrected.baseline.store(),
@@ -197,7 +197,7 @@ impl Windows {
     ///
     /// # Errors
     /// As [`Spreads::restore`], [`Sliding::restore`] and [`Baseline::restore`].
-    pub fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
+    pub(crate) fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
         self.spreads.restore(&stored.twin)?;
         self.absolute.restore(&stored.absolute)?;
         match (&mut self.baseline_corrected, &stored.baseline_corrected) {

@@ -31,7 +31,7 @@ const RANGE_M: (f64, f64) = (-2_000.0, 20_000.0);
 
 /// The state of the air at an altitude.
 #[derive(Clone, Copy, Debug)]
-pub struct Air<S> {
+pub(crate) struct Air<S> {
     /// Temperature, K.
     pub temperature_k: S,
     /// Pressure, Pa.
@@ -44,7 +44,7 @@ pub struct Air<S> {
 
 /// Equations (A1)–(A3).
 #[inline(always)]
-pub fn standard_air<S: Scalar>(altitude_m: S) -> Air<S> {
+pub(crate) fn standard_air<S: Scalar>(altitude_m: S) -> Air<S> {
     const EXPONENT: f64 = GRAVITY / (GAS_CONSTANT * LAPSE_K_M);
     const STRATOSPHERE_K: f64 = SEA_LEVEL_K - LAPSE_K_M * TROPOPAUSE_M;
     const FADE_PER_M: f64 = GRAVITY / (GAS_CONSTANT * STRATOSPHERE_K) * core::f64::consts::LOG2_E;

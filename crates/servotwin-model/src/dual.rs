@@ -14,7 +14,7 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A partial derivative.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Partial<V> {
+pub(crate) enum Partial<V> {
     /// Zero, whatever the inputs are.
     Zero,
     /// One, whatever the inputs are.
@@ -28,7 +28,7 @@ use Partial::{Number, One, Zero};
 impl<V: Scalar<Base = V>> Partial<V> {
     /// The derivative as a number.
     #[inline(always)]
-    pub fn number(self) -> V {
+    pub(crate) fn number(self) -> V {
         match self {
             Zero => V::constant(0.0),
             One => V::constant(1.0),
@@ -83,7 +83,7 @@ impl<V: Scalar<Base = V>> Partial<V> {
 
 /// A value with `N` partial derivatives.
 #[derive(Clone, Copy, Debug)]
-pub struct Dual<V, const N: usize> {
+pub(crate) struct Dual<V, const N: usize> {
     /// The value.
     pub value: V,
     /// The partial derivatives with respect to the `N` inputs.
@@ -106,7 +106,7 @@ macro_rules! combined {
 impl<V: Scalar<Base = V>, const N: usize> Dual<V, N> {
     /// The `index`-th input: its derivative with respect to itself is one.
     #[inline(always)]
-    pub fn input(value: V, index: usize) -> Self {
+    pub(crate) fn input(value: V, index: usize) -> Self {
         let mut partials = [Zero; N];
         partials[index] = One;
         Self { value, partials }

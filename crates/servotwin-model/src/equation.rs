@@ -8,7 +8,7 @@ use crate::fluid::FluidState;
 use crate::scalar::Scalar;
 
 /// The numbers from which an equation computes its constants.
-pub struct Given<'a, S> {
+pub(crate) struct Given<'a, S> {
     /// The component's parameters with the faults applied, in declared order.
     pub parameters: &'a [S],
     /// The fluid of the component's circuit at its temperature.
@@ -26,7 +26,7 @@ impl<S> core::ops::Index<usize> for Given<'_, S> {
 }
 
 /// A block of `I` inputs, `O` outputs and `C` constants.
-pub trait Equation<const I: usize, const O: usize, const C: usize> {
+pub(crate) trait Equation<const I: usize, const O: usize, const C: usize> {
     /// The constants: numbers that do not change while a variant runs.
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; C];
 

@@ -16,12 +16,12 @@ const STEP: u32 = 8;
 
 impl LaneOffset {
     /// The offset of an index.
-    pub const fn new(index: Slot) -> Self {
+    pub(crate) const fn new(index: Slot) -> Self {
         Self(index as u32 * STEP)
     }
 
     /// The index of the offset.
-    pub fn index(self) -> usize {
+    pub(crate) fn index(self) -> usize {
         (self.0 / STEP) as usize
     }
 
@@ -30,7 +30,7 @@ impl LaneOffset {
     /// # Safety
     /// The offset must lie within the array.
     #[inline(always)]
-    pub unsafe fn among<T>(self, first: *mut T) -> *mut T {
+    pub(crate) unsafe fn among<T>(self, first: *mut T) -> *mut T {
         // SAFETY: promised by the caller.
         unsafe {
             if size_of::<T>().is_multiple_of(STEP as usize) {
@@ -46,7 +46,7 @@ impl LaneOffset {
     /// # Safety
     /// The offset must lie within the array.
     #[inline(always)]
-    pub unsafe fn read<T: Copy>(self, array: &[T]) -> T {
+    pub(crate) unsafe fn read<T: Copy>(self, array: &[T]) -> T {
         debug_assert!(self.index() < array.len());
         // SAFETY: promised by the caller.
         unsafe { *self.among(array.as_ptr().cast_mut()) }

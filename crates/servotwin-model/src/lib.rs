@@ -2,19 +2,19 @@
 #![no_std]
 extern crate alloc;
 
-pub mod atmosphere;
+pub(crate) mod atmosphere;
 pub mod c_source;
 pub mod component;
 pub mod components;
-pub mod dual;
+pub(crate) mod dual;
 mod equal_length_groups;
-pub mod equation;
+pub(crate) mod equation;
 pub mod fluid;
 pub mod hash;
 pub mod jacobian;
 mod lane_offset;
 pub mod lanes;
-pub mod lu;
+pub(crate) mod lu;
 pub mod math;
 pub mod network;
 pub mod program;
@@ -24,4 +24,4 @@ pub mod signal;
 pub mod solver;
 pub mod spec;
 pub mod symbol;
-pub mod wiring;
+pub(crate) mod wiring;

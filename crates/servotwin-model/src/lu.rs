@@ -83,7 +83,7 @@ impl SparseLu {
     /// zero in that array.
     ///
     /// Returns `None` if the factors have more entries than can be addressed.
-    pub fn new(size: usize, entries: &[(u16, u16, u16)], absent: u16) -> Option<Self> {
+    pub(crate) fn new(size: usize, entries: &[(u16, u16, u16)], absent: u16) -> Option<Self> {
         let mut rows: Vec<BTreeSet<usize>> = (0..size).map(|i| BTreeSet::from([i])).collect();
         for &(i, j, _) in entries {
             rows[i as usize].insert(j as usize);
@@ -216,7 +216,7 @@ impl SparseLu {
     ///
     /// A zero pivot causes infinities or NaN in its own lane only.
     #[inline(always)]
-    pub fn factor<V: Scalar<Base = V>>(&self, diagonal: V, gradients: &[V], values: &mut [V]) {
+    pub(crate) fn factor<V: Scalar<Base = V>>(&self, diagonal: V, gradients: &[V], values: &mut [V]) {
         assert!(gradients.len() >= self.gradients && values.len() >= self.slots());
         let mut lists = Factoring {
             diagonal,
@@ -240,7 +240,7 @@ impl SparseLu {
 
     /// Solves in place with the factors of [`SparseLu::factor`].
     #[inline(always)]
-    pub fn solve<V: Scalar<Base = V>>(&self, values: &[V], x: &mut [V]) {
+    pub(crate) fn solve<V: Scalar<Base = V>>(&self, values: &[V], x: &mut [V]) {
         assert!(values.len() >= self.slots() && x.len() >= self.size);
         let mut values = values.as_ptr();
         let x = x.as_mut_ptr();

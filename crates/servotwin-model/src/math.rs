@@ -48,7 +48,7 @@ const LARGEST_EXPONENT: f64 = 1000.0;
 
 /// `2^x` for |x| ≤ 1000.
 #[inline(always)]
-pub fn exp2<P: Primitive>(x: P) -> P {
+pub(crate) fn exp2<P: Primitive>(x: P) -> P {
     const COEFFICIENTS: [f64; 9] = [
         1.325080551750225e-6,
         1.5303700711365693e-5,
@@ -66,7 +66,7 @@ pub fn exp2<P: Primitive>(x: P) -> P {
 
 /// Binary logarithm of a positive, normal number.
 #[inline(always)]
-pub fn log2<P: Primitive>(x: P) -> P {
+pub(crate) fn log2<P: Primitive>(x: P) -> P {
     const COEFFICIENTS: [f64; 5] = [
         0.3407120415619086,
         0.41167376623771057,
@@ -142,14 +142,14 @@ pub fn sin_cos<P: Primitive>(x: P) -> (P, P) {
 
 /// `x^exponent` for positive, normal x, where the result is normal too.
 #[inline(always)]
-pub fn power<S: crate::scalar::Scalar>(x: S, exponent: S::Base) -> S {
+pub(crate) fn power<S: crate::scalar::Scalar>(x: S, exponent: S::Base) -> S {
     (x.log2() * exponent).exp2()
 }
 
 /// A smooth step: 0 below 0, 1 above 1, `x² (3 − 2x)` between; its slope is
 /// continuous.
 #[inline(always)]
-pub fn smooth_step<S: crate::scalar::Scalar>(x: S) -> S {
+pub(crate) fn smooth_step<S: crate::scalar::Scalar>(x: S) -> S {
     let x = x.clamp(S::constant(0.0), S::constant(1.0));
     x * x * (S::constant(3.0) - x * lit::<S>(2.0))
 }

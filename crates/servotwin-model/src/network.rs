@@ -95,7 +95,7 @@ pub struct Network {
 
 impl Network {
     /// A number that differs between networks with other components, parameters, fluids, connections or inputs.
-    pub fn identity(&self) -> u64 {
+    pub(crate) fn identity(&self) -> u64 {
         let Network { components, connections, inputs } = self;
         Fingerprint::default().add(components).add(connections).add(inputs).value()
     }

@@ -105,7 +105,7 @@ pub trait Scalar:
 
 /// A literal inside an equation: a number without derivatives.
 #[inline(always)]
-pub fn lit<S: Scalar>(value: f64) -> S::Base {
+pub(crate) fn lit<S: Scalar>(value: f64) -> S::Base {
     <S::Base as Scalar>::constant(value)
 }
 

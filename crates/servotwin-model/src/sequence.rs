@@ -65,7 +65,7 @@ impl Sequence {
     /// Lists blocks in this order over `slots` variables. `slot_of` maps the blocks'
     /// variables to slots, `written` marks the sums that earlier sequences have begun,
     /// and `constants` counts the constants.
-    pub fn new(
+    pub(crate) fn new(
         blocks: Vec<Block>,
         slots: usize,
         slot_of: &[Slot],
@@ -104,7 +104,7 @@ impl Sequence {
     }
 
     /// [`Sequence::run`] with symbols.
-    pub fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
+    pub(crate) fn trace<'g>(&self, constants: &[Symbol<'g>], variables: &mut [Symbol<'g>]) {
         self.prepare(constants, variables);
         for group in &self.groups {
             group.kind.visit(Trace(Evaluate { group, sequence: self, constants, variables }));
@@ -112,7 +112,7 @@ impl Sequence {
     }
 
     /// [`Sequence::differentiate`] with symbols.
-    pub fn trace_with_partials<'g>(
+    pub(crate) fn trace_with_partials<'g>(
         &self,
         constants: &[Symbol<'g>],
         variables: &mut [Symbol<'g>],
@@ -127,7 +127,7 @@ impl Sequence {
     }
 
     /// Runs all blocks once and writes their partial derivatives: by block, then output, then input.
-    pub fn differentiate<V: Lanes>(
+    pub(crate) fn differentiate<V: Lanes>(
         &self,
         constants: &[V],
         variables: &mut [V],
@@ -156,7 +156,7 @@ impl Sequence {
     }
 
     /// The blocks with the offsets of their inputs and outputs.
-    pub fn wired(&self) -> impl Iterator<Item = (&Block, &[LaneOffset], &[Target])> {
+    pub(crate) fn wired(&self) -> impl Iterator<Item = (&Block, &[LaneOffset], &[Target])> {
         let (mut inputs, mut outputs) = (self.inputs.as_slice(), self.outputs.as_slice());
         self.blocks.iter().map(move |block| {
             let (own_inputs, later_inputs) = inputs.split_at(block.inputs.len());

@@ -26,7 +26,7 @@ use alloc::vec::Vec;
 use core::fmt;
 
 /// The coefficients of one piece, constant term first.
-pub type Cubic = [f64; 4];
+pub(crate) type Cubic = [f64; 4];
 
 /// A function of time in cubic pieces.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,19 +113,19 @@ pub enum Smoothness {
 
 /// (SG1) for a scalar, or for lanes in different pieces.
 #[inline(always)]
-pub fn cubic<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
+pub(crate) fn cubic<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
     piece[0] + tau_s * (piece[1] + tau_s * (piece[2] + tau_s * piece[3]))
 }
 
 /// The time derivative of (SG1).
 #[inline(always)]
-pub fn cubic_slope<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
+pub(crate) fn cubic_slope<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
     let (two, three) = (S::constant(2.0), S::constant(3.0));
     piece[1] + tau_s * (two * piece[2] + tau_s * (three * piece[3]))
 }
 
 /// (SG2): the cubic over `length_s` seconds with the given values and slopes at its ends.
-pub fn hermite_piece(length_s: f64, [from, to]: [f64; 2], [slope, end_slope]: [f64; 2]) -> Cubic {
+pub(crate) fn hermite_piece(length_s: f64, [from, to]: [f64; 2], [slope, end_slope]: [f64; 2]) -> Cubic {
     let mean = (to - from) / length_s;
     let square = (3.0 * mean - 2.0 * slope - end_slope) / length_s;
     [from, slope, square, (slope + end_slope - 2.0 * mean) / (length_s * length_s)]
@@ -208,7 +208,7 @@ impl Piecewise {
     }
 
     /// Index of the piece that holds at a time; 0 before the first break.
-    pub fn piece(&self, time_s: f64) -> usize {
+    pub(crate) fn piece(&self, time_s: f64) -> usize {
         self.breaks_s.partition_point(|&b| b <= time_s).saturating_sub(1)
     }
 
@@ -219,7 +219,7 @@ impl Piecewise {
     }
 
     /// The time derivative at a time; at a break, that of the piece that begins there.
-    pub fn slope(&self, time_s: f64) -> f64 {
+    pub(crate) fn slope(&self, time_s: f64) -> f64 {
         if time_s < self.breaks_s[0] {
             return 0.0;
         }
@@ -231,7 +231,7 @@ impl Piecewise {
     ///
     /// # Panics
     /// If there is no such break.
-    pub fn before(&self, index: usize) -> (f64, f64) {
+    pub(crate) fn before(&self, index: usize) -> (f64, f64) {
         match index.checked_sub(1) {
             None => (self.pieces[0][0], 0.0),
             Some(k) => {
@@ -283,7 +283,7 @@ impl Piecewise {
     ///
     /// # Errors
     /// A product is not finite.
-    pub fn scaled(&self, factor: f64) -> Result<Self, CurveError> {
+    pub(crate) fn scaled(&self, factor: f64) -> Result<Self, CurveError> {
         let pieces = self.pieces.iter().map(|piece| piece.map(|c| c * factor)).collect();
         Self::new(self.breaks_s.clone(), pieces)
     }

@@ -436,7 +436,7 @@ pub mod declare {
     }
 
     /// The parameters of a kind that stands for another: those of the other at the same positions, then its own.
-    pub const fn with_more<const SHARED: usize, const OWN: usize, const ALL: usize>(
+    pub(crate) const fn with_more<const SHARED: usize, const OWN: usize, const ALL: usize>(
         shared: [Parameter; SHARED],
         own: [Parameter; OWN],
     ) -> [Parameter; ALL] {
@@ -460,7 +460,7 @@ pub mod declare {
     }
 
     /// A fault that adds `full · i` to a parameter.
-    pub const fn adds(
+    pub(crate) const fn adds(
         name: &'static str,
         parameter: &'static str,
         full: f64,
@@ -481,7 +481,7 @@ pub mod declare {
     }
 
     /// A fault that scales a parameter linearly to `full` times its value.
-    pub const fn scales(
+    pub(crate) const fn scales(
         name: &'static str,
         parameter: &'static str,
         full: f64,
@@ -493,7 +493,7 @@ pub mod declare {
     }
 
     /// A fault that multiplies a parameter by `full^i`, such as a shrinking passage.
-    pub const fn shrinks(
+    pub(crate) const fn shrinks(
         name: &'static str,
         parameter: &'static str,
         full: f64,
@@ -509,42 +509,42 @@ pub mod declare {
     }
 
     /// A hydraulic port whose pressure another component sets.
-    pub const fn hydraulic(name: &'static str, summary: &'static str) -> Port {
+    pub(crate) const fn hydraulic(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Hydraulic { sets: false }, summary)
     }
 
     /// A hydraulic port whose pressure this component sets.
-    pub const fn pressure(name: &'static str, summary: &'static str) -> Port {
+    pub(crate) const fn pressure(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Hydraulic { sets: true }, summary)
     }
 
     /// A translational port whose motion another component sets.
-    pub const fn translational(name: &'static str, summary: &'static str) -> Port {
+    pub(crate) const fn translational(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Translational { sets: false }, summary)
     }
 
     /// A translational port whose motion this component sets.
-    pub const fn moving(name: &'static str, summary: &'static str) -> Port {
+    pub(crate) const fn moving(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Translational { sets: true }, summary)
     }
 
     /// A rotational port whose motion another component sets.
-    pub const fn rotational(name: &'static str, summary: &'static str) -> Port {
+    pub(crate) const fn rotational(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Rotational { sets: false }, summary)
     }
 
     /// A rotational port whose motion this component sets.
-    pub const fn turning(name: &'static str, summary: &'static str) -> Port {
+    pub(crate) const fn turning(name: &'static str, summary: &'static str) -> Port {
         port(name, PortKind::Rotational { sets: true }, summary)
     }
 
     /// A signal input that must be connected.
-    pub const fn input(name: &'static str, unit: Unit, summary: &'static str) -> Port {
+    pub(crate) const fn input(name: &'static str, unit: Unit, summary: &'static str) -> Port {
         port(name, PortKind::SignalIn { unit, default: None }, summary)
     }
 
     /// A signal input that must be connected, with its range.
-    pub const fn input_within(
+    pub(crate) const fn input_within(
         name: &'static str,
         unit: Unit,
         range: (f64, f64),
@@ -554,7 +554,7 @@ pub mod declare {
     }
 
     /// A signal input with a default parameter; it may be left open.
-    pub const fn input_or(
+    pub(crate) const fn input_or(
         name: &'static str,
         unit: Unit,
         default: &'static str,
@@ -567,17 +567,17 @@ pub mod declare {
     }
 
     /// A signal output; it may be left open.
-    pub const fn output(name: &'static str, unit: Unit, summary: &'static str) -> Port {
+    pub(crate) const fn output(name: &'static str, unit: Unit, summary: &'static str) -> Port {
         Port { optional: true, ..port(name, PortKind::SignalOut { unit }, summary) }
     }
 
     /// Makes a port optional.
-    pub const fn optional(port: Port) -> Port {
+    pub(crate) const fn optional(port: Port) -> Port {
         Port { optional: true, ..port }
     }
 
     /// A state variable with error weight 1 and no lower bound.
-    pub const fn state(
+    pub(crate) const fn state(
         name: &'static str,
         unit: Unit,
         scale: f64,
@@ -590,15 +590,15 @@ pub mod declare {
     /// The error weight of a velocity that no sensor measures. Such a velocity errs most where friction reverses, and
     /// would shorten steps in which all else is accurate. A weight 10 % larger doubles the largest errors, which occur
     /// where an edge clogs or the supply is lost.
-    pub const VELOCITY_ERROR_WEIGHT: f64 = 5.0;
+    pub(crate) const VELOCITY_ERROR_WEIGHT: f64 = 5.0;
 
     /// Sets the error weight of a state.
-    pub const fn with_error_weight(error_weight: f64, state: State) -> State {
+    pub(crate) const fn with_error_weight(error_weight: f64, state: State) -> State {
         State { error_weight, ..state }
     }
 
     /// The absolute pressure of a fluid, Pa; `start` names the parameter with the initial guess.
-    pub const fn pressure_state(
+    pub(crate) const fn pressure_state(
         name: &'static str,
         start: &'static str,
         summary: &'static str,

@@ -15,7 +15,7 @@
 //!
 //! The neutral element of a sum is −0, because adding +0 changes the sign of `x = −0`.
 
-pub mod tangent;
+pub(crate) mod tangent;
 
 use crate::math;
 use crate::scalar::{Primitive, Scalar};
@@ -27,7 +27,7 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// An operation on one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Unary {
+pub(crate) enum Unary {
     /// `−x`.
     Negative,
     /// `√x`.
@@ -46,7 +46,7 @@ pub enum Unary {
 
 /// A transcendental function of [`crate::math`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Function {
+pub(crate) enum Function {
     /// `e^x`.
     Exp,
     /// `2^x`.
@@ -63,7 +63,7 @@ pub enum Function {
 
 impl Function {
     /// Every function.
-    pub const ALL: [Function; 6] = [
+    pub(crate) const ALL: [Function; 6] = [
         Function::Exp,
         Function::Exp2,
         Function::Log2,
@@ -73,7 +73,7 @@ impl Function {
     ];
 
     /// The usual name, for example `exp2`.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Function::Exp => "exp",
             Function::Exp2 => "exp2",
@@ -85,7 +85,7 @@ impl Function {
     }
 
     /// The function's value, computed from primitives.
-    pub fn kernel<P: Primitive>(self, x: P) -> P {
+    pub(crate) fn kernel<P: Primitive>(self, x: P) -> P {
         match self {
             Function::Exp => math::exp(x),
             Function::Exp2 => math::exp2(x),
@@ -99,7 +99,7 @@ impl Function {
 
 /// An operation on two numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Binary {
+pub(crate) enum Binary {
     /// `x + y`.
     Sum,
     /// `x − y`.
@@ -127,7 +127,7 @@ pub enum Operand {
 
 /// One entry of a graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Expression {
+pub(crate) enum Expression {
     /// An entry of a named external array.
     Variable(&'static str, u32),
     /// An operation on one number.
@@ -142,12 +142,12 @@ pub enum Expression {
 
 impl Expression {
     /// Whether it is a truth value and not a number.
-    pub fn is_truth(self) -> bool {
+    pub(crate) fn is_truth(self) -> bool {
         matches!(self, Expression::Less(..))
     }
 
     /// The indices of the expressions that this one uses.
-    pub fn needs(self) -> impl Iterator<Item = u32> {
+    pub(crate) fn needs(self) -> impl Iterator<Item = u32> {
         let none = Operand::Constant(0);
         let (truth, a, b) = match self {
             Expression::Variable(..) => (None, none, none),
@@ -203,7 +203,7 @@ impl Graph {
     }
 
     /// All expressions so far.
-    pub fn expressions(&self) -> Vec<Expression> {
+    pub(crate) fn expressions(&self) -> Vec<Expression> {
         self.0.borrow().expressions.clone()
     }
 
@@ -253,7 +253,7 @@ impl<'g> Symbol<'g> {
     }
 
     /// The symbol's expression; `None` for a constant.
-    pub fn expression(self) -> Option<Expression> {
+    pub(crate) fn expression(self) -> Option<Expression> {
         match self {
             Symbol::Constant(_) => None,
             Symbol::Node(graph, node) => Some(graph.expression(node)),

@@ -33,47 +33,47 @@ impl Canonical for PortOf {
 
 /// The equation of a block, as its index in the catalogue's list, which holds the equation itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct EquationIndex(pub(crate) u8);
+pub(crate) struct EquationIndex(pub(crate) u8);
 
 /// An equation block of the catalogue's list.
-pub trait Listed {
+pub(crate) trait Listed {
     /// Its index in the list.
     const KIND: EquationIndex;
 }
 
 /// A variable that an equation can read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Variable(pub(crate) u32);
+pub(crate) struct Variable(pub(crate) u32);
 
 /// A sum that an equation can add to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Sum(pub(crate) u32);
+pub(crate) struct Sum(pub(crate) u32);
 
 impl Sum {
     /// The sum as a variable to read.
-    pub fn variable(self) -> Variable {
+    pub(crate) fn variable(self) -> Variable {
         Variable(self.0)
     }
 }
 
 /// The target of an output: added to one sum, subtracted from another, or both.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Output {
+pub(crate) struct Output {
     pub(crate) add: Option<Sum>,
     pub(crate) subtract: Option<Sum>,
 }
 
 impl Output {
     /// Adds to a sum.
-    pub fn add(sum: Sum) -> Self {
+    pub(crate) fn add(sum: Sum) -> Self {
         Self { add: Some(sum), subtract: None }
     }
     /// Subtracts from a sum.
-    pub fn subtract(sum: Sum) -> Self {
+    pub(crate) fn subtract(sum: Sum) -> Self {
         Self { add: None, subtract: Some(sum) }
     }
     /// Subtracts from one sum and adds to the other.
-    pub fn transfer(from: Sum, to: Sum) -> Self {
+    pub(crate) fn transfer(from: Sum, to: Sum) -> Self {
         Self { add: Some(to), subtract: Some(from) }
     }
 }
@@ -94,7 +94,7 @@ pub(crate) struct Block {
 
 impl Block {
     /// Whether any output is subtracted from a sum.
-    pub fn subtracts(&self) -> bool {
+    pub(crate) fn subtracts(&self) -> bool {
         self.outputs.iter().any(|o| o.subtract.is_some())
     }
 }
@@ -165,7 +165,7 @@ pub(crate) struct Collected {
 }
 
 impl Collected {
-    pub fn variable(&mut self, role: Role) -> Variable {
+    pub(crate) fn variable(&mut self, role: Role) -> Variable {
         self.roles.push(role);
         Variable(self.roles.len() as u32 - 1)
     }
@@ -174,7 +174,7 @@ impl Collected {
     ///
     /// # Panics
     /// If aliases form a circle, which no component's wiring creates.
-    pub fn resolve(&self, mut variable: Variable) -> Variable {
+    pub(crate) fn resolve(&self, mut variable: Variable) -> Variable {
         for _ in 0..=self.roles.len() {
             match self.roles[variable.0 as usize] {
                 Role::Alias(next) => variable = next,
@@ -211,23 +211,23 @@ impl Wiring<'_> {
     }
 
     /// Whether something is connected to an optional port.
-    pub fn connected(&self, port: &str) -> bool {
+    pub(crate) fn connected(&self, port: &str) -> bool {
         self.nodes[self.index(port)].is_some()
     }
 
     /// A parameter of the component without faults. Use it for the structure (a count,
     /// a period), never for the numbers of an equation.
-    pub fn structural(&self, parameter: &str) -> f64 {
+    pub(crate) fn structural(&self, parameter: &str) -> f64 {
         self.parameters[self.spec.parameter(parameter).expect("a declared parameter")]
     }
 
     /// A state by its declared name.
-    pub fn state(&self, name: &str) -> Variable {
+    pub(crate) fn state(&self, name: &str) -> Variable {
         self.states[self.state_index(name)].0
     }
 
     /// The time derivative of a state.
-    pub fn derivative(&self, name: &str) -> Sum {
+    pub(crate) fn derivative(&self, name: &str) -> Sum {
         self.states[self.state_index(name)].1
     }
 
@@ -237,32 +237,32 @@ impl Wiring<'_> {
     }
 
     /// Pressure at a hydraulic port.
-    pub fn pressure(&self, port: &str) -> Variable {
+    pub(crate) fn pressure(&self, port: &str) -> Variable {
         self.node(port).first
     }
 
     /// Flow into the component that sets the pressure of a port's node.
-    pub fn flow(&self, port: &str) -> Sum {
+    pub(crate) fn flow(&self, port: &str) -> Sum {
         self.node(port).sum
     }
 
     /// Position at a translational port, angle at a rotational one.
-    pub fn position(&self, port: &str) -> Variable {
+    pub(crate) fn position(&self, port: &str) -> Variable {
         self.node(port).first
     }
 
     /// Velocity at a translational port, rate at a rotational one.
-    pub fn velocity(&self, port: &str) -> Variable {
+    pub(crate) fn velocity(&self, port: &str) -> Variable {
         self.node(port).second
     }
 
     /// Force on the component that moves a port's node; moment for rotation.
-    pub fn force(&self, port: &str) -> Sum {
+    pub(crate) fn force(&self, port: &str) -> Sum {
         self.node(port).sum
     }
 
     /// The signal at an input port: the connected one, or that of the default parameter.
-    pub fn signal(&mut self, port: &str) -> Variable {
+    pub(crate) fn signal(&mut self, port: &str) -> Variable {
         let index = self.index(port);
         if let Some(node) = self.nodes[index] {
             return node.first;
@@ -274,31 +274,31 @@ impl Wiring<'_> {
     }
 
     /// A parameter as a variable.
-    pub fn parameter(&mut self, name: &str) -> Variable {
+    pub(crate) fn parameter(&mut self, name: &str) -> Variable {
         let parameter = self.spec.parameter(name).expect("a declared parameter");
         self.collected.variable(Role::Parameter { component: self.component, parameter })
     }
 
     /// The fluid temperature of the component's circuit.
-    pub fn fluid_temperature(&mut self) -> Variable {
+    pub(crate) fn fluid_temperature(&mut self) -> Variable {
         self.collected.variable(Role::Temperature { component: self.component })
     }
 
     /// Creates a sum inside the component.
-    pub fn internal(&mut self) -> Sum {
+    pub(crate) fn internal(&mut self) -> Sum {
         let variable = self.collected.variable(Role::Sum);
         Sum(variable.0)
     }
 
     /// Sets the pressure of a port's node, or a signal output, to a variable. An open port ignores it.
-    pub fn set(&mut self, port: &str, variable: Variable) {
+    pub(crate) fn set(&mut self, port: &str, variable: Variable) {
         if let Some(node) = self.nodes[self.index(port)] {
             self.collected.roles[node.first.0 as usize] = Role::Alias(variable);
         }
     }
 
     /// Sets position and velocity (or angle and rate) of a port's node. An open port ignores it.
-    pub fn set_motion(&mut self, port: &str, position: Variable, velocity: Variable) {
+    pub(crate) fn set_motion(&mut self, port: &str, position: Variable, velocity: Variable) {
         if let Some(node) = self.nodes[self.index(port)] {
             self.collected.roles[node.first.0 as usize] = Role::Alias(position);
             self.collected.roles[node.second.0 as usize] = Role::Alias(velocity);
@@ -306,7 +306,7 @@ impl Wiring<'_> {
     }
 
     /// Adds an equation block. Its constants receive `which`.
-    pub fn equation<E, const I: usize, const O: usize, const C: usize>(
+    pub(crate) fn equation<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
         which: usize,
         inputs: [Variable; I],
@@ -319,7 +319,7 @@ impl Wiring<'_> {
 
     /// Adds an equation block that reads only states and runs before all other blocks. The order of the others then
     /// does not depend on whether they read the states or the block's outputs.
-    pub fn opening_equation<E, const I: usize, const O: usize, const C: usize>(
+    pub(crate) fn opening_equation<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
         inputs: [Variable; I],
         outputs: [Output; O],
@@ -331,7 +331,7 @@ impl Wiring<'_> {
     }
 
     /// Makes runs record `variable` when the user selects the state.
-    pub fn show_state(&mut self, state: &str, variable: Variable) {
+    pub(crate) fn show_state(&mut self, state: &str, variable: Variable) {
         self.collected.shown.push((self.state(state), variable));
     }
 
@@ -340,7 +340,7 @@ impl Wiring<'_> {
     ///
     /// `inputs` receives the held outputs, so that a block can read its own outputs of
     /// the previous tick (a filter, an integrator).
-    pub fn sampled<E, const I: usize, const O: usize, const C: usize>(
+    pub(crate) fn sampled<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
         period: &str,
         inputs: impl FnOnce(&mut Self, [Variable; O]) -> [Variable; I],

@@ -162,7 +162,7 @@ impl Compiled {
     }
 
     /// Why nothing could be compiled, after an attempt. Steps then take half as long again.
-    pub fn problem(&self) -> Option<&CompileProblem> {
+    pub(crate) fn problem(&self) -> Option<&CompileProblem> {
         self.problem.get()
     }
 

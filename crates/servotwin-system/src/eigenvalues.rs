@@ -75,7 +75,7 @@ impl Mul for Complex {
 /// The eigenvalues of a square matrix, fastest last. Each conjugate pair has its positive imaginary part first;
 /// imaginary parts due to rounding are set to zero. `None` if the iteration does not converge (numbers that are not
 /// finite).
-pub fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
+pub(crate) fn eigenvalues(mut matrix: Vec<Vec<f64>>) -> Option<Vec<Complex>> {
     let norm = matrix.iter().flatten().fold(0.0, |sum: f64, entry| sum.hypot(*entry));
     to_hessenberg(&mut matrix);
     let complex = |row: &Vec<f64>| row.iter().map(|&re| Complex { re, im: 0.0 }).collect();
@@ -204,7 +204,7 @@ fn qr_step(h: &mut [Vec<Complex>], low: usize, size: usize, shift: Complex) {
 
 /// The eigenvalues of a healthy system's equations at given states and inputs, 1/s. `None` if the equations give
 /// numbers that are not finite.
-pub fn of_system(program: &Program, states: &[f64], inputs: &[f64]) -> Option<Vec<Complex>> {
+pub(crate) fn of_system(program: &Program, states: &[f64], inputs: &[f64]) -> Option<Vec<Complex>> {
     let parameters = program.parameters(&[]);
     let mut memory = StepMemory::<f64>::new(program);
     memory.set_constants(0, &program.block_constants(&parameters));

@@ -46,12 +46,12 @@ pub enum Value {
 }
 
 /// A required key.
-pub const fn must(name: &'static str, value: Value, summary: &'static str) -> Key {
+pub(crate) const fn must(name: &'static str, value: Value, summary: &'static str) -> Key {
     Key { name, value, obligatory: true, summary }
 }
 
 /// An optional key.
-pub const fn may(name: &'static str, value: Value, summary: &'static str) -> Key {
+pub(crate) const fn may(name: &'static str, value: Value, summary: &'static str) -> Key {
     Key { name, value, obligatory: false, summary }
 }
 
@@ -139,10 +139,10 @@ macro_rules! section {
 pub(crate) use section;
 
 /// Receives mistakes with their places.
-pub type Note<'n> = &'n mut dyn FnMut(&TextSpan, document::TomlMistake);
+pub(crate) type Note<'n> = &'n mut dyn FnMut(&TextSpan, document::TomlMistake);
 
 /// Checks the keys of a table; `at` and `place` locate it in messages.
-pub fn check_table(keys: &[Key], at: &TextSpan, place: &str, all: &[Entry], note: Note) {
+pub(crate) fn check_table(keys: &[Key], at: &TextSpan, place: &str, all: &[Entry], note: Note) {
     for entry in all {
         match keys.iter().find(|key| key.name == entry.key) {
             Some(key) => key.value.check(key.summary, entry, note),
@@ -312,7 +312,7 @@ impl Value {
     }
 
     /// The JSON Schema of the value.
-    pub fn schema(&self) -> Json {
+    pub(crate) fn schema(&self) -> Json {
         match *self {
             Value::Number(min, max, _) => number(min, max),
             Value::Whole(min, max) => json!({ "type": "integer", "minimum": min, "maximum": max }),
@@ -334,7 +334,7 @@ impl Value {
     }
 
     /// A description of the value for the documentation.
-    pub fn words(&self) -> String {
+    pub(crate) fn words(&self) -> String {
         match self {
             Value::Number(min, max, unit) if max.is_finite() => {
                 document::Quantities(*min, *max, unit).to_string()
@@ -356,7 +356,7 @@ impl Value {
 }
 
 /// A table as it should be: see `Value::mended`.
-pub fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
+pub(crate) fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
     let there = keys.iter().filter_map(|key| {
         let value = table.remove(key.name);
         let wanted = key.obligatory || value.is_some();
@@ -367,7 +367,7 @@ pub fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
 
 /// The keys with missing or invalid values. Unknown keys and unknown words do not count, because nothing else depends
 /// on them.
-pub fn doubtful(keys: &[Key], all: &[Entry]) -> Vec<&'static str> {
+pub(crate) fn doubtful(keys: &[Key], all: &[Entry]) -> Vec<&'static str> {
     use document::TomlMistake::{UnknownKey, UnknownWord};
     let is_doubtful = |key: &&Key| {
         let Some(entry) = all.iter().find(|entry| entry.key == key.name) else {
@@ -410,7 +410,7 @@ fn signal(value: &Spanned<DeValue>) -> Result<Signal, document::TomlMistake> {
 }
 
 /// A number within a range, as JSON Schema.
-pub fn number(min: f64, max: f64) -> Json {
+pub(crate) fn number(min: f64, max: f64) -> Json {
     let mut schema = json!({ "type": "number" });
     for (word, limit) in [("minimum", min), ("maximum", max)] {
         if limit.is_finite() {
@@ -421,7 +421,7 @@ pub fn number(min: f64, max: f64) -> Json {
 }
 
 /// A table with known keys, as JSON Schema.
-pub fn object(keys: &[Key]) -> Json {
+pub(crate) fn object(keys: &[Key]) -> Json {
     let mut properties = serde_json::Map::new();
     for key in keys {
         let mut schema = key.value.schema();

@@ -106,7 +106,7 @@ fn all_names(system: &System) -> Vec<String> {
 }
 
 /// The times of a run's samples, s.
-pub fn times_s(ensemble: &Ensemble) -> Vec<f64> {
+pub(crate) fn times_s(ensemble: &Ensemble) -> Vec<f64> {
     (0..ensemble.samples()).map(|k| k as f64 * ensemble.sample_period_s).collect()
 }
 
@@ -132,7 +132,7 @@ pub fn table(
 
 /// Applies the declared noise and converter resolution of sensors to recorded values; other quantities stay unchanged.
 /// The result depends only on seed and run, not on what else is recorded.
-pub fn as_shown(
+pub(crate) fn as_shown(
     system: &System,
     recorded: &[Recorded],
     values: &mut [Vec<f64>],

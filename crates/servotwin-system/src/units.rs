@@ -63,7 +63,7 @@ const fn days(symbol: &'static str, before_1970: f64) -> NamedUnit {
 }
 
 /// All known units; within a dimension the most usual comes first.
-pub static TABLE: &[NamedUnit] = &[
+pub(crate) static TABLE: &[NamedUnit] = &[
     si(Unit::Radian),
     NamedUnit {
         spoken: "degrees",
@@ -220,7 +220,7 @@ impl NamedUnit {
     }
 
     /// The end of a name in it, without the `_` before: `l_min`. Empty for a pure number.
-    pub fn suffix(&self) -> String {
+    pub(crate) fn suffix(&self) -> String {
         match self.is_si() {
             true => self.unit.suffix().trim_start_matches('_').into(),
             false => suffix_of(&self.symbol.replace("1/", "per_").replace(' ', "")),
@@ -297,12 +297,12 @@ fn by_suffix(suffix: &str) -> Option<&'static NamedUnit> {
 }
 
 /// The SI unit of a word in a system file.
-pub fn find_si(text: &str) -> Option<Unit> {
+pub(crate) fn find_si(text: &str) -> Option<Unit> {
     exactly(text).filter(|row| row.is_si()).map(|row| row.unit)
 }
 
 /// The SI unit of the dimension of any unit; an empty text means a pure number.
-pub fn meant(text: &str) -> Option<Unit> {
+pub(crate) fn meant(text: &str) -> Option<Unit> {
     if matches!(text.trim(), "" | "-") {
         return Some(Unit::None);
     }
@@ -321,7 +321,7 @@ pub fn of_times() -> Vec<(&'static str, f64)> {
 }
 
 /// Whether inputs and sensors usually have this dimension.
-pub fn is_usual(unit: Unit) -> bool {
+pub(crate) fn is_usual(unit: Unit) -> bool {
     unit == Unit::Kelvin || typed(unit).is_some()
 }
 
@@ -456,7 +456,7 @@ fn suffix_of(text: &str) -> String {
 }
 
 /// A parameter that was named with the suffix of another unit.
-pub struct Slip {
+pub(crate) struct Slip {
     /// What was meant.
     pub parameter: &'static Parameter,
     /// The value in SI, where the unit of the slip is known.
@@ -464,7 +464,7 @@ pub struct Slip {
 }
 
 /// Whether a key is a parameter's name but for the unit at its end.
-pub fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> Option<Slip> {
+pub(crate) fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> Option<Slip> {
     let stem = |p: &Parameter| p.name.strip_suffix(p.unit.suffix()).unwrap_or(p.name);
     let candidates = parameters.iter().filter_map(|parameter| {
         let rest = key.strip_prefix(stem(parameter))?;

@@ -214,7 +214,7 @@ impl Finding {
     }
 
     /// Sets the confidence, which decides between healthy and undecided.
-    pub fn be_sure(&mut self, confidence: f64) {
+    pub(crate) fn be_sure(&mut self, confidence: f64) {
         self.confidence = confidence;
         if let DiagnosisState::Healthy | DiagnosisState::Undecided = self.state {
             self.state =
@@ -245,7 +245,7 @@ impl Finding {
     }
 
     /// Actuator, action and fault class as text: `actuator 1, shutdown, supply valve`.
-    pub fn action_in_words(&self) -> String {
+    pub(crate) fn action_in_words(&self) -> String {
         let parts = [self.unit_in_words(), spoken(&self.command), spoken(&self.detail)];
         parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
     }

@@ -26,7 +26,7 @@ pub struct LinearFunctions {
 
 impl LinearFunctions {
     /// The weights of each trained class: (label, weights, intercept).
-    pub fn functions(&self) -> impl Iterator<Item = (u32, &[f64], f64)> {
+    pub(crate) fn functions(&self) -> impl Iterator<Item = (u32, &[f64], f64)> {
         let weights = self.weights.chunks_exact(self.features);
         self.labels.iter().zip(weights).zip(&self.intercepts).map(|((l, w), b)| (*l, w, *b))
     }

@@ -40,7 +40,7 @@ pub(super) struct AlarmRules {
 }
 
 impl AlarmRules {
-    pub fn new(tuning: &Tuning, names: &Names, recover_samples: u64) -> Self {
+    pub(crate) fn new(tuning: &Tuning, names: &Names, recover_samples: u64) -> Self {
         AlarmRules {
             hypotheses: Hypotheses::of(names),
             switches_off: tuning.switches_off(names),
@@ -50,13 +50,13 @@ impl AlarmRules {
     }
 
     /// Whether an action switches an actuator off.
-    pub fn switches_off(&self, action: u32) -> bool {
+    pub(crate) fn switches_off(&self, action: u32) -> bool {
         self.switches_off[action as usize]
     }
 }
 
 impl AlarmMemory {
-    pub fn new(actuators: usize) -> Self {
+    pub(crate) fn new(actuators: usize) -> Self {
         AlarmMemory {
             active: None,
             recovering_since: None,
@@ -67,14 +67,14 @@ impl AlarmMemory {
     }
 
     /// Clears everything.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.withdraw_all();
         self.is_off.fill(false);
         self.is_inhibited.fill(false);
     }
 
     /// Whether a stored memory fits the names, window lengths and samples so far.
-    pub fn fits(&self, places: &Places, samples: u64) -> bool {
+    pub(crate) fn fits(&self, places: &Places, samples: u64) -> bool {
         let actuators = places.hypotheses.actuators;
         let mut stands = (0_u32..).zip(&self.stands);
         [self.stands.len(), self.is_off.len(), self.is_inhibited.len()] == [actuators; 3]
@@ -84,7 +84,7 @@ impl AlarmMemory {
     }
 
     /// The action to carry out: a shutdown that stands for a judged actuator before the active action.
-    pub fn raised(&self) -> Option<Raised> {
+    pub(crate) fn raised(&self) -> Option<Raised> {
         self.shutdown().or(self.active)
     }
 
@@ -94,7 +94,7 @@ impl AlarmMemory {
     }
 
     /// The alarm of the raised action, or of none.
-    pub fn state(&self, is_pending: bool) -> Alarm {
+    pub(crate) fn state(&self, is_pending: bool) -> Alarm {
         match (self.shutdown(), self.active) {
             (None, Some(_)) if self.recovering_since.is_some() => Alarm::Recovering,
             (None, None) if is_pending => Alarm::Pending,
@@ -106,7 +106,7 @@ impl AlarmMemory {
     /// Whether a hypothesis may be raised at all. Its actuator must be judged. For a shutdown, enough other actuators
     /// must be on without a shutdown that stands, and no other actuator may have an alarm. Two failures within seconds
     /// are less likely than one failure that now looks different.
-    pub fn allows(&self, rules: &AlarmRules, hypothesis: usize) -> bool {
+    pub(crate) fn allows(&self, rules: &AlarmRules, hypothesis: usize) -> bool {
         let Some((actuator, action)) = rules.hypotheses.split(hypothesis) else { return false };
         if self.is_masked(actuator) {
             return false;
@@ -122,13 +122,13 @@ impl AlarmMemory {
     }
 
     /// The active hypothesis.
-    pub fn hypothesis(&self, rules: &AlarmRules) -> Option<usize> {
+    pub(crate) fn hypothesis(&self, rules: &AlarmRules) -> Option<usize> {
         self.active.map(|r| rules.hypotheses.place(r.actuator as usize, r.action as usize))
     }
 
     /// Raises an allowed action, or updates the active one; a shutdown with evidence gives way to no other. Returns
     /// whether the action is active.
-    pub fn raise(&mut self, rules: &AlarmRules, new: Raised) -> bool {
+    pub(crate) fn raise(&mut self, rules: &AlarmRules, new: Raised) -> bool {
         let (actuator, is_shutdown) = (new.actuator as usize, rules.switches_off(new.action));
         let same = |old: &Raised| (old.actuator, old.action) == (new.actuator, new.action);
         let known = self.active.filter(same).or(self.stands[actuator].filter(same));
@@ -150,7 +150,7 @@ impl AlarmMemory {
     }
 
     /// Updates the recovery time: without evidence for long enough, an action is active no more.
-    pub fn hold(&mut self, rules: &AlarmRules, has_evidence: bool, sample: u64) {
+    pub(crate) fn hold(&mut self, rules: &AlarmRules, has_evidence: bool, sample: u64) {
         if has_evidence || self.active.is_none() {
             self.recovering_since = None;
             return;
@@ -166,12 +166,12 @@ impl AlarmMemory {
     }
 
     /// Whether an actuator is excluded from the answers.
-    pub fn is_masked(&self, actuator: usize) -> bool {
+    pub(crate) fn is_masked(&self, actuator: usize) -> bool {
         self.is_off[actuator] || self.is_inhibited[actuator]
     }
 
     /// Stops or resumes judging an actuator.
-    pub fn inhibit(&mut self, actuator: usize, is_inhibited: bool) {
+    pub(crate) fn inhibit(&mut self, actuator: usize, is_inhibited: bool) {
         self.is_inhibited[actuator] = is_inhibited;
         if is_inhibited {
             self.drop_active_of(actuator);
@@ -179,19 +179,19 @@ impl AlarmMemory {
     }
 
     /// Records that an actuator was switched off or on. A shutdown that was raised for it stands.
-    pub fn switch(&mut self, actuator: usize, is_off: bool) {
+    pub(crate) fn switch(&mut self, actuator: usize, is_off: bool) {
         self.is_off[actuator] = is_off;
         self.drop_active_of(actuator);
     }
 
     /// Withdraws what was raised for an actuator.
-    pub fn withdraw(&mut self, actuator: usize) {
+    pub(crate) fn withdraw(&mut self, actuator: usize) {
         self.stands[actuator] = None;
         self.drop_active_of(actuator);
     }
 
     /// Withdraws everything that was raised.
-    pub fn withdraw_all(&mut self) {
+    pub(crate) fn withdraw_all(&mut self) {
         self.stands.fill(None);
         self.drop_active();
     }

@@ -181,18 +181,18 @@ pub(super) struct Doubt {
 
 impl Doubt {
     /// Whether a session can have stored these numbers.
-    pub fn fits(&self) -> bool {
+    pub(crate) fn fits(&self) -> bool {
         [&self.since, &self.healthy, &self.waiting, &self.filling].iter().all(|sums| sums.fits())
     }
 
     /// Forgets all samples.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         *self = Doubt::default();
     }
 
     /// Takes a window of `panes` panes, of which `share` is new. A window that holds the onset of the deviation counts
     /// nothing: there the residual steps, whatever the flow is.
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         boundary: &Boundary,
         window: &Window,
@@ -229,7 +229,7 @@ impl Doubt {
     }
 
     /// Whether a wrong reading explains the present windows.
-    pub fn is_explained(&self) -> bool {
+    pub(crate) fn is_explained(&self) -> bool {
         self.explained > 0
     }
 
@@ -248,7 +248,7 @@ impl Doubt {
     }
 
     /// Equation (2), in nats.
-    pub fn evidence_nats(&self, noise: f64, tuning: &Tuning) -> f64 {
+    pub(crate) fn evidence_nats(&self, noise: f64, tuning: &Tuning) -> f64 {
         let Some(now) = self.since.slope(noise) else { return 0.0 };
         let of_lines = 1.0 / (tuning.line_slope_deviation * tuning.line_slope_deviation);
         let (own, variance) = match self.healthy.slope(noise) {
@@ -267,7 +267,7 @@ impl Doubt {
 
     /// Whether a wrong reading is still possible. `noise` is the standard deviation of a sample of the residual by the
     /// sensor's noise, in parts of scale.
-    pub fn remains(&self, noise: f64, tuning: &Tuning) -> bool {
+    pub(crate) fn remains(&self, noise: f64, tuning: &Tuning) -> bool {
         self.evidence_nats(noise, tuning) < tuning.fault_needed_nats
     }
 }

@@ -16,7 +16,7 @@ use crate::panel::SensorBand;
 use crate::residual::Window;
 
 /// Two actuators, and their corresponding sensors.
-pub type CorrespondingSensors = ([usize; 2], Vec<[usize; 2]>);
+pub(crate) type CorrespondingSensors = ([usize; 2], Vec<[usize; 2]>);
 
 /// The corresponding sensors of each pair of actuators, among the first `watched` ones.
 pub fn corresponding(sensors: &Sensors, watched: usize) -> Vec<CorrespondingSensors> {
@@ -40,12 +40,12 @@ pub(super) struct CommonMode {
 
 impl CommonMode {
     /// Considers the first `watched` sensors.
-    pub fn new(sensors: &Sensors, watched: usize) -> Self {
+    pub(crate) fn new(sensors: &Sensors, watched: usize) -> Self {
         CommonMode { pairs: corresponding(sensors, watched) }
     }
 
     /// The largest common-mode share of an actuator with any other; 0 without a corresponding actuator.
-    pub fn share(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
+    pub(crate) fn share(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
         let pairs = self.pairs.iter().filter(|(actuators, _)| actuators.contains(&actuator));
         pairs.map(|(_, sensors)| share(sensors, window, bands)).fold(0.0, f64::max)
     }

@@ -126,26 +126,26 @@ pub(super) struct Hypotheses {
 }
 
 impl Hypotheses {
-    pub fn of(names: &Names) -> Self {
+    pub(crate) fn of(names: &Names) -> Self {
         Hypotheses { actuators: names.actuators.len(), actions: names.actions.len() }
     }
 
-    pub fn count(self) -> usize {
+    pub(crate) fn count(self) -> usize {
         1 + self.actuators * self.actions
     }
 
     /// Actuator and action; `None` for healthy.
-    pub fn split(self, hypothesis: usize) -> Option<(usize, usize)> {
+    pub(crate) fn split(self, hypothesis: usize) -> Option<(usize, usize)> {
         let place = hypothesis.checked_sub(1)?;
         Some((place / self.actions, place % self.actions))
     }
 
-    pub fn place(self, actuator: usize, action: usize) -> usize {
+    pub(crate) fn place(self, actuator: usize, action: usize) -> usize {
         1 + actuator * self.actions + action
     }
 
     /// The hypotheses of an actuator.
-    pub fn of_actuator(self, actuator: usize) -> core::ops::Range<usize> {
+    pub(crate) fn of_actuator(self, actuator: usize) -> core::ops::Range<usize> {
         self.place(actuator, 0)..self.place(actuator + 1, 0)
     }
 }
@@ -275,23 +275,23 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    pub fn new(hypotheses: Hypotheses) -> Self {
+    pub(crate) fn new(hypotheses: Hypotheses) -> Self {
         let count = hypotheses.count();
         Evidence { of_pairs: vec![0.0; count * count], change: 0.0, unknown: 0.0 }
     }
 
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.of_pairs.fill(0.0);
         (self.change, self.unknown) = (0.0, 0.0);
     }
 
-    pub fn fits(&self, hypotheses: Hypotheses) -> bool {
+    pub(crate) fn fits(&self, hypotheses: Hypotheses) -> bool {
         self.of_pairs.len() == hypotheses.count() * hypotheses.count()
             && self.of_pairs.iter().chain([&self.change, &self.unknown]).all(|sum| sum.is_finite())
     }
 
     /// Adds the evidence of a window, of which `share` is new.
-    pub fn take(
+    pub(crate) fn take(
         &mut self,
         said: WindowAnswer,
         share: f64,
@@ -335,24 +335,24 @@ impl Evidence {
     }
 
     /// The smallest evidence for a hypothesis against any other, in parts of the limit. It may be raised from 1 on.
-    pub fn margin(&self, claim: usize, limits: &DecisionLimits) -> f64 {
+    pub(crate) fn margin(&self, claim: usize, limits: &DecisionLimits) -> f64 {
         self.least(claim, limits, |other| other != claim)
     }
 
     /// Evidence for a fault of an actuator, whatever the action: against health and all other actuators.
-    pub fn margin_of_actuator(&self, actuator: usize, limits: &DecisionLimits) -> f64 {
+    pub(crate) fn margin_of_actuator(&self, actuator: usize, limits: &DecisionLimits) -> f64 {
         let own = limits.hypotheses.of_actuator(actuator);
         let margin = |claim| self.least(claim, limits, |other| !own.contains(&other));
         own.clone().map(margin).fold(0.0, f64::max)
     }
 
     /// Evidence of any change, in parts of its limit.
-    pub fn of_change(&self, limits: &DecisionLimits) -> f64 {
+    pub(crate) fn of_change(&self, limits: &DecisionLimits) -> f64 {
         self.change / limits.of_change
     }
 
     /// Evidence of an unknown change, in parts of its limit.
-    pub fn of_unknown(&self, limits: &DecisionLimits) -> f64 {
+    pub(crate) fn of_unknown(&self, limits: &DecisionLimits) -> f64 {
         self.unknown / limits.of_change
     }
 

@@ -90,7 +90,7 @@ impl InputChecks {
     ///
     /// # Errors
     /// [`Error::CorruptModel`].
-    pub fn check(&self) -> Result<(), Error> {
+    pub(crate) fn check(&self) -> Result<(), Error> {
         let holds = |holds, broken| {
             if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
         };
@@ -127,7 +127,7 @@ pub(super) struct InputMemory {
 
 impl InputMemory {
     /// Forgets everything.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.last.fill(f64::NAN.to_bits());
         self.repeats.fill(0);
     }
@@ -144,7 +144,7 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    pub fn new(environment: &InputChecks, period_s: f64) -> Self {
+    pub(crate) fn new(environment: &InputChecks, period_s: f64) -> Self {
         let frozen_after = |input: &InputRange| input.frozen_after_samples(period_s);
         let pair =
             |d: &InputDifference| Some((environment.place(&d.of)?, environment.place(&d.minus)?));
@@ -157,13 +157,13 @@ impl Guard {
     }
 
     /// Whether a stored memory has the same number of inputs.
-    pub fn fits(&self, memory: &InputMemory) -> bool {
+    pub(crate) fn fits(&self, memory: &InputMemory) -> bool {
         let count = self.frozen_after.len();
         memory.last.len() == count && memory.repeats.len() == count
     }
 
     /// The first implausible value, if any. Values that a short list lacks count as missing.
-    pub fn look(&mut self, environment: &InputChecks, inputs: &[f64]) -> Option<Invalid> {
+    pub(crate) fn look(&mut self, environment: &InputChecks, inputs: &[f64]) -> Option<Invalid> {
         let value = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
         let mut first = None;
         for (place, input) in environment.inputs.iter().enumerate() {

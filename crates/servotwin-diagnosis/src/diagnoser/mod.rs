@@ -27,10 +27,10 @@ mod boundary;
 pub mod common_mode;
 pub mod decision;
 pub mod environment;
-pub mod healthy_evidence;
+pub(crate) mod healthy_evidence;
 pub mod novelty;
 mod outcome;
-pub mod scatter;
+pub(crate) mod scatter;
 mod sensor_health;
 mod session;
 pub mod tuning;
@@ -150,7 +150,7 @@ impl Diagnoser {
     }
 
     /// The scale of each sensor's residual, SI.
-    pub fn scales(&self) -> Vec<f64> {
+    pub(crate) fn scales(&self) -> Vec<f64> {
         self.sensors.iter().map(|sensor| sensor.scale).collect()
     }
 
@@ -258,7 +258,7 @@ impl Diagnoser {
     ///
     /// # Errors
     /// As [`Windows::new`].
-    pub fn windows(&self) -> Result<Windows, Error> {
+    pub(crate) fn windows(&self) -> Result<Windows, Error> {
         let kind = |length: &Length| WindowKind {
             span: length.span,
             is_baseline_corrected: length.baseline_corrected.is_some(),

@@ -109,7 +109,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    pub fn of(diagnoser: &Diagnoser) -> Self {
+    pub(crate) fn of(diagnoser: &Diagnoser) -> Self {
         let names = diagnoser.names();
         Places {
             hypotheses: Hypotheses::of(names),
@@ -128,7 +128,7 @@ impl Places {
         (action as usize) < self.hypotheses.actions
     }
 
-    pub fn has_detail(&self, detail: u32) -> bool {
+    pub(crate) fn has_detail(&self, detail: u32) -> bool {
         (detail as usize) < self.details
     }
 }

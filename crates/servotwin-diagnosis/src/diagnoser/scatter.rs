@@ -17,7 +17,7 @@ use alloc::string::String;
 use serde::{Deserialize, Serialize};
 
 /// The smallest number of windows that can show a difference.
-pub const LEAST_WINDOWS: u64 = 10;
+pub(crate) const LEAST_WINDOWS: u64 = 10;
 
 /// The probability in (SC1): 10 of 10 windows suffice, 9 do not.
 const SIGNIFICANCE: f64 = 1e-3;

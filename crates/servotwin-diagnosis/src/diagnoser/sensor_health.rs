@@ -20,7 +20,7 @@ pub(super) struct Patience {
 
 impl SensorHealth {
     /// Counts a sample with or without a usable value.
-    pub fn notice(&mut self, is_there: bool, patience: Patience) {
+    pub(crate) fn notice(&mut self, is_there: bool, patience: Patience) {
         if is_there != self.is_lost {
             self.against = 0;
             return;
@@ -32,12 +32,12 @@ impl SensorHealth {
         }
     }
 
-    pub fn is_lost(self) -> bool {
+    pub(crate) fn is_lost(self) -> bool {
         self.is_lost
     }
 
     /// Whether a stored state is possible with this patience.
-    pub fn fits(self, patience: Patience) -> bool {
+    pub(crate) fn fits(self, patience: Patience) -> bool {
         self.against < if self.is_lost { patience.until_back } else { patience.until_lost }
     }
 }

@@ -34,7 +34,7 @@ pub enum Origin {
 
 impl Origin {
     /// The label: `physical`, `statistical` or `tuned on seed 9`.
-    pub fn label(self) -> String {
+    pub(crate) fn label(self) -> String {
         match self {
             Origin::Physical => "physical".into(),
             Origin::Statistical => "statistical".into(),
@@ -268,7 +268,7 @@ impl Tuning {
     }
 
     /// These constants with other allowances.
-    pub fn allowing(&self, allowances: &Allowances) -> Self {
+    pub(crate) fn allowing(&self, allowances: &Allowances) -> Self {
         Tuning {
             allowance_nats: allowances.of_pairs_nats,
             health_allowance_nats: allowances.health_nats,
@@ -311,7 +311,7 @@ impl Tuning {
     ///
     /// # Errors
     /// [`Error::SettingOutOfRange`], [`Error::CorruptModel`].
-    pub fn check(&self, names: &Names) -> Result<(), Error> {
+    pub(crate) fn check(&self, names: &Names) -> Result<(), Error> {
         self.check_ranges()?;
         self.costs.check(names.actions.len())?;
         let actuators = names.actuators.len() as u32;

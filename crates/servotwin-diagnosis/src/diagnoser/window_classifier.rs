@@ -70,7 +70,7 @@ impl Judgement {
 }
 
 impl WindowClassifier {
-    pub fn new(diagnoser: &Diagnoser, length: &Length) -> Result<Self, Error> {
+    pub(crate) fn new(diagnoser: &Diagnoser, length: &Length) -> Result<Self, Error> {
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
         let views = diagnoser.views_of(length);
         let hypotheses = Hypotheses::of(&trees.names);
@@ -87,36 +87,36 @@ impl WindowClassifier {
         })
     }
 
-    pub fn forget(&mut self) {
+    pub(crate) fn forget(&mut self) {
         self.memory.probabilities.fill(0.0);
         self.memory.last = None;
     }
 
     /// Whether a stored memory has the same number of hypotheses and valid indices.
-    pub fn fits(&self, memory: &WindowMemory, places: &Places) -> bool {
+    pub(crate) fn fits(&self, memory: &WindowMemory, places: &Places) -> bool {
         memory.probabilities.len() == self.hypotheses.count()
             && memory.probabilities.iter().all(|share| is_share(*share))
             && memory.last.is_none_or(|last| last.fits(places))
     }
 
-    pub fn last(&self) -> Option<&Judgement> {
+    pub(crate) fn last(&self) -> Option<&Judgement> {
         self.memory.last.as_ref()
     }
 
     /// The feature rows of the last window outside its bands, one for each view.
-    pub fn rows(&self) -> &[Vec<f64>] {
+    pub(crate) fn rows(&self) -> &[Vec<f64>] {
         self.views.rows()
     }
 
-    pub fn common_mode(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
+    pub(crate) fn common_mode(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
         self.common_mode.share(actuator, window, bands)
     }
 
-    pub fn probability(&self, hypothesis: usize) -> f64 {
+    pub(crate) fn probability(&self, hypothesis: usize) -> f64 {
         self.memory.probabilities[hypothesis]
     }
 
-    pub fn probability_of_actuator(&self, actuator: usize) -> f64 {
+    pub(crate) fn probability_of_actuator(&self, actuator: usize) -> f64 {
         self.memory.probabilities[self.hypotheses.of_actuator(actuator)].iter().sum()
     }
 
@@ -125,7 +125,7 @@ impl WindowClassifier {
     ///
     /// # Errors
     /// The hierarchies' errors for rows that do not fit, which never occur after [`Diagnoser::check`].
-    pub fn classify(
+    pub(crate) fn classify(
         &mut self,
         length: &Length,
         window: &Window,
@@ -175,7 +175,7 @@ impl WindowClassifier {
     }
 
     /// Whether trees and committee agree on a hypothesis with enough confidence, and the window is not novel.
-    pub fn agrees_on(&self, hypothesis: usize, least_confidence: Option<f64>) -> bool {
+    pub(crate) fn agrees_on(&self, hypothesis: usize, least_confidence: Option<f64>) -> bool {
         let Some(last) = self.last() else { return false };
         let committee = Some(last.likeliest);
         agree(last.of_trees, committee, self.probability(hypothesis), least_confidence)
@@ -184,7 +184,7 @@ impl WindowClassifier {
     }
 
     /// The detail of the last window, if trees and committee agree on it.
-    pub fn detail(&self, least_confidence: f64) -> Option<u32> {
+    pub(crate) fn detail(&self, least_confidence: f64) -> Option<u32> {
         let last = self.last()?;
         let (detail, probability) = last.detail?;
         let agreed = agree(last.detail_of_trees, Some(detail), probability, Some(least_confidence));

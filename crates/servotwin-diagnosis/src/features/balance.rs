@@ -26,7 +26,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Balance;
+pub(crate) struct Balance;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Ram];
 

@@ -14,7 +14,7 @@ use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Comparison;
+pub(crate) struct Comparison;
 
 /// The quantities that actuators can have in common.
 fn quantities() -> impl Iterator<Item = (Quantity, &'static str)> {

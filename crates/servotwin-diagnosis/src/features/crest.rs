@@ -15,7 +15,7 @@ use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Crest;
+pub(crate) struct Crest;
 
 impl Formulas for Crest {
     fn name(&self) -> &'static str {

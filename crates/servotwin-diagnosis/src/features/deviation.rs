@@ -7,7 +7,7 @@ use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Deviation;
+pub(crate) struct Deviation;
 
 impl Formulas for Deviation {
     fn name(&self) -> &'static str {

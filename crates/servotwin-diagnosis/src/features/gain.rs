@@ -10,7 +10,7 @@ use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Gain;
+pub(crate) struct Gain;
 
 /// Below this deviation, in parts of scale, a twin signal gives no slope.
 const LEAST_DEVIATION: f64 = 1e-3;

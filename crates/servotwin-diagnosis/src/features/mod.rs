@@ -99,13 +99,13 @@ impl Sensors {
     }
 
     /// Number of actuators.
-    pub fn actuators(&self) -> usize {
+    pub(crate) fn actuators(&self) -> usize {
         self.0.iter().filter_map(|s| s.actuator).max().map_or(0, |last| last + 1)
     }
 
     /// The order of sensors with two actuators exchanged, for [`Window::reordered`]; `None` if their sensors do not
     /// correspond.
-    pub fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
+    pub(crate) fn exchanged(&self, a: usize, b: usize) -> Option<Vec<usize>> {
         self.in_place_of(|actuator| match actuator {
             u if u == a => b,
             u if u == b => a,

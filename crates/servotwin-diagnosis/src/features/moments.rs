@@ -6,7 +6,7 @@ use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Moments;
+pub(crate) struct Moments;
 
 impl Formulas for Moments {
     fn name(&self) -> &'static str {

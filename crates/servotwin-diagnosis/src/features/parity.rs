@@ -27,7 +27,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Parity;
+pub(crate) struct Parity;
 
 /// Largest number of sensors that one sensor may follow.
 pub const MAX_FOLLOWED: usize = 7;

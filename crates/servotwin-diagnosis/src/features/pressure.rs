@@ -14,7 +14,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Pressure;
+pub(crate) struct Pressure;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Spool];
 

@@ -14,7 +14,7 @@ use alloc::format;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Proportion;
+pub(crate) struct Proportion;
 
 /// The sensors of each actuator in pairs.
 fn pairs(sensors: &Sensors) -> impl Iterator<Item = (usize, usize)> + '_ {

@@ -96,7 +96,7 @@ impl Views {
     ///
     /// # Panics
     /// If the length is not the number of sensors.
-    pub fn stand_in(&mut self, stands_in: &[bool]) {
+    pub(crate) fn stand_in(&mut self, stands_in: &[bool]) {
         self.stands_in.copy_from_slice(stands_in);
     }
 

@@ -14,7 +14,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// The family of this module.
-pub struct Vote;
+pub(crate) struct Vote;
 
 /// The ram sensors of all actuators, if there are several, and the surface sensor.
 fn rams(sensors: &Sensors) -> Option<(super::LikeSensors, usize)> {

@@ -16,7 +16,7 @@ impl Window {
     ///
     /// # Panics
     /// If the other window has another number of sensors.
-    pub fn absorb(&mut self, later: &Window) {
+    pub(crate) fn absorb(&mut self, later: &Window) {
         assert!(self.sensors == later.sensors && self.watched == later.watched);
         if later.count == 0 {
             return;

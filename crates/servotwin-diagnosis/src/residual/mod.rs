@@ -28,7 +28,7 @@ pub const BAND: f64 = 0.03;
 /// The largest of several thousand noise samples, in standard deviations.
 pub const LARGEST_OF_NOISE: f64 = 4.0;
 /// Standard deviation of a scaled residual allowed by equation (7).
-pub const DEVIATION_BAND: f64 = 0.01;
+pub(crate) const DEVIATION_BAND: f64 = 0.01;
 
 /// The statistics of a window of samples.
 ///
@@ -156,7 +156,7 @@ impl Window {
     }
 
     /// Mean of a twin signal over its scale.
-    pub fn twin_mean(&self, sensor: usize) -> f64 {
+    pub(crate) fn twin_mean(&self, sensor: usize) -> f64 {
         self.mean[self.sensors + sensor]
     }
 
@@ -176,7 +176,7 @@ impl Window {
     }
 
     /// Covariance of two twin signals.
-    pub fn twin_covariance(&self, a: usize, b: usize) -> f64 {
+    pub(crate) fn twin_covariance(&self, a: usize, b: usize) -> f64 {
         self.covariance_of(self.sensors + a, self.sensors + b)
     }
 
@@ -196,7 +196,7 @@ impl Window {
     }
 
     /// The paper's indicator (7): whether mean and standard deviation are inside their bands.
-    pub fn no_deviation(&self, sensor: usize) -> bool {
+    pub(crate) fn no_deviation(&self, sensor: usize) -> bool {
         self.indicator(sensor) == 1.0
     }
 
@@ -217,7 +217,7 @@ impl Window {
     ///
     /// # Panics
     /// If `result` has another number of sensors.
-    pub fn reorder_into(&self, order: &[usize], result: &mut Self) {
+    pub(crate) fn reorder_into(&self, order: &[usize], result: &mut Self) {
         let n = self.sensors;
         assert!(result.sensors == n && order.len() == n);
         let channel = |i: usize| if i < n { order[i] } else { n + order[i - n] };
@@ -244,7 +244,7 @@ impl Window {
     }
 
     /// As [`Window::to_values`], followed by the undivided moments.
-    pub fn state(&self) -> Vec<f64> {
+    pub(crate) fn state(&self) -> Vec<f64> {
         let mut state = self.to_values();
         state.extend(self.undivided.iter().flat_map(Undivided::numbers));
         state
@@ -257,7 +257,7 @@ impl Window {
     }
 
     /// Restores a stored state. Returns `false` and changes nothing if the length does not fit. Does not allocate.
-    pub fn set_state(&mut self, values: &[f64]) -> bool {
+    pub(crate) fn set_state(&mut self, values: &[f64]) -> bool {
         let [count, first, rest @ ..] = values else { return false };
         let lengths = [&self.largest, &self.mean, &self.moments].map(Vec::len);
         let undivided = undivided::NUMBERS * self.undivided.len();
@@ -294,7 +294,7 @@ impl Window {
     }
 
     /// Clears all samples. Does not allocate.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.count = 0;
         self.first_excursion = None;
         for list in [&mut self.mean, &mut self.moments, &mut self.largest] {

@@ -49,18 +49,18 @@ impl Undivided {
         self.mean += distance * share;
     }
 
-    pub fn numbers(&self) -> [f64; NUMBERS] {
+    pub(crate) fn numbers(&self) -> [f64; NUMBERS] {
         [self.inverse, self.mean, self.own, self.cross]
     }
 
-    pub fn from_numbers([inverse, mean, own, cross]: [f64; NUMBERS]) -> Self {
+    pub(crate) fn from_numbers([inverse, mean, own, cross]: [f64; NUMBERS]) -> Self {
         Undivided { inverse, mean, own, cross }
     }
 }
 
 impl Window {
     /// The same window, still empty, that also keeps the residuals before their division ([`Window::add_divided`]).
-    pub fn keeping_undivided(mut self) -> Self {
+    pub(crate) fn keeping_undivided(mut self) -> Self {
         self.undivided = alloc::vec![Undivided::default(); self.sensors];
         self
     }
@@ -69,7 +69,7 @@ impl Window {
     ///
     /// # Panics
     /// As [`Window::add`].
-    pub fn add_divided(&mut self, sample: &DividedSample) {
+    pub(crate) fn add_divided(&mut self, sample: &DividedSample) {
         let DividedSample { judged, measured, twin, scales, spreads } = *sample;
         self.add(judged, twin, scales);
         let share = 1.0 / self.count as f64;
@@ -95,17 +95,17 @@ impl Window {
     ///
     /// # Panics
     /// Here and below, if the window does not keep undivided residuals.
-    pub fn inverse_spread(&self, sensor: usize) -> f64 {
+    pub(crate) fn inverse_spread(&self, sensor: usize) -> f64 {
         self.undivided[sensor].inverse
     }
 
     /// The variance of a residual before its division.
-    pub fn undivided_variance(&self, sensor: usize) -> f64 {
+    pub(crate) fn undivided_variance(&self, sensor: usize) -> f64 {
         self.undivided[sensor].own / self.count.max(1) as f64
     }
 
     /// The covariance of a residual before its division with the twin's signal of the same sensor.
-    pub fn undivided_cross_covariance(&self, sensor: usize) -> f64 {
+    pub(crate) fn undivided_cross_covariance(&self, sensor: usize) -> f64 {
         self.undivided[sensor].cross / self.count.max(1) as f64
     }
 }

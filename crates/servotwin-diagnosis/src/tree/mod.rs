@@ -40,7 +40,7 @@ impl Branches {
     }
 
     /// Whether there are no nodes; never true for a grown tree.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.feature.is_empty()
     }
 
@@ -75,7 +75,7 @@ impl Branches {
     ///
     /// # Panics
     /// While iterating, if the row has fewer features than the tree was trained with.
-    pub fn path<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = usize> + 'a {
+    pub(crate) fn path<'a>(&'a self, row: &'a [f64]) -> impl Iterator<Item = usize> + 'a {
         core::iter::successors(Some(0), move |&node| {
             let (feature, _) = self.split(node)?;
             let (left, right) = self.children(node)?;

@@ -11,7 +11,7 @@ use crate::samples::Samples;
 use servotwin_diagnosis::classifiers::{Classifier, ClassifierKind, Model};
 use servotwin_diagnosis::error::{Error, same_length};
 
-pub(crate) mod adaboost;
+pub mod adaboost;
 pub mod boosted_trees;
 pub mod cart;
 pub(crate) mod linear_discriminant;

@@ -26,7 +26,7 @@ pub(super) struct Traced<'g> {
 
 impl Traced<'_> {
     /// The entries that receive each value.
-    pub fn stores(&self) -> Stores {
+    pub(crate) fn stores(&self) -> Stores {
         let mut stores = Stores::new();
         for &(array, place, value) in &self.entries {
             // An entry that keeps its value needs no store.

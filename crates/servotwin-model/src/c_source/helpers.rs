@@ -19,7 +19,7 @@ pub(super) enum Helper {
 
 impl Helper {
     /// The function that an expression calls.
-    pub fn called_by(expression: Expression) -> Option<Self> {
+    pub(crate) fn called_by(expression: Expression) -> Option<Self> {
         match expression {
             Expression::Unary(Unary::Round, _) => Some(Helper::Round),
             Expression::Unary(Unary::Mantissa, _) => Some(Helper::Mantissa),

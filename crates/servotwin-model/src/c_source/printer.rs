@@ -54,7 +54,7 @@ pub(super) struct Printer<'a, D> {
 
 impl<D: Dialect> Printer<'_, D> {
     /// Prints the statements that the values need, and stores each value as soon as it is known.
-    pub fn statements(&mut self, c: &mut String, values: &[Operand], stores: &Stores) {
+    pub(crate) fn statements(&mut self, c: &mut String, values: &[Operand], stores: &Stores) {
         let needed = symbol::needed(self.expressions, values);
         for value in values.iter().filter(|value| matches!(value, Operand::Constant(_))) {
             self.store(c, *value, stores);
@@ -107,7 +107,7 @@ impl<D: Dialect> Printer<'_, D> {
     }
 
     /// The text of a value where it is used.
-    pub fn operand(&self, operand: Operand) -> String {
+    pub(crate) fn operand(&self, operand: Operand) -> String {
         match operand {
             Operand::Constant(bits) => self.dialect.literal(f64::from_bits(bits)),
             Operand::Node(node) => self.node(node as usize),
@@ -136,19 +136,19 @@ pub(super) struct Body {
 }
 
 impl Body {
-    pub fn new(function: Function) -> Self {
+    pub(crate) fn new(function: Function) -> Self {
         let graph = Graph::new();
         let value = function.kernel(graph.variable(ARGUMENT, 0)).operand();
         Self { expressions: graph.expressions(), value }
     }
 
     /// The expressions that the result needs.
-    pub fn needed(&self) -> impl Iterator<Item = Expression> {
+    pub(crate) fn needed(&self) -> impl Iterator<Item = Expression> {
         needed_expressions(&self.expressions, &[self.value])
     }
 
     /// Prints the function with the given head.
-    pub fn print(&self, c: &mut String, head: &str, dialect: impl Dialect) {
+    pub(crate) fn print(&self, c: &mut String, head: &str, dialect: impl Dialect) {
         line(c, format_args!("{head}\n{{"));
         let mut printer = Printer { dialect, expressions: &self.expressions };
         printer.statements(c, &[self.value], &Stores::new());

@@ -24,7 +24,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A gas accumulator; see the module documentation.
-pub struct Accumulator;
+pub(crate) struct Accumulator;
 
 /// The pressure at which the bladder begins to leave its seat, per unit of the precharge.
 const SEATED: f64 = 0.95;
@@ -75,7 +75,7 @@ impl Component for Accumulator {
 }
 
 /// Equations (A1)–(A3): (pressure, flow into the accumulator) → pressure rate.
-pub struct GasPressure;
+pub(crate) struct GasPressure;
 
 impl Equation<2, 1, { 5 + BULK_CONSTANTS }> for GasPressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5 + BULK_CONSTANTS] {

@@ -23,7 +23,7 @@ use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// The air's hinge moment; see the module documentation.
-pub struct AerodynamicLoad;
+pub(crate) struct AerodynamicLoad;
 
 /// Mach 0.9 in the stratosphere, where the speed of sound is lowest. (H2) does not hold beyond.
 const LARGEST_SPEED_M_S: f64 = 265.0;
@@ -121,7 +121,7 @@ fn area_and_chord<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
 
 /// Equations (H1) and (H2) at a constant altitude: (air speed, load factor) →
 /// dynamic pressure and the scales of both moments.
-pub struct Stream;
+pub(crate) struct Stream;
 
 impl Equation<2, 3, 4> for Stream {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
@@ -140,7 +140,7 @@ impl Equation<2, 3, 4> for Stream {
 }
 
 /// The same with the altitude as a signal: (air speed, load factor, altitude).
-pub struct StreamAtAltitude;
+pub(crate) struct StreamAtAltitude;
 
 impl Equation<3, 3, 2> for StreamAtAltitude {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
@@ -157,7 +157,7 @@ impl Equation<3, 3, 2> for StreamAtAltitude {
 }
 
 /// Equation (H3) at zero rate: (scale, incidence, angle) → moment.
-pub struct HingeMoment;
+pub(crate) struct HingeMoment;
 
 impl Equation<3, 1, 3> for HingeMoment {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -175,7 +175,7 @@ impl Equation<3, 1, 3> for HingeMoment {
 }
 
 /// The rate's share of (H3): (scale, rate) → moment.
-pub struct HingeDamping;
+pub(crate) struct HingeDamping;
 
 impl Equation<2, 1, 1> for HingeDamping {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {

@@ -20,7 +20,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// An elastic joint; see the module documentation.
-pub struct Attachment;
+pub(crate) struct Attachment;
 
 parameters! {
     stiffness_n_m: parameter(Unit::NewtonPerMetre, 2e7, (0.0, 1e12), "stiffness"),
@@ -74,7 +74,7 @@ impl Component for Attachment {
 }
 
 /// Equations (T1)–(T3): (x_a, x_b, v_a, v_b) → force from a to b.
-pub struct Joint;
+pub(crate) struct Joint;
 
 impl Equation<4, 1, 6> for Joint {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {

@@ -23,7 +23,7 @@ use crate::spec::{Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A linear axis controller; see the module documentation.
-pub struct AxisController;
+pub(crate) struct AxisController;
 
 parameters! {
     gain_per_m: parameter(Unit::PerMetre, 100.0, (0.0, 1e6), "position gain K_p"),
@@ -92,7 +92,7 @@ impl Component for AxisController {
 }
 
 /// Equation (AX1) and the first terms of (AX2): (command, position, integral) → demand.
-pub struct AxisDemand;
+pub(crate) struct AxisDemand;
 
 impl Equation<3, 1, 2> for AxisDemand {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
@@ -106,7 +106,7 @@ impl Equation<3, 1, 2> for AxisDemand {
 }
 
 /// The last term of (AX2): (p_A, p_B, washout) → part subtracted from the demand, rate of the washout.
-pub struct AxisDamping;
+pub(crate) struct AxisDamping;
 
 impl Equation<3, 2, 2> for AxisDamping {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
@@ -123,7 +123,7 @@ impl Equation<3, 2, 2> for AxisDamping {
 }
 
 /// Equations (AX3) and (AX4): (demand, mode, command, position) → current, rate of the integral.
-pub struct AxisOutput;
+pub(crate) struct AxisOutput;
 
 impl Equation<4, 2, 3> for AxisOutput {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {

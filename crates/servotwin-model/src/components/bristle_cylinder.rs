@@ -26,7 +26,7 @@ use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
 /// A double-acting cylinder with bristle friction; see the module documentation.
-pub struct BristleCylinder;
+pub(crate) struct BristleCylinder;
 
 /// The cylinder's parameters come first, at the same positions.
 const STIFFNESS: usize = SHARED.len();
@@ -105,7 +105,7 @@ impl Component for BristleCylinder {
 const BRISTLE_CONSTANTS: usize = 8;
 
 /// Equations (BC1)–(BC3): (v, z, p_a, p_b) → (x', z', deceleration by friction).
-pub struct BristleFriction;
+pub(crate) struct BristleFriction;
 
 impl Equation<4, 3, BRISTLE_CONSTANTS> for BristleFriction {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; BRISTLE_CONSTANTS] {

@@ -23,7 +23,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A check valve; see the module documentation.
-pub struct CheckValve;
+pub(crate) struct CheckValve;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
@@ -89,7 +89,7 @@ pub(super) fn connect(wiring: &mut Wiring) {
 }
 
 /// Equations (K1) and (K2): (p_a, p_b) → flow from a to b.
-pub struct OneWayFlow;
+pub(crate) struct OneWayFlow;
 
 impl Equation<2, 1, 6> for OneWayFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {

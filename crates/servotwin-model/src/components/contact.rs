@@ -12,10 +12,10 @@
 use crate::scalar::Scalar;
 
 /// Number of constants of [`stribeck`].
-pub const STRIBECK_CONSTANTS: usize = 5;
+pub(crate) const STRIBECK_CONSTANTS: usize = 5;
 
 /// The parameters of (CO1), for a force or an acceleration.
-pub struct Stribeck<S> {
+pub(crate) struct Stribeck<S> {
     /// b, the viscous friction.
     pub viscous: S,
     /// F_C, the Coulomb friction.
@@ -29,7 +29,7 @@ pub struct Stribeck<S> {
 }
 
 /// The constants of [`stribeck`].
-pub fn stribeck_constants<S: Scalar<Base = S>>(of: Stribeck<S>) -> [S; STRIBECK_CONSTANTS] {
+pub(crate) fn stribeck_constants<S: Scalar<Base = S>>(of: Stribeck<S>) -> [S; STRIBECK_CONSTANTS] {
     let one = S::constant(1.0);
     let excess = of.coulomb * (of.static_ratio - one);
     [of.viscous, of.coulomb, excess, one / of.velocity, one / of.smoothing]
@@ -37,7 +37,7 @@ pub fn stribeck_constants<S: Scalar<Base = S>>(of: Stribeck<S>) -> [S; STRIBECK_
 
 /// Equation (CO1): the friction that opposes a velocity, with the relative load on the surfaces.
 #[inline(always)]
-pub fn stribeck<S: Scalar>(
+pub(crate) fn stribeck<S: Scalar>(
     velocity: S,
     load: S,
     &[viscous, coulomb, excess, per_stribeck, per_smoothing]: &[S::Base; STRIBECK_CONSTANTS],
@@ -48,10 +48,10 @@ pub fn stribeck<S: Scalar>(
 }
 
 /// Number of constants of [`end_stop`].
-pub const END_STOP_CONSTANTS: usize = 4;
+pub(crate) const END_STOP_CONSTANTS: usize = 4;
 
 /// The constants of [`end_stop`], with stops at ± `limit`.
-pub fn end_stop_constants<S: Scalar<Base = S>>(
+pub(crate) fn end_stop_constants<S: Scalar<Base = S>>(
     limit: S,
     stiffness: S,
     damping: S,
@@ -62,7 +62,7 @@ pub fn end_stop_constants<S: Scalar<Base = S>>(
 /// Equation (Y6): the force or acceleration with which end stops at both ends oppose a
 /// motion, depending on the constants.
 #[inline(always)]
-pub fn end_stop<S: Scalar>(
+pub(crate) fn end_stop<S: Scalar>(
     position: S,
     velocity: S,
     &[limit, stiffness, damping, per_fade]: &[S::Base; END_STOP_CONSTANTS],

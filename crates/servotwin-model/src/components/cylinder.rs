@@ -42,7 +42,7 @@ use alloc::format;
 use alloc::string::String;
 
 /// A double-acting cylinder; see the module documentation.
-pub struct Cylinder;
+pub(crate) struct Cylinder;
 
 /// The smallest chamber volume, per unit of the volume at the center.
 const SMALLEST: f64 = 0.01;
@@ -274,7 +274,7 @@ pub(super) fn check_volumes(parameters: &[f64]) -> Result<(), String> {
 
 /// Equations (Y1) and (Y2): (s, flow into the chamber, x, v) → s'. `which` is
 /// the chamber: 0 for A, 1 for B.
-pub struct ChamberPressure;
+pub(crate) struct ChamberPressure;
 
 impl Equation<4, 1, { 4 + BULK_CONSTANTS }> for ChamberPressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4 + BULK_CONSTANTS] {
@@ -297,7 +297,7 @@ impl Equation<4, 1, { 4 + BULK_CONSTANTS }> for ChamberPressure {
 }
 
 /// Equation (Y3): (p_a, p_b) → flow from a to b.
-pub struct SealLeakage;
+pub(crate) struct SealLeakage;
 
 impl Equation<2, 1, 1> for SealLeakage {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
@@ -311,7 +311,7 @@ impl Equation<2, 1, 1> for SealLeakage {
 }
 
 /// Equation (Y4) without friction and stops: (p_a, p_b, rod force) → contribution to v'.
-pub struct PistonForce;
+pub(crate) struct PistonForce;
 
 impl Equation<3, 1, 4> for PistonForce {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
@@ -358,7 +358,7 @@ pub(super) fn seal_load<S: Scalar>([p_a, p_b]: [S; 2], [per_pressure, rest]: [S:
 const FRICTION_CONSTANTS: usize = 2 + STRIBECK_CONSTANTS;
 
 /// Equation (Y5): (v, p_a, p_b) → (x', deceleration by friction).
-pub struct PistonFriction;
+pub(crate) struct PistonFriction;
 
 impl Equation<3, 2, FRICTION_CONSTANTS> for PistonFriction {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; FRICTION_CONSTANTS] {
@@ -378,7 +378,7 @@ impl Equation<3, 2, FRICTION_CONSTANTS> for PistonFriction {
 }
 
 /// Equation (Y6): (x, v) → deceleration by the end stops.
-pub struct PistonStop;
+pub(crate) struct PistonStop;
 
 impl Equation<2, 1, END_STOP_CONSTANTS> for PistonStop {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; END_STOP_CONSTANTS] {

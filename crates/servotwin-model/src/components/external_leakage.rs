@@ -17,7 +17,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A leak to the surroundings; see the module documentation.
-pub struct ExternalLeakage;
+pub(crate) struct ExternalLeakage;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-3), "area of the leak"),
@@ -62,7 +62,7 @@ impl Component for ExternalLeakage {
 }
 
 /// Equation (E1): (p) → flow out of the node.
-pub struct LeakageFlow;
+pub(crate) struct LeakageFlow;
 
 impl Equation<1, 1, 4> for LeakageFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {

@@ -17,7 +17,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A filter, cooler or hose; see the module documentation.
-pub struct Filter;
+pub(crate) struct Filter;
 
 parameters! {
     resistance_pa_s_m3: parameter(
@@ -64,7 +64,7 @@ impl Component for Filter {
 }
 
 /// Equation (F2): (p_a, p_b) → flow from a to b.
-pub struct FilterFlow;
+pub(crate) struct FilterFlow;
 
 impl Equation<2, 1, 2> for FilterFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

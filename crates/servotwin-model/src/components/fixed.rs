@@ -11,7 +11,7 @@ use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
 /// A wall; see the module documentation.
-pub struct Fixed;
+pub(crate) struct Fixed;
 
 parameters! {
     position_m: parameter(Unit::Metre, 0.0, (-1e3, 1e3), "position of the wall"),

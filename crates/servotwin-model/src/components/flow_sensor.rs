@@ -23,7 +23,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A flow meter; see the module documentation.
-pub struct FlowSensor;
+pub(crate) struct FlowSensor;
 
 // The resistances come first, where the equation of a filter reads them.
 parameters! {
@@ -109,7 +109,7 @@ impl Component for FlowSensor {
 }
 
 /// Equation (FS1): (p_a, p_b, metered flow) → rate of the metered flow.
-pub struct Metering;
+pub(crate) struct Metering;
 
 impl Equation<3, 1, 3> for Metering {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -131,7 +131,7 @@ fn low_and_range<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
 }
 
 /// Equation (FS2): metered flow → current.
-pub struct FlowToCurrent;
+pub(crate) struct FlowToCurrent;
 
 impl Equation<1, 1, 2> for FlowToCurrent {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
@@ -147,7 +147,7 @@ impl Equation<1, 1, 2> for FlowToCurrent {
 }
 
 /// Equation (FS3): current → reading.
-pub struct CurrentToFlow;
+pub(crate) struct CurrentToFlow;
 
 impl Equation<1, 1, 2> for CurrentToFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

@@ -17,7 +17,7 @@ use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A pump of constant displacement; see the module documentation.
-pub struct FlowSource;
+pub(crate) struct FlowSource;
 
 /// The parameter for the full flow, which every pump has.
 pub(crate) const fn full_flow(name: &'static str) -> Parameter {
@@ -96,7 +96,7 @@ pub(crate) fn delivered<S: Scalar>(c: &[S::Base; 2], [speed, inlet, outlet]: [S;
 }
 
 /// Equation (FS1): (speed, p_in, p_out) → flow.
-pub struct PumpFlow;
+pub(crate) struct PumpFlow;
 
 impl Equation<3, 1, 2> for PumpFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

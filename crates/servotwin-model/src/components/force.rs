@@ -13,7 +13,7 @@ use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// An external force; see the module documentation.
-pub struct Force;
+pub(crate) struct Force;
 
 parameters! {
     force_n: parameter(Unit::Newton, 0.0, (-1e9, 1e9), "constant force"),
@@ -45,7 +45,7 @@ impl Component for Force {
 }
 
 /// Equation (P1): signal → force.
-pub struct Applied;
+pub(crate) struct Applied;
 
 impl Equation<1, 1, 0> for Applied {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {

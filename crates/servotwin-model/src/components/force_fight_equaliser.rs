@@ -27,7 +27,7 @@ use crate::spec::{Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
 /// The equalizer of two actuators; see the module documentation.
-pub struct ForceFightEqualiser;
+pub(crate) struct ForceFightEqualiser;
 
 parameters! {
     gain_m_pa: parameter(Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
@@ -92,7 +92,7 @@ macro_rules! equaliser {
         [$($n:literal),*]
     ) => {
         /// An equalizer of more than two actuators; see the module documentation.
-        pub struct $component;
+        pub(crate) struct $component;
 
         impl Component for $component {
             fn spec(&self) -> &'static Spec {
@@ -180,7 +180,7 @@ macro_rules! equaliser {
         }
 
         /// Equation (Q3): (differences, modes, z), the actuator's own first → rate of its z.
-        pub struct $block;
+        pub(crate) struct $block;
 
         impl Equation<$inputs, 1, 1> for $block {
             fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
@@ -224,7 +224,7 @@ fn difference(wiring: &mut Wiring, ports: [&str; 2]) -> Variable {
 }
 
 /// (p_A, p_B) → p_A − p_B.
-pub struct PressureDifference;
+pub(crate) struct PressureDifference;
 
 impl Equation<2, 1, 0> for PressureDifference {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
@@ -238,7 +238,7 @@ impl Equation<2, 1, 0> for PressureDifference {
 }
 
 /// Equation (Q1): (difference, modes, z) → rate of z.
-pub struct FightFilter;
+pub(crate) struct FightFilter;
 
 impl Equation<4, 1, 1> for FightFilter {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
@@ -252,7 +252,7 @@ impl Equation<4, 1, 1> for FightFilter {
 }
 
 /// Equation (Q2): z → correction.
-pub struct FightCorrection;
+pub(crate) struct FightCorrection;
 
 impl Equation<1, 1, 2> for FightCorrection {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

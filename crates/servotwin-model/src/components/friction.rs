@@ -18,7 +18,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// Stribeck friction; see the module documentation.
-pub struct Friction;
+pub(crate) struct Friction;
 
 parameters! {
     coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e9), "dry friction F_c"),
@@ -88,7 +88,7 @@ impl Component for Friction {
 }
 
 /// Equation (R1): velocity → force that opposes it.
-pub struct Rubbing;
+pub(crate) struct Rubbing;
 
 impl Equation<1, 1, STRIBECK_CONSTANTS> for Rubbing {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; STRIBECK_CONSTANTS] {

@@ -13,7 +13,7 @@ use crate::spec::{Category, Fault, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A gain; see the module documentation.
-pub struct Gain;
+pub(crate) struct Gain;
 
 /// Fault of an amplifier whose gain, a parameter, is too low.
 pub(crate) const fn gain_low(parameter: &'static str) -> Fault {
@@ -55,7 +55,7 @@ impl Component for Gain {
 }
 
 /// Equation (G1): input → output.
-pub struct Product;
+pub(crate) struct Product;
 
 impl Equation<1, 1, 1> for Product {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {

@@ -16,7 +16,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A body about a hinge; see the module documentation.
-pub struct Inertia;
+pub(crate) struct Inertia;
 
 parameters! {
     inertia_kg_m2: parameter(
@@ -74,7 +74,7 @@ impl Component for Inertia {
 }
 
 /// Equation (J1): (rate, moment) → rates of angle and rate.
-pub struct Turning;
+pub(crate) struct Turning;
 
 impl Equation<2, 2, 4> for Turning {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {

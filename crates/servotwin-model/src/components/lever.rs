@@ -17,7 +17,7 @@ use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A lever; see the module documentation.
-pub struct Lever;
+pub(crate) struct Lever;
 
 parameters! {
     arm_m: parameter(Unit::Metre, 0.0525, (1e-4, 100.0), "length of the arm"),
@@ -56,7 +56,7 @@ impl Component for Lever {
 }
 
 /// Equation (L1): (angle, rate) → position, velocity and effective arm r cos θ.
-pub struct LeverMotion;
+pub(crate) struct LeverMotion;
 
 impl Equation<2, 3, 1> for LeverMotion {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
@@ -71,7 +71,7 @@ impl Equation<2, 3, 1> for LeverMotion {
 }
 
 /// Equation (L2): (effective arm, force) → moment.
-pub struct LeverMoment;
+pub(crate) struct LeverMoment;
 
 impl Equation<2, 1, 0> for LeverMoment {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {

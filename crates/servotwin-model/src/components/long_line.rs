@@ -30,7 +30,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A long line; see the module documentation.
-pub struct LongLine;
+pub(crate) struct LongLine;
 
 /// Shares of the line: its length in the sections from `a` on, its volume in the middle and at `b`.
 const LENGTHS: [f64; 2] = [1.0 / 3.0, 2.0 / 3.0];
@@ -106,7 +106,7 @@ fn section_m2<S: Scalar<Base = S>>(diameter_m: S) -> S {
 }
 
 /// Equations (L1), (L3) and (L4): (p_a, p_b, q) → (q', q).
-pub struct LineFlow;
+pub(crate) struct LineFlow;
 
 impl Equation<3, 2, 3> for LineFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -135,7 +135,7 @@ impl Equation<3, 2, 3> for LineFlow {
 }
 
 /// Equation (L2): (s, flow into the line's fluid) → s'.
-pub struct LinePressure;
+pub(crate) struct LinePressure;
 
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for LinePressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1 + BULK_CONSTANTS] {

@@ -13,7 +13,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A low-pass filter; see the module documentation.
-pub struct LowPassFilter;
+pub(crate) struct LowPassFilter;
 
 parameters! {
     bandwidth_hz: required(Unit::Hertz, (1e-6, 1e6), "corner frequency f"),
@@ -54,7 +54,7 @@ impl Component for LowPassFilter {
 }
 
 /// Equation (W1): (input, output) → rate of the output.
-pub struct FirstOrder;
+pub(crate) struct FirstOrder;
 
 impl Equation<2, 1, 1> for FirstOrder {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {

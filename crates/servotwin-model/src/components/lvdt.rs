@@ -20,7 +20,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A displacement sensor; see the module documentation.
-pub struct Lvdt;
+pub(crate) struct Lvdt;
 
 parameters! {
     full_scale_m: required(Unit::Metre, (1e-6, 10.0), "range ±x_FS"),
@@ -89,7 +89,7 @@ impl Component for Lvdt {
 }
 
 /// Equations (D1) and (D2): (position, ratio, its rate) → their rates.
-pub struct PositionToRatio;
+pub(crate) struct PositionToRatio;
 
 impl Equation<3, 2, 4> for PositionToRatio {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
@@ -111,7 +111,7 @@ impl Equation<3, 2, 4> for PositionToRatio {
 }
 
 /// Equation (D3): ratio → reading.
-pub struct RatioToPosition;
+pub(crate) struct RatioToPosition;
 
 impl Equation<1, 1, 2> for RatioToPosition {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

@@ -16,7 +16,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A mass on a line; see the module documentation.
-pub struct Mass;
+pub(crate) struct Mass;
 
 parameters! {
     mass_kg: required(Unit::Kilogram, (1e-6, 1e6), "mass"),
@@ -98,7 +98,7 @@ impl Component for Mass {
 }
 
 /// Equation (M1): (velocity, force) → rates of position and velocity.
-pub struct MassMotion;
+pub(crate) struct MassMotion;
 
 impl Equation<2, 2, 2> for MassMotion {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
@@ -112,7 +112,7 @@ impl Equation<2, 2, 2> for MassMotion {
 }
 
 /// Equation (Y6): (position, velocity) → force on the mass.
-pub struct MassStops;
+pub(crate) struct MassStops;
 
 impl Equation<2, 1, END_STOP_CONSTANTS> for MassStops {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; END_STOP_CONSTANTS] {

@@ -13,51 +13,51 @@ use crate::wiring::{Block, EquationIndex, Listed};
 use alloc::string::String;
 use alloc::vec::Vec;
 
-pub mod accumulator;
-pub mod aerodynamic_load;
-pub mod attachment;
-pub mod axis_controller;
-pub mod bristle_cylinder;
-pub mod check_valve;
-pub mod contact;
+pub(crate) mod accumulator;
+pub(crate) mod aerodynamic_load;
+pub(crate) mod attachment;
+pub(crate) mod axis_controller;
+pub(crate) mod bristle_cylinder;
+pub(crate) mod check_valve;
+pub(crate) mod contact;
 #[cfg(test)]
 pub(crate) mod contract;
-pub mod conversion;
-pub mod cylinder;
-pub mod external_leakage;
-pub mod filter;
-pub mod fixed;
-pub mod flow_sensor;
-pub mod flow_source;
-pub mod force;
-pub mod force_fight_equaliser;
-pub mod friction;
-pub mod gain;
-pub mod inertia;
-pub mod lever;
-pub mod long_line;
-pub mod low_pass_filter;
-pub mod lvdt;
-pub mod mass;
-pub mod mode_valve;
-pub mod orifice;
-pub mod pid_controller;
-pub mod position_controller;
-pub mod pressure_sensor;
-pub mod pressure_source;
-pub mod proportional_valve;
-pub mod relief_valve;
-pub mod sampled_position_controller;
-pub mod selector;
-pub mod servo_valve;
-pub mod shut_off_valve;
+pub(crate) mod conversion;
+pub(crate) mod cylinder;
+pub(crate) mod external_leakage;
+pub(crate) mod filter;
+pub(crate) mod fixed;
+pub(crate) mod flow_sensor;
+pub(crate) mod flow_source;
+pub(crate) mod force;
+pub(crate) mod force_fight_equaliser;
+pub(crate) mod friction;
+pub(crate) mod gain;
+pub(crate) mod inertia;
+pub(crate) mod lever;
+pub(crate) mod long_line;
+pub(crate) mod low_pass_filter;
+pub(crate) mod lvdt;
+pub(crate) mod mass;
+pub(crate) mod mode_valve;
+pub(crate) mod orifice;
+pub(crate) mod pid_controller;
+pub(crate) mod position_controller;
+pub(crate) mod pressure_sensor;
+pub(crate) mod pressure_source;
+pub(crate) mod proportional_valve;
+pub(crate) mod relief_valve;
+pub(crate) mod sampled_position_controller;
+pub(crate) mod selector;
+pub(crate) mod servo_valve;
+pub(crate) mod shut_off_valve;
 pub(crate) mod spool;
-pub mod spring;
-pub mod tank;
-pub mod tapped_pressure_sensor;
-pub mod temperature_sensor;
-pub mod variable_pump;
-pub mod volume;
+pub(crate) mod spring;
+pub(crate) mod tank;
+pub(crate) mod tapped_pressure_sensor;
+pub(crate) mod temperature_sensor;
+pub(crate) mod variable_pump;
+pub(crate) mod volume;
 
 /// An operation on a block of any kind; see [`BlockKind::visit`].
 pub(crate) trait Visitor {
@@ -85,7 +85,7 @@ macro_rules! catalogue {
         /// Every equation block.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[repr(u8)]
-        pub enum BlockKind {
+        pub(crate) enum BlockKind {
             $($(#[doc = stringify!($module)] $block,)*)*
         }
 

@@ -28,7 +28,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A mode valve; see the module documentation.
-pub struct ModeValve;
+pub(crate) struct ModeValve;
 
 parameters! {
     time_constant_s: parameter(Unit::Second, 0.02, (1e-4, 10.0), "time constant of switching"),
@@ -149,7 +149,7 @@ impl Component for ModeValve {
 }
 
 /// Equation (M1): (command, m) → m'.
-pub struct ModePosition;
+pub(crate) struct ModePosition;
 
 impl Equation<2, 1, 3> for ModePosition {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -168,7 +168,7 @@ impl Equation<2, 1, 3> for ModePosition {
 }
 
 /// Equation (M2): (m) → transmission.
-pub struct Transmission;
+pub(crate) struct Transmission;
 
 impl Equation<1, 1, 1> for Transmission {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
@@ -188,7 +188,7 @@ fn damped<S: Scalar>(m: S) -> S {
 }
 
 /// Equation (M3): (m, p_a, p_b) → flow from a to b.
-pub struct BypassFlow;
+pub(crate) struct BypassFlow;
 
 impl Equation<3, 1, 3> for BypassFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -226,7 +226,7 @@ fn check_valve_flow<S: Scalar>(c: &[S::Base; 4], up: S, down: S) -> S {
 }
 
 /// Equation (M4): (p_return, p_chamber) → flow.
-pub struct MakeUpFlow;
+pub(crate) struct MakeUpFlow;
 
 impl Equation<2, 1, 4> for MakeUpFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {
@@ -240,7 +240,7 @@ impl Equation<2, 1, 4> for MakeUpFlow {
 }
 
 /// Equation (M5): (m, p_up, p_down) → flow.
-pub struct ReserveFlow;
+pub(crate) struct ReserveFlow;
 
 impl Equation<3, 1, 4> for ReserveFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {

@@ -22,15 +22,15 @@ use crate::spec::{Category, Parameter, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// An orifice; see the module documentation.
-pub struct Orifice;
+pub(crate) struct Orifice;
 
 /// The discharge coefficient of a restriction.
-pub const fn discharge_coefficient(name: &'static str) -> Parameter {
+pub(crate) const fn discharge_coefficient(name: &'static str) -> Parameter {
     parameter(name, Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d")
 }
 
 /// The Reynolds number at which the flow of a restriction becomes turbulent.
-pub const fn transition_reynolds(name: &'static str) -> Parameter {
+pub(crate) const fn transition_reynolds(name: &'static str) -> Parameter {
     parameter(name, Unit::None, 50.0, (1.0, 2500.0), "transition Reynolds number Re_t")
 }
 
@@ -70,12 +70,12 @@ impl Component for Orifice {
 }
 
 /// The turbulent constant `k = ρ/(2 C_d²)` of (O1), Pa s²/m².
-pub fn turbulent<S: Scalar<Base = S>>(density_kg_m3: S, discharge_coefficient: S) -> S {
+pub(crate) fn turbulent<S: Scalar<Base = S>>(density_kg_m3: S, discharge_coefficient: S) -> S {
     density_kg_m3 * S::constant(0.5) / (discharge_coefficient * discharge_coefficient)
 }
 
 /// The laminar part of `r` in (O3) for a hydraulic diameter, Pa s/m.
-pub fn laminar<S: Scalar<Base = S>>(
+pub(crate) fn laminar<S: Scalar<Base = S>>(
     turbulent: S,
     kinematic_viscosity_m2_s: S,
     transition_reynolds: S,
@@ -86,13 +86,13 @@ pub fn laminar<S: Scalar<Base = S>>(
 
 /// The hydraulic diameter of a round hole, m. A closed hole counts as a hole of one
 /// micrometer, which keeps (O2) finite.
-pub fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
+pub(crate) fn hole_diameter_m<S: Scalar<Base = S>>(area_m2: S) -> S {
     (area_m2 * S::constant(4.0 / core::f64::consts::PI)).sqrt().max(S::constant(1e-6))
 }
 
 /// Equation (O2) with the constants of [`hole`]: the flow, m³/s.
 #[inline(always)]
-pub fn flow_m3_s<S: Scalar>(pressure_drop_pa: S, hole: &[S::Base; 3]) -> S {
+pub(crate) fn flow_m3_s<S: Scalar>(pressure_drop_pa: S, hole: &[S::Base; 3]) -> S {
     let laminar = S::from_base(hole[1]);
     scaled_velocity_pa_s_m(pressure_drop_pa.abs(), laminar, hole[2])
         * pressure_drop_pa.signed(hole[0])
@@ -100,7 +100,7 @@ pub fn flow_m3_s<S: Scalar>(pressure_drop_pa: S, hole: &[S::Base; 3]) -> S {
 
 /// Equation (O2) without its factor, for a drop of at least zero: `2 k` times the mean velocity, Pa s/m.
 #[inline(always)]
-pub fn scaled_velocity_pa_s_m<S: Scalar>(
+pub(crate) fn scaled_velocity_pa_s_m<S: Scalar>(
     pressure_drop_pa: S,
     laminar: S,
     four_turbulent: S::Base,
@@ -110,7 +110,7 @@ pub fn scaled_velocity_pa_s_m<S: Scalar>(
 
 /// The constants of a round hole: `A/(2k)`, `r` of (O3) without series
 /// resistance, and `4 k`.
-pub fn hole<S: Scalar<Base = S>>(
+pub(crate) fn hole<S: Scalar<Base = S>>(
     area_m2: S,
     discharge_coefficient: S,
     transition_reynolds: S,
@@ -123,7 +123,7 @@ pub fn hole<S: Scalar<Base = S>>(
 }
 
 /// Equation (O2): (p_a, p_b) → flow from a to b.
-pub struct Restriction;
+pub(crate) struct Restriction;
 
 impl Equation<2, 1, 3> for Restriction {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {

@@ -25,7 +25,7 @@ use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
 /// A PID controller; see the module documentation.
-pub struct PidController;
+pub(crate) struct PidController;
 
 parameters! {
     gain: parameter(Unit::None, 1.0, (-1e6, 1e6), "gain K"),
@@ -100,7 +100,7 @@ impl Component for PidController {
 }
 
 /// Equations (PI1)–(PI4): (setpoint, measured, integral, slow error) → output and both rates.
-pub struct PidLaw;
+pub(crate) struct PidLaw;
 
 impl Equation<4, 3, 7> for PidLaw {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 7] {

@@ -24,7 +24,7 @@ use alloc::vec::Vec;
 use core::f64::consts::FRAC_PI_2;
 
 /// A continuous position loop; see the module documentation.
-pub struct PositionController;
+pub(crate) struct PositionController;
 
 // The sampled controller shares these parameters.
 parameters! {
@@ -167,7 +167,7 @@ pub(crate) fn limited<S: Scalar>(demand: S, mode: S) -> S {
 
 /// Equation (K1) and the first term of (K2): (command, position, correction) →
 /// demand.
-pub struct PositionDemand;
+pub(crate) struct PositionDemand;
 
 impl Equation<3, 1, 3> for PositionDemand {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -182,7 +182,7 @@ impl Equation<3, 1, 3> for PositionDemand {
 
 /// The second term of (K2): (p_A, p_B, washout) → part subtracted from the demand, rate of
 /// the washout.
-pub struct PressureFeedback;
+pub(crate) struct PressureFeedback;
 
 impl Equation<3, 2, 2> for PressureFeedback {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
@@ -196,7 +196,7 @@ impl Equation<3, 2, 2> for PressureFeedback {
 }
 
 /// Equation (K3): (demand, mode) → current.
-pub struct LimitedCurrent;
+pub(crate) struct LimitedCurrent;
 
 impl Equation<2, 1, 0> for LimitedCurrent {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {

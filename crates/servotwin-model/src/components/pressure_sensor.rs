@@ -18,7 +18,7 @@ use crate::spec::{Category, Fault, Port, Spec, Start, State, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
 /// A pressure transducer; see the module documentation.
-pub struct PressureSensor;
+pub(crate) struct PressureSensor;
 
 parameters! {
     // 5000 psi: chambers exceed a supply of 3000 psi, and a sensor at its end shows a constant.
@@ -101,7 +101,7 @@ pub(super) fn connect_transducer(wiring: &mut Wiring, pressure: Variable) {
 }
 
 /// Equation (PS1): (pressure, current) → rate of the current.
-pub struct PressureToCurrent;
+pub(crate) struct PressureToCurrent;
 
 impl Equation<2, 1, 3> for PressureToCurrent {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -119,7 +119,7 @@ impl Equation<2, 1, 3> for PressureToCurrent {
 }
 
 /// Equation (PS2): current → reading.
-pub struct CurrentToPressure;
+pub(crate) struct CurrentToPressure;
 
 impl Equation<1, 1, 2> for CurrentToPressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

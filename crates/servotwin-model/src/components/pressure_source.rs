@@ -12,7 +12,7 @@ use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
 /// An ideal pressure supply; see the module documentation.
-pub struct PressureSource;
+pub(crate) struct PressureSource;
 
 parameters! {
     pressure_pa: parameter(Unit::Pascal, 20.684e6, (1e4, 1e8), "supply pressure, absolute"),

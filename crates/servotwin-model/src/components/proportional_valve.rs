@@ -30,7 +30,7 @@ use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
 /// A proportional valve; see the module documentation.
-pub struct ProportionalValve;
+pub(crate) struct ProportionalValve;
 
 /// The spool's stops: at 1.1 strokes, where they do not affect the flow, with the stiffness and damping of
 /// the servo valve's stops.
@@ -167,7 +167,7 @@ impl Component for ProportionalValve {
 }
 
 /// Equations (W1)–(W3): (signal, x, v) → (x', v').
-pub struct ControlledSpool;
+pub(crate) struct ControlledSpool;
 
 impl Equation<3, 2, SPOOL_CONSTANTS> for ControlledSpool {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; SPOOL_CONSTANTS] {
@@ -191,7 +191,7 @@ impl Equation<3, 2, SPOOL_CONSTANTS> for ControlledSpool {
 
 /// Equations (PV1) and (PV2): (x, transmission, p_up, p_down) → flow. `which` is the edge: 0 for PA, 1 for PB,
 /// 2 for AT, 3 for BT.
-pub struct RatedEdge;
+pub(crate) struct RatedEdge;
 
 impl Equation<4, 1, 6> for RatedEdge {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 6] {

@@ -15,7 +15,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
 /// A relief valve; see the module documentation.
-pub struct ReliefValve;
+pub(crate) struct ReliefValve;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),

@@ -24,7 +24,7 @@ use alloc::string::String;
 use alloc::vec::Vec;
 
 /// A sampled position loop; see the module documentation.
-pub struct SampledPositionController;
+pub(crate) struct SampledPositionController;
 
 // These parameters follow those of the continuous controller.
 parameters! {
@@ -87,7 +87,7 @@ impl Component for SampledPositionController {
 
 /// Equations (Z1)–(Z3): (signals, held values) → (washout, current, current of
 /// the last tick, current of the tick before).
-pub struct SampledLaw;
+pub(crate) struct SampledLaw;
 
 impl Equation<9, 4, 5> for SampledLaw {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 5] {

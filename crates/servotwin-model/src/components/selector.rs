@@ -25,7 +25,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// A selector; see the module documentation.
-pub struct Selector;
+pub(crate) struct Selector;
 
 parameters! {
     select: parameter(Unit::None, 0.0, (0.0, 1.0), "selection s: 0 for the first, 1 for the vote"),
@@ -90,7 +90,7 @@ fn vote(wiring: &mut Wiring, first: Variable, second: Variable) -> Variable {
 }
 
 /// Equation (SE1): (first, vote, select) → output.
-pub struct Selection;
+pub(crate) struct Selection;
 
 impl Equation<3, 1, 0> for Selection {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
@@ -104,7 +104,7 @@ impl Equation<3, 1, 0> for Selection {
 }
 
 /// Equation (SE3): three displacements → their median.
-pub struct MiddleOfThree;
+pub(crate) struct MiddleOfThree;
 
 impl Equation<3, 1, 0> for MiddleOfThree {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
@@ -118,7 +118,7 @@ impl Equation<3, 1, 0> for MiddleOfThree {
 }
 
 /// Equation (SE4): four displacements → the mean of the two in the middle.
-pub struct MiddleOfFour;
+pub(crate) struct MiddleOfFour;
 
 impl Equation<4, 1, 0> for MiddleOfFour {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {

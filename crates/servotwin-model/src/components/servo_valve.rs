@@ -51,7 +51,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// A two-stage servo valve; see the module documentation.
-pub struct ServoValve;
+pub(crate) struct ServoValve;
 
 /// The parameters of the edges in the order of [`ORIENTATIONS`]: PA, PB, AT, BT.
 const WIDTHS: [usize; 4] =
@@ -223,7 +223,7 @@ fn pilot_root<S: Scalar>(drop_pa: S) -> S {
 }
 
 /// Equations (W1)–(W3): (current, x, v, p_p, p_t) → (x', v').
-pub struct SpoolMotion;
+pub(crate) struct SpoolMotion;
 
 impl Equation<5, 2, MOTION_CONSTANTS> for SpoolMotion {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; MOTION_CONSTANTS] {
@@ -255,7 +255,7 @@ impl Equation<5, 2, MOTION_CONSTANTS> for SpoolMotion {
 
 /// Equations (W4)–(W7): (x, transmission, p_up, p_down) → flow. `which` is the
 /// edge: 0 for PA, 1 for PB, 2 for AT, 3 for BT.
-pub struct EdgeFlow;
+pub(crate) struct EdgeFlow;
 
 impl Equation<4, 1, 9> for EdgeFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 9] {
@@ -311,7 +311,7 @@ impl Equation<4, 1, 9> for EdgeFlow {
 }
 
 /// The pilot stage as a hole: (p_p, p_t) → flow from p to t.
-pub struct PilotFlow;
+pub(crate) struct PilotFlow;
 
 impl Equation<2, 1, 3> for PilotFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {

@@ -20,7 +20,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A shut-off valve; see the module documentation.
-pub struct ShutOffValve;
+pub(crate) struct ShutOffValve;
 
 parameters! {
     area_m2: parameter(Unit::SquareMetre, 1.6e-5, (0.0, 1e-2), "flow area when open"),
@@ -72,7 +72,7 @@ impl Component for ShutOffValve {
 }
 
 /// Equations (S1) and (S2): (p_a, p_b, opening) → flow from a to b.
-pub struct ShutOffFlow;
+pub(crate) struct ShutOffFlow;
 
 impl Equation<3, 1, 4> for ShutOffFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 4] {

@@ -8,13 +8,13 @@ use crate::spec::{Category, Fault, Parameter, Port, Start, State, Unit, declare:
 use crate::wiring::{Listed, Output, Variable, Wiring};
 
 /// Whether each edge opens with the spool or against it, in the order of `which`.
-pub const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
+pub(crate) const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
 
 /// Upstream and downstream port of each edge, in the order of `which`.
 const EDGES: [(&str, &str); 4] = [("p", "a"), ("p", "b"), ("a", "t"), ("b", "t")];
 
 /// The ports of a valve whose spool follows a current or signal.
-pub const fn ports(current: &'static str) -> [Port; 7] {
+pub(crate) const fn ports(current: &'static str) -> [Port; 7] {
     [
         hydraulic("p", "supply"),
         hydraulic("t", "return"),
@@ -27,7 +27,7 @@ pub const fn ports(current: &'static str) -> [Port; 7] {
 }
 
 /// The states of the spool.
-pub const fn states() -> [State; 2] {
+pub(crate) const fn states() -> [State; 2] {
     [
         state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
         // The samples of an oscillating valve depend on the velocity.
@@ -45,51 +45,51 @@ pub const fn states() -> [State; 2] {
 }
 
 /// Fault: dirt narrows an edge. `parameter` is its width or share.
-pub const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
+pub(crate) const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
     scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
 }
 
 /// Fault: the spool is slow.
-pub const fn natural_frequency_loss(summary: &'static str) -> Fault {
+pub(crate) const fn natural_frequency_loss(summary: &'static str) -> Fault {
     let name = "natural_frequency_loss";
     shrinks(name, "natural_frequency_hz", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
 }
 
 /// Fault: the spool oscillates.
-pub const fn damping_loss(summary: &'static str) -> Fault {
+pub(crate) const fn damping_loss(summary: &'static str) -> Fault {
     shrinks("damping_loss", "damping_ratio", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
 }
 
 /// Fault: the null moves towards p → a.
-pub const fn bias_positive() -> Fault {
+pub(crate) const fn bias_positive() -> Fault {
     let summary = "null shift toward p → a";
     adds("bias_positive", "null_bias", 0.40, (0.0, 2.0), Category::Bias, summary)
 }
 
 /// Fault: the null moves towards p → b.
-pub const fn bias_negative() -> Fault {
+pub(crate) const fn bias_negative() -> Fault {
     let summary = "null shift toward p → b";
     adds("bias_negative", "null_bias", -0.40, (-2.0, 0.0), Category::Bias, summary)
 }
 
 /// Fault: the stroke is larger than commanded.
-pub const fn gain_high(summary: &'static str) -> Fault {
+pub(crate) const fn gain_high(summary: &'static str) -> Fault {
     adds("gain_high", "current_gain", 1.0, (0.0, 10.0), Category::Calibration, summary)
 }
 
 /// Fault: the stroke is smaller than commanded.
-pub const fn gain_low(summary: &'static str) -> Fault {
+pub(crate) const fn gain_low(summary: &'static str) -> Fault {
     adds("gain_low", "current_gain", -0.8, (-2.0, 0.0), Category::Calibration, summary)
 }
 
 /// Fault: dirt holds the spool.
-pub const fn jam() -> Fault {
+pub(crate) const fn jam() -> Fault {
     let summary = "dirt holds the spool until the difference to its command is large enough";
     adds("jam", "breakaway", 1.0, (0.0, 1.0), Category::Jamming, summary)
 }
 
 /// The parameter that [`jam`] raises.
-pub const fn breakaway(name: &'static str) -> Parameter {
+pub(crate) const fn breakaway(name: &'static str) -> Parameter {
     let summary =
         "difference to the command, per unit of the largest, below which the spool sticks";
     parameter(name, Unit::None, 0.0, (0.0, 1.0), summary)
@@ -97,7 +97,7 @@ pub const fn breakaway(name: &'static str) -> Parameter {
 
 /// The variables of the spool's motion. The inputs are current, position and velocity, the outputs the rates of
 /// position and velocity.
-pub fn motion_variables(wiring: &mut Wiring) -> ([Variable; 3], [Output; 2]) {
+pub(crate) fn motion_variables(wiring: &mut Wiring) -> ([Variable; 3], [Output; 2]) {
     let position = wiring.state("spool_position_m");
     let velocity = wiring.state("spool_velocity_m_s");
     wiring.set("spool_position", position);
@@ -109,7 +109,7 @@ pub fn motion_variables(wiring: &mut Wiring) -> ([Variable; 3], [Output; 2]) {
 }
 
 /// Wires the flow through each edge, `Edge`: (x, transmission, p_up, p_down) → flow.
-pub fn connect_edges<Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
+pub(crate) fn connect_edges<Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
 where
     Edge: Equation<4, 1, EDGE_CONSTANTS> + Listed,
 {
@@ -123,7 +123,7 @@ where
 }
 
 /// The parameters of a spool's motion.
-pub struct Spool<S> {
+pub(crate) struct Spool<S> {
     pub stroke_m: S,
     pub natural_frequency_hz: S,
     pub damping_ratio: S,
@@ -137,7 +137,7 @@ pub struct Spool<S> {
 }
 
 /// Number of constants of [`spool_motion`].
-pub const SPOOL_CONSTANTS: usize = 10 + END_STOP_CONSTANTS;
+pub(crate) const SPOOL_CONSTANTS: usize = 10 + END_STOP_CONSTANTS;
 
 /// The velocity before its limit up to which nothing but damping brakes it, over the limit; there tanh is 0.96.
 const FREE: f64 = 2.0;
@@ -146,7 +146,7 @@ const FREE: f64 = 2.0;
 const DECAY: f64 = 20.0;
 
 /// The constants of [`spool_motion`].
-pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTANTS] {
+pub(crate) fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTANTS] {
     let omega = spool.natural_frequency_hz * S::constant(2.0 * core::f64::consts::PI);
     let square = omega * omega;
     let [fraction, stiffness, damping] = spool.stop;
@@ -173,7 +173,7 @@ pub fn spool_constants<S: Scalar<Base = S>>(spool: Spool<S>) -> [S; SPOOL_CONSTA
 
 /// Equations (W1)–(W3): (current, x, v) → (x', v'), with the speed of the pilot stage per unit of the rated one.
 #[inline(always)]
-pub fn spool_motion<S: Scalar>(
+pub(crate) fn spool_motion<S: Scalar>(
     c: &[S::Base; SPOOL_CONSTANTS],
     [current, x, v]: [S; 3],
     speed: S,

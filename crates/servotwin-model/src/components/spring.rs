@@ -13,7 +13,7 @@ use crate::spec::{Category, Spec, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A spring with a damper; see the module documentation.
-pub struct Spring;
+pub(crate) struct Spring;
 
 parameters! {
     stiffness_n_m: required(Unit::NewtonPerMetre, (0.0, 1e12), "stiffness"),
@@ -51,7 +51,7 @@ impl Component for Spring {
 }
 
 /// Equation (S1) with the opposite sign: (position, velocity) → force that opposes it.
-pub struct Spreading;
+pub(crate) struct Spreading;
 
 impl Equation<2, 1, 3> for Spreading {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {

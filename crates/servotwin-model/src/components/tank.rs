@@ -12,7 +12,7 @@ use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::Wiring;
 
 /// A tank; see the module documentation.
-pub struct Tank;
+pub(crate) struct Tank;
 
 parameters! {
     pressure_pa: parameter(Unit::Pascal, 0.6e6, (1e3, 1e8), "pressure, absolute"),

@@ -20,7 +20,7 @@ use crate::spec::{Parameter, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A pressure transducer behind a tapping line; see the module documentation.
-pub struct TappedPressureSensor;
+pub(crate) struct TappedPressureSensor;
 
 /// The transducer's parameters come first, at the same positions.
 const TAPPING_HZ: usize = SHARED.len();
@@ -68,7 +68,7 @@ impl Component for TappedPressureSensor {
 }
 
 /// Equation (TP1): (pressure, pressure in the line) → rate of the pressure in the line.
-pub struct TappingLine;
+pub(crate) struct TappingLine;
 
 impl Equation<2, 1, 1> for TappingLine {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {

@@ -21,7 +21,7 @@ use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
 /// A temperature sensor; see the module documentation.
-pub struct TemperatureSensor;
+pub(crate) struct TemperatureSensor;
 
 parameters! {
     range_low_k: parameter(Unit::Kelvin, 213.15, (100.0, 1000.0), "reading at 4 mA, T_low"),
@@ -95,7 +95,7 @@ impl Component for TemperatureSensor {
 }
 
 /// Equation (TS1): (fluid, probe) → rate of the probe's temperature.
-pub struct Warming;
+pub(crate) struct Warming;
 
 impl Equation<2, 1, 1> for Warming {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1] {
@@ -109,7 +109,7 @@ impl Equation<2, 1, 1> for Warming {
 }
 
 /// Equation (TS2): probe → current.
-pub struct TemperatureToCurrent;
+pub(crate) struct TemperatureToCurrent;
 
 impl Equation<1, 1, 2> for TemperatureToCurrent {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {
@@ -126,7 +126,7 @@ impl Equation<1, 1, 2> for TemperatureToCurrent {
 }
 
 /// Equation (TS3): current → reading.
-pub struct CurrentToTemperature;
+pub(crate) struct CurrentToTemperature;
 
 impl Equation<1, 1, 2> for CurrentToTemperature {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

@@ -23,7 +23,7 @@ use crate::spec::{Category, Spec, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// A pump of variable displacement; see the module documentation.
-pub struct VariablePump;
+pub(crate) struct VariablePump;
 
 parameters! {
     flow_m3_s: full_flow(),
@@ -115,7 +115,7 @@ impl Component for VariablePump {
 }
 
 /// Equations (VP1) and (VP2): (displacement, p_in, p_out) → rate of the displacement.
-pub struct Compensator;
+pub(crate) struct Compensator;
 
 impl Equation<3, 1, 3> for Compensator {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 3] {
@@ -131,7 +131,7 @@ impl Equation<3, 1, 3> for Compensator {
 }
 
 /// Equation (VP3): (speed, displacement, p_in, p_out) → flow.
-pub struct StrokedFlow;
+pub(crate) struct StrokedFlow;
 
 impl Equation<4, 1, 2> for StrokedFlow {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 2] {

@@ -19,7 +19,7 @@ use crate::spec::{Spec, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
 /// A rigid volume; see the module documentation.
-pub struct Volume;
+pub(crate) struct Volume;
 
 parameters! {
     volume_m3: required(Unit::CubicMetre, (1e-9, 1.0), "volume"),
@@ -62,7 +62,7 @@ pub(super) fn fluid_pressure(wiring: &mut Wiring, state: &str) -> Variable {
 }
 
 /// Equation (V2): (state) → pressure.
-pub struct FluidPressure;
+pub(crate) struct FluidPressure;
 
 impl Equation<1, 1, 0> for FluidPressure {
     fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
@@ -76,7 +76,7 @@ impl Equation<1, 1, 0> for FluidPressure {
 }
 
 /// Equation (V1): (state, flow into the volume) → rate of the state.
-pub struct VolumePressure;
+pub(crate) struct VolumePressure;
 
 impl Equation<2, 1, { 1 + BULK_CONSTANTS }> for VolumePressure {
     fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; 1 + BULK_CONSTANTS] {

@@ -10,7 +10,7 @@ use super::{Liquid, walther_m2_s};
 use crate::scalar::{Scalar, lit};
 
 /// Red mineral oil; see the module documentation.
-pub struct MilPrf5606;
+pub(crate) struct MilPrf5606;
 
 impl Liquid for MilPrf5606 {
     const NAME: &'static str = "mil_prf_5606";

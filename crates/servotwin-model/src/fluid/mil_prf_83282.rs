@@ -9,7 +9,7 @@ use super::{Liquid, walther_m2_s};
 use crate::scalar::{Scalar, lit};
 
 /// Synthetic hydrocarbon; see the module documentation.
-pub struct MilPrf83282;
+pub(crate) struct MilPrf83282;
 
 impl Liquid for MilPrf83282 {
     const NAME: &'static str = "mil_prf_83282";

@@ -23,7 +23,7 @@ fn bulk_modulus_pa<S: Scalar>(temperature_k: S) -> S {
 macro_rules! grade {
     ($oil:ident, $name:literal, $summary:literal, $density:literal, $a:literal, $b:literal) => {
         #[doc = $summary]
-        pub struct $oil;
+        pub(crate) struct $oil;
 
         impl Liquid for $oil {
             const NAME: &'static str = $name;

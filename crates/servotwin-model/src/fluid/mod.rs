@@ -50,7 +50,7 @@ use crate::scalar::{Scalar, lit};
 use crate::spec::{Parameter, Unit, declare::parameter};
 
 /// The properties of one liquid as functions of its temperature.
-pub trait Liquid {
+pub(crate) trait Liquid {
     /// The word for `kind` in a system file.
     const NAME: &'static str;
     /// One line of documentation, with the source.
@@ -125,7 +125,7 @@ pub struct FluidState<S> {
 
 impl<S: Scalar<Base = S>> BulkModulus<S> {
     /// `1/E_c` of equation (F5), 1/Pa.
-    pub fn cavity_compliance_per_pa(&self) -> S {
+    pub(crate) fn cavity_compliance_per_pa(&self) -> S {
         let liquid = self.liquid_pa + self.slope * S::constant(VAPOR_PRESSURE_PA);
         S::constant(1.0) / liquid + self.wall_compliance_per_pa
     }
@@ -133,13 +133,13 @@ impl<S: Scalar<Base = S>> BulkModulus<S> {
 
 /// Equation (F4): the absolute pressure of a fluid from its state, Pa.
 #[inline(always)]
-pub fn pressure_pa<S: Scalar>(state_pa: S) -> S {
+pub(crate) fn pressure_pa<S: Scalar>(state_pa: S) -> S {
     state_pa.max(S::constant(VAPOR_PRESSURE_PA))
 }
 
 /// `1 − φ` of equation (F5): the share of a chamber that liquid fills. It is exactly one in a full chamber.
 #[inline(always)]
-pub fn liquid_share<S: Scalar>(cavity_compliance_per_pa: S::Base, state_pa: S) -> S {
+pub(crate) fn liquid_share<S: Scalar>(cavity_compliance_per_pa: S::Base, state_pa: S) -> S {
     let below = (-state_pa + lit::<S>(VAPOR_PRESSURE_PA)).max(S::constant(0.0));
     -(below * cavity_compliance_per_pa) + lit::<S>(1.0)
 }
@@ -184,15 +184,15 @@ pub struct BulkModulus<S> {
 }
 
 /// The temperature at which the parameters of laminar resistances, laminar leakage and seal friction hold, K.
-pub const REFERENCE_TEMPERATURE_K: f64 = 313.15;
+pub(crate) const REFERENCE_TEMPERATURE_K: f64 = 313.15;
 /// Normal pressure, Pa.
-pub const NORMAL_PRESSURE_PA: f64 = 101_325.0;
+pub(crate) const NORMAL_PRESSURE_PA: f64 = 101_325.0;
 /// Vapor pressure `p_v`, Pa: the lowest pressure of any fluid. It is so low that the gas expands first.
 /// At 2 kPa the kink caused the largest errors of all runs (4.7e-3 of scale instead of 5e-4).
 pub const VAPOR_PRESSURE_PA: f64 = 20.0;
 
 /// Number of constants of [`BulkModulus`].
-pub const BULK_CONSTANTS: usize = 6;
+pub(crate) const BULK_CONSTANTS: usize = 6;
 
 impl<S: Scalar> BulkModulus<S> {
     /// The constants as an array, for storage among an equation's constants.
@@ -220,7 +220,7 @@ pub fn compressibility_per_pa<S: Scalar>(constants: &[S::Base], pressure_pa: S) 
 /// `E q/V`, the rate at which a flow raises the pressure in a volume, Pa/s. This is
 /// [`compressibility_per_pa`] with only one division.
 #[inline(always)]
-pub fn pressure_rate_pa_s<S: Scalar>(
+pub(crate) fn pressure_rate_pa_s<S: Scalar>(
     constants: &[S::Base],
     pressure_pa: S,
     flow_m3_s: S,

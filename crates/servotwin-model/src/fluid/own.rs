@@ -15,9 +15,9 @@ use crate::scalar::{Scalar, lit};
 /// The word for `kind` in a system file.
 pub const NAME: &str = "own";
 /// One line of documentation.
-pub const SUMMARY: &str = "a liquid by its own numbers";
+pub(crate) const SUMMARY: &str = "a liquid by its own numbers";
 /// Temperatures for which data may be given, K; [`OwnLiquid::range_k`] may end earlier.
-pub const RANGE_K: (f64, f64) = (253.15, 423.15);
+pub(crate) const RANGE_K: (f64, f64) = (253.15, 423.15);
 /// The lowest bulk modulus of a liquid with its own data, Pa: no hydraulic fluid is as soft. Equation (L3) is a
 /// straight line that reaches zero at a high enough temperature.
 pub const LEAST_BULK_MODULUS_PA: f64 = 2e8;
@@ -73,7 +73,7 @@ impl Default for OwnLiquid {
 
 impl OwnLiquid {
     /// Density, kg/m³, kinematic viscosity, m²/s, bulk modulus, Pa, and its growth with pressure.
-    pub fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S, f64) {
+    pub(crate) fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S, f64) {
         let since_15 = temperature_k - lit::<S>(288.15);
         let number = |value: f64| S::constant(value);
         let sheet = [(SHEET_K, self.viscosity_40_m2_s), (373.15, self.viscosity_100_m2_s)];
@@ -93,7 +93,7 @@ impl OwnLiquid {
     }
 
     /// Temperatures for which the equations hold, K: the bulk modulus must be at least [`LEAST_BULK_MODULUS_PA`].
-    pub fn range_k(&self) -> (f64, f64) {
+    pub(crate) fn range_k(&self) -> (f64, f64) {
         let (coldest, hottest) = RANGE_K;
         if self.bulk_modulus_change >= 0.0 {
             return (coldest, hottest);

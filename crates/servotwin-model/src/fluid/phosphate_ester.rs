@@ -10,7 +10,7 @@ use super::{Liquid, log_10, power_of_ten};
 use crate::scalar::{Scalar, lit};
 
 /// Phosphate ester; see the module documentation.
-pub struct PhosphateEster;
+pub(crate) struct PhosphateEster;
 
 impl Liquid for PhosphateEster {
     const NAME: &'static str = "phosphate_ester";

@@ -21,7 +21,7 @@ use alloc::vec::Vec;
 /// The word for `kind` in a system file.
 pub const NAME: &str = "table";
 /// One line of documentation.
-pub const SUMMARY: &str = "a liquid by its own numbers at several temperatures";
+pub(crate) const SUMMARY: &str = "a liquid by its own numbers at several temperatures";
 /// The smallest distance of two points, K. Closer points would turn the rounding of a data sheet into a slope.
 pub const LEAST_STEP_K: f64 = 1.0;
 
@@ -84,12 +84,12 @@ impl Table {
     }
 
     /// Temperatures of the first and the last point, K.
-    pub fn range_k(&self) -> (f64, f64) {
+    pub(crate) fn range_k(&self) -> (f64, f64) {
         (self.points[0].temperature_k, self.points[self.points.len() - 1].temperature_k)
     }
 
     /// Density, kg/m³, kinematic viscosity, m²/s, and bulk modulus, Pa.
-    pub fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S) {
+    pub(crate) fn laws<S: Scalar>(&self, temperature_k: S) -> (S, S, S) {
         let [a, b] = self.of_pair(temperature_k, |cold, warm| {
             walther_through([cold, warm].map(|point| (point.temperature_k, point.viscosity_m2_s)))
         });

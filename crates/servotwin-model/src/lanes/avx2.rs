@@ -10,7 +10,7 @@ use core::arch::x86_64::*;
 /// processor has AVX2. This makes the intrinsics below sound.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct Avx2(__m256d);
+pub(crate) struct Avx2(__m256d);
 
 operator!(Avx2, Add, add, _mm256_add_pd);
 operator!(Avx2, Sub, sub, _mm256_sub_pd);

@@ -10,7 +10,7 @@ use core::arch::x86_64::*;
 /// processor has AVX-512. This makes the intrinsics below sound.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct Avx512(__m512d);
+pub(crate) struct Avx512(__m512d);
 
 operator!(Avx512, Add, add, _mm512_add_pd);
 operator!(Avx512, Sub, sub, _mm512_sub_pd);

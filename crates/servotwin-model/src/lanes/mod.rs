@@ -107,14 +107,14 @@ mod detected {
 
     /// A result that is queried only once, because `cpuid` takes tens of microseconds
     /// on a virtual machine.
-    pub struct Once(AtomicU8);
+    pub(crate) struct Once(AtomicU8);
 
-    pub static AVX2: Once = Once(AtomicU8::new(0));
-    pub static AVX512: Once = Once(AtomicU8::new(0));
+    pub(crate) static AVX2: Once = Once(AtomicU8::new(0));
+    pub(crate) static AVX512: Once = Once(AtomicU8::new(0));
 
     impl Once {
         /// The stored result; queries it if unknown (0 is unknown, 1 is no, 2 is yes).
-        pub fn get(&self, ask: fn() -> bool) -> bool {
+        pub(crate) fn get(&self, ask: fn() -> bool) -> bool {
             if self.0.load(Relaxed) == 0 {
                 self.0.store(1 + u8::from(ask()), Relaxed);
             }
@@ -136,11 +136,11 @@ mod detected {
         unsafe { enabled_state() & state == state }
     }
 
-    pub fn avx2() -> bool {
+    pub(crate) fn avx2() -> bool {
         saved_by_the_system(0b110) && __cpuid_count(7, 0).ebx & (1 << 5) != 0
     }
 
-    pub fn avx512() -> bool {
+    pub(crate) fn avx512() -> bool {
         const F: u32 = 1 << 16;
         const DQ: u32 = 1 << 17;
         saved_by_the_system(0b1110_0110) && __cpuid_count(7, 0).ebx & (F | DQ) == F | DQ
@@ -252,17 +252,17 @@ use operator;
 /// Constants for the bit operations of all types.
 mod bits {
     /// 1.5 × 2⁵²: adding it rounds to an integer held in the low bits.
-    pub const ROUNDING: f64 = 6_755_399_441_055_744.0;
+    pub(crate) const ROUNDING: f64 = 6_755_399_441_055_744.0;
     /// The exponent field of 1.0.
-    pub const ONE: u64 = 0x3ff0_0000_0000_0000;
+    pub(crate) const ONE: u64 = 0x3ff0_0000_0000_0000;
     /// √½, the lower end of the mantissas that `split_exponent` returns.
-    pub const ROOT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
+    pub(crate) const ROOT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
     /// The bits below the exponent.
-    pub const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
+    pub(crate) const MANTISSA: u64 = 0x000f_ffff_ffff_ffff;
     /// 2⁵²: its low bits hold a small non-negative integer.
-    pub const INTEGER: u64 = 0x4330_0000_0000_0000;
+    pub(crate) const INTEGER: u64 = 0x4330_0000_0000_0000;
     /// 2⁵² plus the exponent's bias.
-    pub const INTEGER_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1023.0;
+    pub(crate) const INTEGER_AND_BIAS: f64 = 4_503_599_627_370_496.0 + 1023.0;
 }
 
 #[cfg(test)]

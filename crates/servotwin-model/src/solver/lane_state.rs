@@ -50,14 +50,14 @@ pub(super) struct Moving {
 
 impl Moving {
     /// The first piece of an input; `None` if it is constant.
-    pub fn first(external: usize, input: &Piecewise) -> Option<Self> {
+    pub(crate) fn first(external: usize, input: &Piecewise) -> Option<Self> {
         let pieces = input.pieces();
         let moves = pieces.len() > 1 || pieces[0][1..] != [0.0; 3];
         moves.then(|| Self::nth(external, input, 0))
     }
 
     /// The piece with index `k` of an input.
-    pub fn nth(external: usize, input: &Piecewise, k: usize) -> Self {
+    pub(crate) fn nth(external: usize, input: &Piecewise, k: usize) -> Self {
         let breaks = input.breaks_s();
         let until_s = breaks.get(k + 1).copied().unwrap_or(f64::INFINITY);
         Self { external, from_s: breaks[k], until_s, piece: input.pieces()[k] }
@@ -107,7 +107,7 @@ pub(super) struct LaneState {
 }
 
 impl LaneState {
-    pub fn new(settle: bool, moving: Vec<Moving>, sample_period_s: f64, clocks: usize) -> Self {
+    pub(crate) fn new(settle: bool, moving: Vec<Moving>, sample_period_s: f64, clocks: usize) -> Self {
         Self {
             phase: if settle { Phase::Settling } else { Phase::Running },
             time_s: 0.0,
@@ -129,12 +129,12 @@ impl LaneState {
     }
 
     /// A lane without a variant.
-    pub fn idle(clocks: usize) -> Self {
+    pub(crate) fn idle(clocks: usize) -> Self {
         Self { phase: Phase::Idle, ..Self::new(false, Vec::new(), 1.0, clocks) }
     }
 
     /// Starts the run from the steady state.
-    pub fn begin_running(&mut self) {
+    pub(crate) fn begin_running(&mut self) {
         self.phase = Phase::Running;
         self.time_s = 0.0;
         self.wanted_s = FIRST_STEP_S;
@@ -143,7 +143,7 @@ impl LaneState {
     }
 
     /// Starts the simulation of the system after a failed steady-state search.
-    pub fn begin_following(&mut self, following: Following) {
+    pub(crate) fn begin_following(&mut self, following: Following) {
         self.phase = Phase::Following;
         self.following = Some(Box::new(following));
         self.next_tick.fill(0);
@@ -155,29 +155,29 @@ impl LaneState {
     }
 
     /// Ends that simulation, in steady state or not.
-    pub fn end_following(&mut self) -> Option<Box<Following>> {
+    pub(crate) fn end_following(&mut self) -> Option<Box<Following>> {
         self.phase = Phase::Settled;
         self.next_tick.fill(0);
         self.following.take()
     }
 
     /// Whether the lane is searching for the steady state.
-    pub fn seeks_rest(&self) -> bool {
+    pub(crate) fn seeks_rest(&self) -> bool {
         matches!(self.phase, Phase::Settling | Phase::Following)
     }
 
-    pub fn sample_time_s(&self) -> f64 {
+    pub(crate) fn sample_time_s(&self) -> f64 {
         self.next_sample as f64 * self.sample_period_s
     }
 
     /// Whether the lane has reached its next sample.
-    pub fn is_at_sample(&self) -> bool {
+    pub(crate) fn is_at_sample(&self) -> bool {
         self.phase == Phase::Running && self.sample_time_s() <= self.time_s + SAME_TIME_S
     }
 
     /// The cubic of an input from the beginning of the step; the constant `held` if the input is constant.
     #[inline(always)]
-    pub fn cubic(&self, external: usize, held: f64) -> Cubic {
+    pub(crate) fn cubic(&self, external: usize, held: f64) -> Cubic {
         let Some(moving) = self.moving.iter().find(|moving| moving.external == external) else {
             return [held, 0.0, 0.0, 0.0];
         };
@@ -188,7 +188,7 @@ impl LaneState {
     }
 
     /// Whether a clock is due. During the steady-state search it ticks at every step.
-    pub fn is_due(&self, clock: usize, period_s: f64) -> bool {
+    pub(crate) fn is_due(&self, clock: usize, period_s: f64) -> bool {
         match self.phase {
             Phase::Idle | Phase::Settled => false,
             Phase::Settling => true,
@@ -224,7 +224,7 @@ impl LaneState {
     /// Chooses the step that the error control requests, but ends it on the next event
     /// and avoids a tiny step before the event.
     #[inline(always)]
-    pub fn choose_step(&mut self, settings: &SolverSettings, periods_s: &[f64]) {
+    pub(crate) fn choose_step(&mut self, settings: &SolverSettings, periods_s: &[f64]) {
         match self.phase {
             Phase::Idle | Phase::Settled => {
                 self.step_s = FIRST_STEP_S;
@@ -257,7 +257,7 @@ impl LaneState {
 
     /// The fixed step, s; `None` under error control. The steady-state search always has error control.
     #[inline(always)]
-    pub fn fixed_step_s(&self, settings: &SolverSettings) -> Option<f64> {
+    pub(crate) fn fixed_step_s(&self, settings: &SolverSettings) -> Option<f64> {
         match settings.control {
             Control::Fixed { step_s } if !self.seeks_rest() => Some(step_s),
             _ => None,
@@ -265,7 +265,7 @@ impl LaneState {
     }
 
     #[inline(always)]
-    pub fn accept(&mut self) {
+    pub(crate) fn accept(&mut self) {
         self.statistics.steps += 1;
         self.attempt_rate_per_s *= (1.0 - self.step_s / MEMORY_S).max(0.0);
         self.time_s = self.end_s;
@@ -278,7 +278,7 @@ impl LaneState {
     /// The permitted error and the longest step, s; `None` for fixed
     /// steps.
     #[inline(always)]
-    pub fn allowed(&self, settings: &SolverSettings) -> Option<(f64, f64)> {
+    pub(crate) fn allowed(&self, settings: &SolverSettings) -> Option<(f64, f64)> {
         match (self.phase, settings.control) {
             (Phase::Settling, _) => Some((WANTED_SETTLING_CHANGE, MAX_SETTLING_STEP_S)),
             (Phase::Following, _) => Some((follow::TOLERANCE, MAX_SETTLING_STEP_S)),
@@ -299,7 +299,7 @@ impl LaneState {
 
     /// Chooses the next step from this step's growth factor. `was_rejected` states whether an earlier attempt failed.
     #[inline(always)]
-    pub fn adapt(&mut self, settings: &SolverSettings, factor: f64, was_rejected: bool) {
+    pub(crate) fn adapt(&mut self, settings: &SolverSettings, factor: f64, was_rejected: bool) {
         let Some((_, longest)) = self.allowed(settings) else {
             return;
         };

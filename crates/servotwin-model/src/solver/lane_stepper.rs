@@ -52,17 +52,17 @@ pub(super) struct Numbers<'n> {
 
 impl<'p, V: Lanes> LaneStepper<'p, V> {
     /// Number of clocks.
-    pub fn clocks(&self) -> usize {
+    pub(crate) fn clocks(&self) -> usize {
         self.periods_s.len()
     }
 
     /// The period of each clock, s.
-    pub fn periods_s(&self) -> &[f64] {
+    pub(crate) fn periods_s(&self) -> &[f64] {
         &self.periods_s
     }
 
     /// A stepper with idle lanes.
-    pub fn new(
+    pub(crate) fn new(
         program: &'p Program,
         settings: SolverSettings,
         compiled: Option<&'p CompiledSteps>,
@@ -83,12 +83,12 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
     }
 
     /// Uses compiled functions from now on if they exist for this number of lanes. Returns whether they do.
-    pub fn use_compiled(&mut self, compiled: &'p CompiledSteps) -> bool {
+    pub(crate) fn use_compiled(&mut self, compiled: &'p CompiledSteps) -> bool {
         self.memory.use_compiled(compiled.find(self.program, self.settings.method, V::WIDTH))
     }
 
     /// Sets a lane's variant during a run: states and values held by clocks stay.
-    pub fn set_numbers(&mut self, lane: usize, numbers: Numbers) {
+    pub(crate) fn set_numbers(&mut self, lane: usize, numbers: Numbers) {
         self.memory.set_constants(lane, numbers.constants);
         let first = self.program.externals().end;
         for (index, &value) in numbers.stand_ins.iter().enumerate() {
@@ -99,7 +99,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
     }
 
     /// Resets the values held by clocks to zero, as before their first tick.
-    pub fn reset_held(&mut self, lane: usize) {
+    pub(crate) fn reset_held(&mut self, lane: usize) {
         let program = self.program;
         let first = program.externals().end;
         for index in (0..program.stand_ins().len()).filter(|&index| program.is_held(index)) {
@@ -107,17 +107,17 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
         }
     }
 
-    pub fn set_states(&mut self, lane: usize, states: &[f64]) {
+    pub(crate) fn set_states(&mut self, lane: usize, states: &[f64]) {
         self.memory.set_states(lane, states);
     }
 
     /// Sets the value of a constant input in a lane.
-    pub fn set_input(&mut self, lane: usize, external: usize, value: f64) {
+    pub(crate) fn set_input(&mut self, lane: usize, external: usize, value: f64) {
         self.memory.set_variable(lane, self.program.externals().start + external, value);
     }
 
     /// Lists the inputs that change with time. Call it when the lanes' inputs have changed.
-    pub fn find_moving(&mut self) {
+    pub(crate) fn find_moving(&mut self) {
         let Self { lane_states, moving, .. } = self;
         moving.clear();
         for external in 0..self.program.externals().len() {
@@ -130,13 +130,13 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
     }
 
     /// The external inputs, the stand-ins and the values held by clocks.
-    pub fn held(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn held(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
         let slots = self.program.externals().start..self.program.stand_ins().end;
         slots.map(move |slot| self.memory.variable(lane, slot))
     }
 
     /// Restores the values of [`LaneStepper::held`].
-    pub fn set_held(&mut self, lane: usize, held: &[f64]) {
+    pub(crate) fn set_held(&mut self, lane: usize, held: &[f64]) {
         let first = self.program.externals().start;
         for (offset, &value) in held.iter().enumerate() {
             self.memory.set_variable(lane, first + offset, value);
@@ -144,18 +144,18 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
     }
 
     /// The states at the lane's current time.
-    pub fn states(&self, lane: usize) -> Vec<f64> {
+    pub(crate) fn states(&self, lane: usize) -> Vec<f64> {
         self.memory.states(lane)
     }
 
     /// A variable as of the last evaluation.
-    pub fn variable(&self, lane: usize, slot: Slot) -> f64 {
+    pub(crate) fn variable(&self, lane: usize, slot: Slot) -> f64 {
         self.memory.variable(lane, slot as usize)
     }
 
     /// Ticks clocks that are due, chooses every lane's step and evaluates all equations.
     #[inline(always)]
-    pub fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         for lane_state in self.lane_states.iter_mut() {
             if lane_state.phase == Phase::Settled {
                 lane_state.begin_running();
@@ -178,7 +178,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
 
     /// Loads the current pieces of the inputs.
     #[inline(always)]
-    pub fn load_inputs(&mut self) {
+    pub(crate) fn load_inputs(&mut self) {
         self.memory.clear_inputs();
         let lane_states = &self.lane_states;
         let first = self.program.externals().start;
@@ -262,7 +262,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
 
     /// Tries every lane's step; returns its length, s, and its error over scale.
     #[inline(always)]
-    pub fn attempt(&mut self) -> (V, V) {
+    pub(crate) fn attempt(&mut self) -> (V, V) {
         let h = V::from_fn(|lane| self.lane_states[lane].step_s);
         let Some(tableau) = self.settings.method.tableau() else {
             self.memory.runge_kutta(h);
@@ -282,12 +282,12 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
 
     /// Evaluates every lane at a fraction of the attempted step.
     #[inline(always)]
-    pub fn interpolate(&mut self, tableau: &Tableau, h: V, fraction: V) {
+    pub(crate) fn interpolate(&mut self, tableau: &Tableau, h: V, fraction: V) {
         self.memory.interpolate(tableau, h, fraction);
     }
 
     #[inline(always)]
-    pub fn accepts(&self, lane: usize, error: f64) -> bool {
+    pub(crate) fn accepts(&self, lane: usize, error: f64) -> bool {
         match self.lane_states[lane].allowed(&self.settings) {
             Some((allowed, _)) => error <= allowed,
             None => error.is_finite(),
@@ -310,7 +310,7 @@ impl<'p, V: Lanes> LaneStepper<'p, V> {
     /// Accepts or rejects the attempted step in every lane, and plans the next. A lane that
     /// cannot continue becomes idle and stores its failure.
     #[inline(always)]
-    pub fn conclude(&mut self, error: V) {
+    pub(crate) fn conclude(&mut self, error: V) {
         let implicit = self.settings.method.tableau();
         let (evaluations, jacobians) =
             implicit.map_or((3, 0), |tableau| (tableau.stages() as u64 - 1, 1));

@@ -42,7 +42,7 @@ pub(super) struct StepArrays<V> {
 
 impl<V: Lanes> StepArrays<V> {
     /// Arrays for a program; every lane is zero.
-    pub fn new(program: &Program) -> Self {
+    pub(crate) fn new(program: &Program) -> Self {
         let n = program.states().len();
         let zeros = |count: usize| vec![V::constant(0.0); count];
         Self {
@@ -99,7 +99,7 @@ pub(super) enum AnyStep<'p> {
 
 impl<'p> AnyStep<'p> {
     /// Returns the compiled step if there is one, and allocates its cached values.
-    pub fn choose<V: Lanes>(
+    pub(crate) fn choose<V: Lanes>(
         program: &'p Program,
         compiled: Option<&'p CompiledStep>,
         arrays: &mut StepArrays<V>,
@@ -108,7 +108,7 @@ impl<'p> AnyStep<'p> {
         compiled.map_or(Self::Interpreted(InterpretedStep { program }), Self::Compiled)
     }
 
-    pub fn is_compiled(&self) -> bool {
+    pub(crate) fn is_compiled(&self) -> bool {
         matches!(self, Self::Compiled(_))
     }
 }

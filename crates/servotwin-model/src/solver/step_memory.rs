@@ -74,7 +74,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     }
 
     /// One variable of every lane.
-    pub fn variables(&self, slot: usize) -> V {
+    pub(crate) fn variables(&self, slot: usize) -> V {
         self.arrays.variables[slot]
     }
 
@@ -86,7 +86,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     }
 
     /// The states of a lane.
-    pub fn states(&self, lane: usize) -> Vec<f64> {
+    pub(crate) fn states(&self, lane: usize) -> Vec<f64> {
         self.arrays.y.iter().map(|state| state.lane(lane)).collect()
     }
 
@@ -96,7 +96,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     }
 
     /// Removes all moving inputs. Call it before [`StepMemory::set_input`].
-    pub fn clear_inputs(&mut self) {
+    pub(crate) fn clear_inputs(&mut self) {
         for (external, _) in self.moving.drain(..) {
             self.arrays.gradients[self.program.jacobian().slope(external)] = V::constant(0.0);
         }
@@ -163,7 +163,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     /// Takes one Rosenbrock step (R1), (R2) from the last [`StepMemory::begin`]. Returns the
     /// largest error of any state, relative to its scale and `error_weight`.
     #[inline(always)]
-    pub fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
+    pub(crate) fn rosenbrock(&mut self, method: &Tableau, h: V) -> V {
         let reciprocal = V::constant(1.0) / h;
         let diagonal = reciprocal * V::constant(1.0 / method.gamma);
         self.step.factor(diagonal, &mut self.arrays);
@@ -202,7 +202,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     /// implicit Euler method over `γ h`. No state ends below its lowest value. Returns the largest change in these
     /// lanes, and `error` in the others.
     #[inline(always)]
-    pub fn keep_first_stage(&mut self, lanes: V::Mask, error: V) -> V {
+    pub(crate) fn keep_first_stage(&mut self, lanes: V::Mask, error: V) -> V {
         for (k, &y) in self.arrays.y.iter().enumerate() {
             let change = self.arrays.stages[k];
             let new = (y + change).max(V::constant(self.lowest[k]));
@@ -230,7 +230,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
 
     /// Takes one step of the classical Runge–Kutta method from the last evaluation.
     #[inline(always)]
-    pub fn runge_kutta(&mut self, h: V) {
+    pub(crate) fn runge_kutta(&mut self, h: V) {
         let n = self.arrays.y.len();
         let half = h * V::constant(0.5);
         for (stage, offset) in [V::constant(0.0), half, half, h].into_iter().enumerate() {
@@ -254,14 +254,14 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
 
     /// Accepts the step in the lanes of the mask.
     #[inline(always)]
-    pub fn accept(&mut self, lanes: V::Mask) {
+    pub(crate) fn accept(&mut self, lanes: V::Mask) {
         for (y, &new) in self.arrays.y.iter_mut().zip(&self.y_new) {
             *y = V::select(lanes, new, *y);
         }
     }
 
     /// Whether the new states of a lane are finite numbers.
-    pub fn finite(&self, lane: usize) -> bool {
+    pub(crate) fn finite(&self, lane: usize) -> bool {
         self.y_new.iter().all(|v| v.lane(lane).is_finite())
     }
 
@@ -270,7 +270,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     ///
     /// One such rate makes all states of the step not finite, so their errors do not
     /// identify it. Evaluates all equations again.
-    pub fn worst_state(&mut self, lane: usize) -> usize {
+    pub(crate) fn worst_state(&mut self, lane: usize) -> usize {
         self.evaluate();
         let rates = &self.arrays.variables[self.program.derivatives()];
         let broken = rates.iter().position(|rate| !rate.lane(lane).is_finite());
@@ -294,7 +294,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     }
 
     /// For each state of a lane: its value and its rate, 1/s, both over its scale, as of the last evaluation.
-    pub fn motion_over_scale(&self, lane: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(crate) fn motion_over_scale(&self, lane: usize) -> impl Iterator<Item = (f64, f64)> + '_ {
         let derivatives = &self.arrays.variables[self.program.derivatives()];
         let both = self.arrays.y.iter().zip(derivatives).zip(&self.reciprocal_scales);
         both.map(move |((y, rate), scale)| (y.lane(lane) * scale, rate.lane(lane) * scale))
@@ -302,7 +302,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
 
     /// The largest rate of any state over its scale in a lane, 1/s,
     /// as of the last evaluation.
-    pub fn largest_rate_per_s(&self, lane: usize) -> f64 {
+    pub(crate) fn largest_rate_per_s(&self, lane: usize) -> f64 {
         let derivatives = &self.arrays.variables[self.program.derivatives()];
         let rates = derivatives.iter().zip(&self.reciprocal_scales);
         rates.fold(0.0, |largest, (d, scale)| {
@@ -316,7 +316,7 @@ impl<'p, V: Lanes> StepMemory<'p, V> {
     ///
     /// `fraction` is per lane. Call it before [`StepMemory::accept`].
     #[inline(always)]
-    pub fn interpolate(&mut self, method: &Tableau, h: V, fraction: V) {
+    pub(crate) fn interpolate(&mut self, method: &Tableau, h: V, fraction: V) {
         let n = self.arrays.y.len();
         let rest = V::constant(1.0) - fraction;
         for k in 0..n {

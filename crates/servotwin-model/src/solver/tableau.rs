@@ -119,7 +119,7 @@ impl<V: Scalar<Base = V>> StageSums<'_, V> {
 
 /// Four stages, order 3(2): Sandu, Verwer, Blom, Spee, Carmichael, Potra,
 /// Atmospheric Environment 31 (1997) 3459. Three function evaluations.
-pub static RODAS3: Tableau = Tableau {
+pub(crate) static RODAS3: Tableau = Tableau {
     gamma: 0.5,
     a: &[&[], &[0.0], &[2.0, 0.0], &[2.0, 0.0, 1.0]],
     c: &[&[], &[4.0], &[1.0, -1.0], &[1.0, -1.0, -8.0 / 3.0]],
@@ -131,7 +131,7 @@ pub static RODAS3: Tableau = Tableau {
 
 /// Six stages, order 4(3), with little order reduction for stiff problems: Steinebach,
 /// Progress in Differential-Algebraic Equations II, Springer (2020) 165.
-pub static RODAS4P2: Tableau = Tableau {
+pub(crate) static RODAS4P2: Tableau = Tableau {
     gamma: 0.25,
     a: &[
         &[],
@@ -187,7 +187,7 @@ const RODAS5P_LAST: [f64; 5] = [
 ];
 
 /// Eight stages, order 5(4): Steinebach, BIT 63 (2023) 27.
-pub static RODAS5P: Tableau = Tableau {
+pub(crate) static RODAS5P: Tableau = Tableau {
     gamma: 0.21193756319429014,
     a: &[
         &[],

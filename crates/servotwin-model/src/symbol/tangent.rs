@@ -6,7 +6,7 @@ use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 
 /// For each value, the entries of external arrays that it depends on, by the numbers that `number` gives them.
-pub fn dependencies(
+pub(crate) fn dependencies(
     graph: &Graph,
     values: &[Symbol],
     number: impl Fn(&'static str, u32) -> Option<usize>,
@@ -28,7 +28,7 @@ pub fn dependencies(
 
 /// The directional derivatives of values, as further symbols of the graph. `seed` is the derivative of an entry of an
 /// external array; `None` stands for zero.
-pub fn tangents<'g>(
+pub(crate) fn tangents<'g>(
     graph: &'g Graph,
     values: &[Symbol<'g>],
     seed: impl Fn(&'static str, u32) -> Option<Symbol<'g>>,

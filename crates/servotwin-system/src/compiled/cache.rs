@@ -74,7 +74,7 @@ pub(super) struct CacheEntry {
 
 impl CacheEntry {
     /// `None` without a folder.
-    pub fn new(text: &str, how: &[&str]) -> Option<Self> {
+    pub(crate) fn new(text: &str, how: &[&str]) -> Option<Self> {
         let mut digest = Sha256::new();
         for part in [env!("CARGO_PKG_VERSION"), text].iter().chain(how) {
             digest.update((part.len() as u64).to_le_bytes());
@@ -88,7 +88,7 @@ impl CacheEntry {
     }
 
     /// The content of the undamaged library of a level.
-    pub fn find(&self, level: Level) -> Option<Vec<u8>> {
+    pub(crate) fn find(&self, level: Level) -> Option<Vec<u8>> {
         let stem = self.stem(level);
         if !is_private(&self.folder) {
             return None;
@@ -101,7 +101,7 @@ impl CacheEntry {
     }
 
     /// Copies a library into the folder. Failing to do so costs the next run some seconds, no result.
-    pub fn keep(&self, level: Level, library: &Path) {
+    pub(crate) fn keep(&self, level: Level, library: &Path) {
         let Ok(content) = fs::read(library) else { return };
         if create(&self.folder).is_err() || !is_private(&self.folder) {
             return;

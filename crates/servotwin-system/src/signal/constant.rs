@@ -5,7 +5,7 @@ use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A value that does not change.
-pub struct Constant;
+pub(crate) struct Constant;
 
 static SPEC: Spec = Spec {
     kind: "constant",

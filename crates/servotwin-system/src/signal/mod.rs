@@ -33,7 +33,7 @@ use servotwin_model::spec::Unit;
 use std::fmt;
 
 /// Every kind of signal, in the order of the documentation.
-pub static ALL: &[&dyn SignalKind] = &[
+pub(crate) static ALL: &[&dyn SignalKind] = &[
     &constant::Constant,
     &step::StepSignal,
     &ramp::Ramp,
@@ -44,7 +44,7 @@ pub static ALL: &[&dyn SignalKind] = &[
 ];
 
 /// The kind with a given name.
-pub fn find(kind: &str) -> Option<&'static dyn SignalKind> {
+pub(crate) fn find(kind: &str) -> Option<&'static dyn SignalKind> {
     ALL.iter().copied().find(|k| k.spec().kind == kind)
 }
 
@@ -61,12 +61,12 @@ pub struct WrittenQuantity {
 
 impl WrittenQuantity {
     /// The measure of its unit; `None` for a plain number.
-    pub fn measure(&self) -> Option<Measure> {
+    pub(crate) fn measure(&self) -> Option<Measure> {
         self.unit.map(|unit| Measure::per(unit.unit, self.per_second))
     }
 
     /// The number in SI.
-    pub fn si(&self) -> f64 {
+    pub(crate) fn si(&self) -> f64 {
         self.number * self.unit.map_or(1.0, |unit| unit.si)
     }
 }
@@ -80,7 +80,7 @@ impl fmt::Display for WrittenQuantity {
 
 /// The argument of a parameter.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Argument {
+pub(crate) enum Argument {
     /// A number with or without a unit.
     Quantity(WrittenQuantity),
     /// A word, e.g. a file name.
@@ -89,7 +89,7 @@ pub enum Argument {
 
 /// One term of a signal: a kind with its arguments, checked as far as possible without the input's unit.
 #[derive(Clone)]
-pub struct Term {
+pub(crate) struct Term {
     kind: &'static dyn SignalKind,
     /// One entry per declared parameter.
     arguments: Vec<Option<Argument>>,
@@ -97,12 +97,12 @@ pub struct Term {
 
 impl Term {
     /// The kind of signal.
-    pub fn kind(&self) -> &'static dyn SignalKind {
+    pub(crate) fn kind(&self) -> &'static dyn SignalKind {
         self.kind
     }
 
     /// The given arguments, with the names of their parameters.
-    pub fn arguments(&self) -> impl Iterator<Item = (&'static str, &Argument)> {
+    pub(crate) fn arguments(&self) -> impl Iterator<Item = (&'static str, &Argument)> {
         let parameters = self.kind.spec().parameters.iter();
         parameters.zip(&self.arguments).filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
     }
@@ -132,7 +132,7 @@ pub struct Signal {
 
 impl Signal {
     /// The terms as ordered in the text.
-    pub fn terms(&self) -> &[Term] {
+    pub(crate) fn terms(&self) -> &[Term] {
         &self.terms
     }
 

@@ -26,7 +26,7 @@ use servotwin_model::spec::Unit;
 use std::f64::consts::PI;
 
 /// Band-limited white noise.
-pub struct Noise;
+pub(crate) struct Noise;
 
 /// The default limit for angles: the travel of an aileron (physics 7.2).
 const ANGLE_LIMIT_RAD: f64 = 22.0 * PI / 180.0;

@@ -5,7 +5,7 @@ use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A straight line from zero.
-pub struct Ramp;
+pub(crate) struct Ramp;
 
 static SPEC: Spec = Spec {
     kind: "ramp",

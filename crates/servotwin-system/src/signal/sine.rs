@@ -12,7 +12,7 @@ use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;
 
 /// A sine.
-pub struct Sine;
+pub(crate) struct Sine;
 
 const PIECES_PER_PERIOD: f64 = 256.0;
 

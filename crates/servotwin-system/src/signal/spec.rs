@@ -96,7 +96,7 @@ pub struct Parameter {
 
 impl Parameter {
     /// The unit of its values for an input in `unit`; `None` for a word.
-    pub fn measure(&self, unit: Unit) -> Option<Measure> {
+    pub(crate) fn measure(&self, unit: Unit) -> Option<Measure> {
         match self.sort {
             Sort::Value => Some(Measure::of(unit)),
             Sort::Rate => Some(Measure { unit, per_second: true }),
@@ -137,7 +137,7 @@ pub struct Spec {
 
 impl Spec {
     /// The index of a parameter by name.
-    pub fn parameter(&self, name: &str) -> Option<usize> {
+    pub(crate) fn parameter(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|p| p.name == name)
     }
 
@@ -213,7 +213,7 @@ impl<'a> Given<'a> {
     }
 
     /// A number that is given or has a default; `None` otherwise.
-    pub fn optional(&self, name: &str) -> Option<f64> {
+    pub(crate) fn optional(&self, name: &str) -> Option<f64> {
         let place = self.place(name);
         match (&self.arguments[place], self.spec.parameters[place].fallback) {
             (Some(Argument::Quantity(quantity)), _) => Some(quantity.si()),
@@ -223,12 +223,12 @@ impl<'a> Given<'a> {
     }
 
     /// A number that is required or has a default.
-    pub fn number(&self, name: &str) -> f64 {
+    pub(crate) fn number(&self, name: &str) -> f64 {
         self.optional(name).expect("required parameters are checked when parsed")
     }
 
     /// A word or text that is given or has a default.
-    pub fn word(&self, name: &str) -> &str {
+    pub(crate) fn word(&self, name: &str) -> &str {
         let place = self.place(name);
         match (&self.arguments[place], self.spec.parameters[place].fallback) {
             (Some(Argument::Word(word)), _) => word,

@@ -5,7 +5,7 @@ use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
 use servotwin_model::signal::Piecewise;
 
 /// A jump from zero.
-pub struct StepSignal;
+pub(crate) struct StepSignal;
 
 static SPEC: Spec = Spec {
     kind: "step",

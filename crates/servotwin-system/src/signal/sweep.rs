@@ -21,7 +21,7 @@ use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;
 
 /// A sine whose frequency changes.
-pub struct Sweep;
+pub(crate) struct Sweep;
 
 const ERROR: f64 = 9e-10;
 

@@ -11,7 +11,7 @@ use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::spec::Unit;
 
 /// A recorded signal.
-pub struct Recorded;
+pub(crate) struct Recorded;
 
 /// The parameter that names the file.
 pub(super) const FILE: &str = "file";

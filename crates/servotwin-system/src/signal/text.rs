@@ -151,13 +151,13 @@ pub(super) struct Builder {
 }
 
 impl Builder {
-    pub fn new(kind: &str) -> Result<Self, SignalError> {
+    pub(crate) fn new(kind: &str) -> Result<Self, SignalError> {
         let found = find(kind).ok_or_else(|| SignalError::UnknownKind { given: kind.into() })?;
         Ok(Self { kind: found, arguments: vec![None; found.spec().parameters.len()] })
     }
 
     /// Sets an argument given as text.
-    pub fn set(&mut self, name: &str, text: &str) -> Result<(), SignalError> {
+    pub(crate) fn set(&mut self, name: &str, text: &str) -> Result<(), SignalError> {
         let place = self.free_place(name)?;
         let spec = self.kind.spec();
         let parameter = &spec.parameters[place];
@@ -186,7 +186,7 @@ impl Builder {
         }
     }
 
-    pub fn finish(self) -> Result<Term, SignalError> {
+    pub(crate) fn finish(self) -> Result<Term, SignalError> {
         let spec = self.kind.spec();
         for (parameter, argument) in spec.parameters.iter().zip(&self.arguments) {
             if argument.is_none() && parameter.fallback == Fallback::Required {

@@ -14,7 +14,7 @@ pub struct Measure {
 
 impl Measure {
     /// The measure of a unit; speeds become lengths or angles per second.
-    pub fn of(unit: Unit) -> Self {
+    pub(crate) fn of(unit: Unit) -> Self {
         let (unit, per_second) = match unit {
             Unit::MetrePerSecond => (Unit::Metre, true),
             Unit::RadianPerSecond => (Unit::Radian, true),
@@ -32,7 +32,7 @@ impl Measure {
     }
 
     /// How its units are written, the most usual first.
-    pub fn allowed(self) -> Vec<String> {
+    pub(crate) fn allowed(self) -> Vec<String> {
         let own = known().filter(|row| Self::of(row.unit) == self).map(|row| row.symbol.to_owned());
         let rates = known().filter(|row| self.per_second && row.unit == self.unit);
         let mut all: Vec<String> = vec![];

@@ -16,7 +16,7 @@ mod laws;
 mod mistake;
 pub mod other_plant;
 mod quick;
-pub mod reactions;
+pub(crate) mod reactions;
 mod reader;
 mod realism;
 mod seed;
@@ -60,7 +60,7 @@ use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
 /// The format of study files that this version reads.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 /// The default study: the seed paper's.
 const DEFAULT: (&str, &str) = built_in::STUDIES[0];

@@ -44,7 +44,7 @@ const LISTED: usize = 30;
 
 impl<'a> Reader<'a> {
     /// Notes a mistake, at most one for each place. Mistakes that may come from a substitute are dropped.
-    pub fn note(&self, at: &TextSpan, mistake: StudyMistake) -> Noted {
+    pub(crate) fn note(&self, at: &TextSpan, mistake: StudyMistake) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
         if !mistakes.knows(at) && self.is_certain(&mistake) {
             mistakes.note(at, mistake);
@@ -75,7 +75,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Notes an unknown name at a place.
-    pub fn unknown<'n>(
+    pub(crate) fn unknown<'n>(
         &self,
         at: &KeyPath,
         what: &'static str,
@@ -94,18 +94,18 @@ impl<'a> Reader<'a> {
     }
 
     /// Notes a name of something that all actuators share, where each actuator needs its own.
-    pub fn shared(&self, at: &KeyPath, what: &'static str, unit: &str, name: &str) -> Noted {
+    pub(crate) fn shared(&self, at: &KeyPath, what: &'static str, unit: &str, name: &str) -> Noted {
         let mistake = StudyMistake::Shared { what, name: name.into(), unit: unit.into() };
         self.note(&self.span(at), mistake)
     }
 
     /// Notes a mistake in a text.
-    pub fn in_text(&self, at: &KeyPath, mistake: document::TomlMistake) -> Noted {
+    pub(crate) fn in_text(&self, at: &KeyPath, mistake: document::TomlMistake) -> Noted {
         self.note(&self.span(at), mistake.into())
     }
 
     /// Checks that a number lies within its range.
-    pub fn range(
+    pub(crate) fn range(
         &self,
         at: &KeyPath,
         value: f64,
@@ -121,7 +121,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Checks that a component's parameter allows a value.
-    pub fn parameter(
+    pub(crate) fn parameter(
         &self,
         at: &KeyPath,
         (component, parameter): (usize, usize),
@@ -132,12 +132,12 @@ impl<'a> Reader<'a> {
     }
 
     /// Notes an empty value at its place.
-    pub fn empty(&self, at: &KeyPath, field: &'static str) -> Noted {
+    pub(crate) fn empty(&self, at: &KeyPath, field: &'static str) -> Noted {
         self.note(&self.span(at), StudyMistake::Empty { field })
     }
 
     /// The index of the input that is named at a place.
-    pub fn input(&self, at: &KeyPath, id: &str) -> Result<usize, Noted> {
+    pub(crate) fn input(&self, at: &KeyPath, id: &str) -> Result<usize, Noted> {
         let inputs = &self.system.network().inputs;
         let position = inputs.iter().position(|i| i.id == id);
         let known = inputs.iter().map(|i| i.id.as_str());
@@ -145,12 +145,12 @@ impl<'a> Reader<'a> {
     }
 
     /// The index of the input that the commands drive.
-    pub fn command_input(&self) -> Result<usize, Noted> {
+    pub(crate) fn command_input(&self) -> Result<usize, Noted> {
         self.input(&KeyPath::of(&["command", "input"]), &self.text.command.input)
     }
 
     /// A constant signal for an input, checked against its range.
-    pub fn constant(&self, at: &KeyPath, input: usize, value: f64) -> Result<Piecewise, Noted> {
+    pub(crate) fn constant(&self, at: &KeyPath, input: usize, value: f64) -> Result<Piecewise, Noted> {
         let (min, max) = self.system.network().input_range(input);
         let unit = self.system.network().inputs[input].unit.symbol();
         let allowed = format!("{}", crate::document::Quantities(min, max, unit));
@@ -159,7 +159,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Builds the signal of an input for a duration.
-    pub fn signal(
+    pub(crate) fn signal(
         &self,
         at: &KeyPath,
         name: &str,
@@ -180,12 +180,12 @@ impl<'a> Reader<'a> {
     }
 
     /// Keeps the successful results. The mistakes of the others are already noted.
-    pub fn sound<T>(&self, all: impl IntoIterator<Item = Result<T, Noted>>) -> Vec<T> {
+    pub(crate) fn sound<T>(&self, all: impl IntoIterator<Item = Result<T, Noted>>) -> Vec<T> {
         all.into_iter().filter_map(Result::ok).collect()
     }
 
     /// Returns the result if no mistake was noted.
-    pub fn finish<T>(self, result: Result<T, Noted>) -> Result<T, StudyError> {
+    pub(crate) fn finish<T>(self, result: Result<T, Noted>) -> Result<T, StudyError> {
         let mistakes = self.mistakes.into_inner();
         match result {
             Ok(result) if mistakes.is_empty() => Ok(result),
@@ -197,7 +197,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The byte range of a place in the file.
-    pub fn span(&self, at: &KeyPath) -> TextSpan {
+    pub(crate) fn span(&self, at: &KeyPath) -> TextSpan {
         let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
         at.find(root.get_ref())
     }

@@ -134,7 +134,7 @@ pub const OTHER_STRUCTURE: &str = "other_structure";
 /// The same beside twins that are fitted to these plants.
 pub const OTHER_STRUCTURE_FITTED: &str = "other_structure_fitted";
 /// The flights of [`JUDGE`], watched by a diagnosis without each sensor.
-pub const MISSING_SENSORS: &str = "missing_sensors";
+pub(crate) const MISSING_SENSORS: &str = "missing_sensors";
 /// Healthy flights, each in an environment of its own.
 pub const HEALTHY: &str = "healthy";
 /// The same by plants that differ from their twin in structure.

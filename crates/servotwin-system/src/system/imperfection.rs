@@ -21,7 +21,7 @@ impl Imperfection {
     }
 
     /// Reads a component with its parameters; without noise and steps if it is not a sensor.
-    pub fn of_component(component: &dyn Component, parameters: &[f64]) -> Self {
+    pub(crate) fn of_component(component: &dyn Component, parameters: &[f64]) -> Self {
         let Some(span) = component.span(parameters) else {
             return Self { sigma: 0.0, step: 0.0 };
         };
@@ -64,7 +64,7 @@ impl Imperfections {
     }
 
     /// Applies the imperfection of one sensor to its samples.
-    pub fn apply_to_one(&self, place: usize, samples: &mut [f64], noise: &mut NormalDeviates) {
+    pub(crate) fn apply_to_one(&self, place: usize, samples: &mut [f64], noise: &mut NormalDeviates) {
         samples.iter_mut().for_each(|value| *value = self.0[place].apply(*value, noise));
     }
 }

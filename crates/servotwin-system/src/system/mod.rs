@@ -55,7 +55,7 @@ use servotwin_model::spec::Unit;
 use std::path::Path;
 
 /// The format of system files that this version reads.
-pub const FORMAT: u32 = 1;
+pub(crate) const FORMAT: u32 = 1;
 
 /// The default system: an aileron with two actuators.
 const DEFAULT: (&str, &str) = built_in::SYSTEMS[0];
@@ -178,7 +178,7 @@ impl System {
     }
 
     /// The full names of all parameters.
-    pub fn all_parameters(&self) -> Vec<String> {
+    pub(crate) fn all_parameters(&self) -> Vec<String> {
         let components = self.network().components.iter();
         let names = components.flat_map(|instance| {
             let declared = instance.component.spec().parameters.iter();
@@ -257,7 +257,7 @@ impl System {
     ///
     /// # Errors
     /// The course leaves the range.
-    pub fn admitted(
+    pub(crate) fn admitted(
         &self,
         input: usize,
         curve: Piecewise,

@@ -202,7 +202,7 @@ fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
 }
 
 impl Reader {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             mistakes: Collector::new(),
             fluids: Vec::new(),
@@ -217,7 +217,7 @@ impl Reader {
     }
 
     /// Reads a whole file.
-    pub fn read(&mut self, text: &str) {
+    pub(crate) fn read(&mut self, text: &str) {
         let root = document::parse(text, &mut self.mistakes);
         // After a syntax error, the rest of the file cannot be judged.
         if !self.mistakes.is_empty() {

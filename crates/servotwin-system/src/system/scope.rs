@@ -24,12 +24,12 @@ pub(super) struct Part {
 }
 
 impl Part {
-    pub fn new(id: String, at: TextSpan, component: &'static dyn Component) -> Self {
+    pub(crate) fn new(id: String, at: TextSpan, component: &'static dyn Component) -> Self {
         let Instance { parameters, fault_full, .. } = Instance::new("", component);
         Self { id, at, component, parameters, faults: fault_full, fluid: None, sound: true }
     }
 
-    pub fn spec(&self) -> &'static Spec {
+    pub(crate) fn spec(&self) -> &'static Spec {
         self.component.spec()
     }
 }
@@ -69,26 +69,26 @@ pub(super) struct Scope {
 }
 
 impl Scope {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { complete: true, ..Self::default() }
     }
 
-    pub fn part(&self, id: &str) -> Option<usize> {
+    pub(crate) fn part(&self, id: &str) -> Option<usize> {
         self.places.get(id).copied()
     }
 
-    pub fn add(&mut self, part: Part) {
+    pub(crate) fn add(&mut self, part: Part) {
         // If a name occurs twice, the first counts; the second is a mistake.
         self.places.entry(part.id.clone()).or_insert(self.parts.len());
         self.parts.push(part);
     }
 
-    pub fn input(&self, id: &str) -> Option<usize> {
+    pub(crate) fn input(&self, id: &str) -> Option<usize> {
         self.inputs.iter().position(|input| input.id == id)
     }
 
     /// Whether a name belongs to a declaration that could not be read.
-    pub fn is_broken(&self, name: &str) -> bool {
+    pub(crate) fn is_broken(&self, name: &str) -> bool {
         let belongs = |broken: &String| {
             name.strip_prefix(broken.as_str())
                 .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
@@ -96,12 +96,12 @@ impl Scope {
         self.broken.iter().any(belongs)
     }
 
-    pub fn has(&self, id: &str) -> bool {
+    pub(crate) fn has(&self, id: &str) -> bool {
         self.part(id).is_some() || self.input(id).is_some() || self.broken.iter().any(|b| b == id)
     }
 
     /// Includes all parts of an assembly under the name of its instance.
-    pub fn include(&mut self, instance: &str, assembly: Scope) {
+    pub(crate) fn include(&mut self, instance: &str, assembly: Scope) {
         let first = self.parts.len();
         let prefixed = |id: &str| format!("{instance}.{id}");
         let shifted = |end: End| {
@@ -122,17 +122,17 @@ impl Scope {
         self.complete &= assembly.complete;
     }
 
-    pub fn port(&self, port: PortOf) -> &'static Port {
+    pub(crate) fn port(&self, port: PortOf) -> &'static Port {
         &self.parts[port.component].spec().ports[port.port]
     }
 
     /// The id of a port, `component.port`.
-    pub fn port_id(&self, port: PortOf) -> String {
+    pub(crate) fn port_id(&self, port: PortOf) -> String {
         format!("{}.{}", self.parts[port.component].id, self.port(port).name)
     }
 
     /// All ports of a port's node, starting with itself.
-    pub fn joined(&self, port: PortOf) -> Vec<PortOf> {
+    pub(crate) fn joined(&self, port: PortOf) -> Vec<PortOf> {
         let mut node = vec![port];
         let mut next = 0;
         while next < node.len() {
@@ -150,7 +150,7 @@ impl Scope {
     }
 
     /// The place where the file names a port, otherwise its component.
-    pub fn mention(&self, port: PortOf) -> TextSpan {
+    pub(crate) fn mention(&self, port: PortOf) -> TextSpan {
         let fed = self.inputs.iter().flat_map(|input| &input.targets);
         let mut ends = self.connections.iter().flatten().chain(fed);
         ends.find(|end| end.port == port)
@@ -158,7 +158,7 @@ impl Scope {
     }
 
     /// Builds the network, with the fluid of each component.
-    pub fn network(&self, fluids: &[Fluid]) -> Network {
+    pub(crate) fn network(&self, fluids: &[Fluid]) -> Network {
         let fluid =
             |part: &Part| part.fluid.map_or_else(Fluid::default, |index| fluids[index].clone());
         let components = self.parts.iter().map(|part| Instance {

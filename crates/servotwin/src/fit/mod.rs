@@ -187,7 +187,7 @@ impl<'s> Fit<'s> {
     }
 
     /// A fit without unknowns and suspects.
-    pub fn new(system: &'s System, records: Vec<FitRecord>) -> Self {
+    pub(crate) fn new(system: &'s System, records: Vec<FitRecord>) -> Self {
         Self {
             system,
             unknowns: Vec::new(),
@@ -224,7 +224,7 @@ impl<'s> Fit<'s> {
     ///
     /// # Errors
     /// See [`Fit::solve`].
-    pub fn structure(&self) -> Result<FitKnowledge, FitError> {
+    pub(crate) fn structure(&self) -> Result<FitKnowledge, FitError> {
         self.check()?;
         let z = vec![0.0; self.unknowns.len()];
         let linear = self.linear(&z, response::DerivativeScheme::Forward)?;

@@ -225,7 +225,7 @@ impl From<TableError> for RecordError {
 
 impl FitRecord {
     /// A record as a logger stores it: the sampled inputs, and `measured`.
-    pub fn logged(
+    pub(crate) fn logged(
         name: &str,
         inputs: &[Piecewise],
         sensors: Vec<usize>,
@@ -352,7 +352,7 @@ impl FitRecord {
     }
 
     /// Number of samples.
-    pub fn samples(&self) -> usize {
+    pub(crate) fn samples(&self) -> usize {
         self.measured.len() / self.sensors.len().max(1)
     }
 
