@@ -455,7 +455,7 @@ pub fn make_features(
             if watch.cancel.load(Ordering::Relaxed) {
                 return Err(CampaignError::Cancelled.into());
             }
-            Campaign::stored(folder.path(), &study, scenario, purpose).features()?;
+            Campaign::stored(folder.path(), &study, scenario, purpose).merge()?;
         }
         watch.tell("features", there.len(), there.len());
         data_card::write(&folder, &study)?;

@@ -1,13 +1,13 @@
 //! What the test on the ground finds of the faults that stay hidden in flight, counted from the outcomes of both.
 //!
 //! A fault is *hidden* in a flight if no action answers it, or no sensor shows it. The test on the ground *passes* it if it
-//! reports nothing. Both fly the same faults at the same intensities; flight and test number k of a fault at an intensity
+//! reports no fault; a test in an invalid environment is repeated. Both fly the same faults at the same intensities; flight and test number k of a fault at an intensity
 //! make a pair.
 
 use crate::counts::FaultIntensities;
 use crate::results::StudyResultsFolder;
 use servotwin::flight::judge::STRONG;
-use servotwin::flight::outcome::{FirstAction, FlightOutcome, Word};
+use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::{Folder, JobError, outcomes};
 use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
@@ -57,7 +57,7 @@ impl GroundTest {
                 let group = (flight.action.clone(), flight.intensity >= STRONG);
                 let counts = counts.entry(group).or_default();
                 counts.tested += 1;
-                counts.passed += u64::from(!is_reported(test));
+                counts.passed += u64::from(!test.reports_fault());
             }
         }
         GroundTest(counts)
@@ -107,14 +107,10 @@ fn is_hidden(flight: &FlightOutcome) -> bool {
     flight.visible_s.is_none() || flight.first == FirstAction::None
 }
 
-/// Whether a test reports a fault. A wrong reading of the environment is no report: the test is repeated.
-pub(crate) fn is_reported(test: &FlightOutcome) -> bool {
-    matches!(test.word, Word::Detected | Word::Unknown | Word::Actuator)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servotwin::flight::outcome::Word;
 
     #[test]
     fn hidden_faults_are_paired_with_their_tests() {

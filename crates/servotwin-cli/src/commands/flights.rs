@@ -1,7 +1,7 @@
 //! Suites of flights: trains the diagnosis in operation, flies suites with it, and describes what became of them.
 
 use super::progress::Stages;
-use super::study::{FLIGHTS, Options, RECORDS};
+use super::study::Options;
 use super::{StudyOptions, workers};
 use crate::failure::Failure;
 use crate::render::json;
@@ -17,6 +17,7 @@ use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::run::fitted_twins::CalibrationRecords;
+use servotwin::study::suites::{FLIGHTS, RECORDS};
 use servotwin::study::{Purpose, Scenario, Study, Suite};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;

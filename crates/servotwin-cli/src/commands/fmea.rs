@@ -35,7 +35,7 @@ pub(crate) struct Options {
     out: Option<PathBuf>,
     /// Take the cells that people filled in from this sheet [default: the sheet that is written, if it exists].
     #[arg(long, value_name = "FILE")]
-    from: Option<PathBuf>,
+    sheet: Option<PathBuf>,
     /// A table of failure rates: fault, rate, unit, source ('servotwin fault-tree --template FILE' writes one).
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
@@ -61,7 +61,7 @@ impl Options {
 
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    for path in options.out.iter().chain(&options.from) {
+    for path in options.out.iter().chain(&options.sheet) {
         format::check(path)?;
     }
     stop::heed();
@@ -127,7 +127,7 @@ fn write(
     global: Global,
 ) -> Result<String, Failure> {
     let path = options.out.as_deref().unwrap_or(default);
-    let earlier = options.from.as_deref().or(Some(path).filter(|path| path.exists()));
+    let earlier = options.sheet.as_deref().or(Some(path).filter(|path| path.exists()));
     let sheet = fmea::sheet(sources, earlier)?;
     if options.out.is_none()
         && let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty())

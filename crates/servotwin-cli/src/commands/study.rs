@@ -10,16 +10,11 @@ use indicatif::ProgressBar;
 use serde_json::json;
 use servotwin::campaign::Share;
 use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
-use servotwin::study::suites::MAX_ENVIRONMENTS;
+use servotwin::study::suites::{FLIGHTS, MAX_ENVIRONMENTS, RECORDS};
 use servotwin::study::{Scenario, Study};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
-
-/// The name of all suites of records.
-pub(super) const RECORDS: &str = "records";
-/// The name of all suites of flights that are not on request, and of those from which the diagnosis learns.
-pub(super) const FLIGHTS: &str = "flights";
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///

@@ -236,7 +236,11 @@ fn healthy_flights_of_other_plants_are_other_flights() {
         servotwin(&[&["study", study, "--out", out][..], &more].concat())
     };
     let none = fly(&study, &folder.file("out"));
-    assert!(stderr(&none).contains("the suites of the study, healthy, judge"), "{}", stderr(&none));
+    assert!(
+        stderr(&none).contains("the suites of the study, effects, healthy, judge"),
+        "{}",
+        stderr(&none)
+    );
     let plants = "[flights.other_plant]\nkinds = { cylinder = \"bristle_cylinder\" }\n\
                   draws = [{ parameters = [\"supply.temperature_k\"], plus = [20, 20] }]\n";
     let (wide, out) = (folder.file("wide.toml"), folder.file("wide"));

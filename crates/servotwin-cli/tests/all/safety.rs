@@ -145,7 +145,7 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
         format!("outcomes-effects-realistic.parquet runs {}, {number} (case S1", number - 1.0);
     assert!(evidence.starts_with(&named), "{evidence}");
     let (study, name) = (folder.file("tiny.toml"), format!("effects#{number}@realistic"));
-    let again = succeeds(&["flights", &study, "--out", &out, "--run", &name]);
+    let again = succeeds(&["run", &name, &out]);
     for field in ["error_rms", "reacting_error_max", "force_fight_rms_n", "travel_difference_m"] {
         let value = outcomes.f64(field).unwrap()[row];
         assert!(value > 0.0 && again.contains(&format!("  {field}: {value}\n")), "{again}");
@@ -177,7 +177,7 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     let printed = succeeds(&["fmea", &out, "--rates", &rates]);
     assert!(printed.contains(" 1 filled in by people, 0 rows stale"), "{printed}");
     let named = ["--suite", "effects", "--scenario", "realistic", "--quiet"];
-    succeeds(&[&["flights", &study, "--out", &out][..], &named].concat());
+    succeeds(&[&["study", &study, "--out", &out][..], &named].concat());
     assert_eq!(fs::metadata(&flights).unwrap().modified().unwrap(), stored, "flown again");
     let again = texts::read(&path).unwrap();
     assert_eq!(cell(&again, fault, "severity"), "S4, by the board");
@@ -506,11 +506,11 @@ fn a_workbook_keeps_a_persons_cells_and_goes_back_to_csv() {
     let severity = sheet.column("severity").unwrap();
     sheet.rows[0].cells[severity] = "S4; =1+1".into();
     write(Path::new(&csv), &sheet);
-    succeeds(&["fmea", "press_axis", "--from", &csv, "--out", &xlsx]);
+    succeeds(&["fmea", "press_axis", "--sheet", &csv, "--out", &xlsx]);
     let first = fs::read(&xlsx).unwrap();
     succeeds(&["fmea", "press_axis", "--out", &xlsx]);
     assert!(fs::read(&xlsx).unwrap() == first, "the same sheet gave other bytes");
-    succeeds(&["fmea", "press_axis", "--from", &xlsx, "--out", &back]);
+    succeeds(&["fmea", "press_axis", "--sheet", &xlsx, "--out", &back]);
     let again = texts::read(Path::new(&back)).unwrap();
     assert_eq!(again.rows[0].cells[severity], "S4; =1+1");
     assert_eq!(again.rows.len(), sheet.rows.len());
@@ -529,7 +529,7 @@ fn libreoffice_opens_a_workbook_and_changes_no_cell() {
     let severity = sheet.column("severity").unwrap();
     sheet.rows[0].cells[severity] = "S4, see 1.5".into();
     write(Path::new(&csv), &sheet);
-    succeeds(&["fmea", "press_axis", "--from", &csv, "--out", &xlsx]);
+    succeeds(&["fmea", "press_axis", "--sheet", &csv, "--out", &xlsx]);
     let profile = format!("-env:UserInstallation=file://{}", folder.file("profile"));
     let converted = Command::new("soffice")
         .args([
@@ -545,7 +545,7 @@ fn libreoffice_opens_a_workbook_and_changes_no_cell() {
         .expect("LibreOffice runs (apt-get install libreoffice-calc)");
     assert!(converted.status.success(), "{}", stderr(&converted));
     let printed =
-        succeeds(&["fmea", "press_axis", "--from", &folder.file("out/sheet.csv"), "--out", &back]);
+        succeeds(&["fmea", "press_axis", "--sheet", &folder.file("out/sheet.csv"), "--out", &back]);
     assert!(printed.contains(" 1 filled in by people, 0 rows stale"), "{printed}");
     let again = texts::read(Path::new(&back)).unwrap();
     assert_eq!(again.rows[0].cells[severity], "S4, see 1.5");

@@ -4,7 +4,6 @@ use super::cell::{FmeaCell, rate_in_words, span_in_words};
 use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns, STRONG};
-use crate::ground_test;
 use servotwin::flight::judge::KindLatency;
 use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::results::SubjectResult;
@@ -107,7 +106,7 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
     let is_own = |test: &&FlightOutcome| test.event == subject.fault.id && test.is_finished;
     let tests: Vec<&FlightOutcome> = sources.tests.iter().filter(is_own).collect();
     if !tests.is_empty() {
-        let counted = counted_in_words(&tests, ground_test::is_reported, "tests on the ground");
+        let counted = counted_in_words(&tests, "tests on the ground");
         parts.push(counted);
         evidence.push("ground_test/outcomes-judge-fitted.parquet".into());
     }
@@ -119,16 +118,12 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
 
 /// The intensities at which the own flights reported the fault.
 fn reported_in_words((_, own): &OwnFlights) -> String {
-    counted_in_words(own, |flown| flown.first_word_s.is_some(), "own flights")
+    counted_in_words(own, "own flights")
 }
 
 /// How many of some flights reported their fault, and at which intensities.
-fn counted_in_words(
-    all: &[&FlightOutcome],
-    is_reported: impl Fn(&FlightOutcome) -> bool,
-    of: &str,
-) -> String {
-    let reported = all.iter().filter(|flown| is_reported(flown));
+fn counted_in_words(all: &[&FlightOutcome], of: &str) -> String {
+    let reported = all.iter().filter(|flown| flown.reports_fault());
     let reported: Vec<String> = reported.map(|flown| flown.intensity.to_string()).collect();
     let (count, all) = (reported.len(), all.len());
     match count {
@@ -150,7 +145,7 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
                 None => format!("{name} in 0 of {count} own flights"),
             }
         };
-        parts.push(event("reported", |flown| flown.first_word_s));
+        parts.push(event("reported", |flown| flown.first_word_s.filter(|_| flown.reports_fault())));
         parts.push(event("action", |flown| flown.first_action_s));
         evidence.push(flight_evidence(flights, own));
     }

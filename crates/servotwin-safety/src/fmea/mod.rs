@@ -168,6 +168,7 @@ mod tests {
             ..healthy.clone()
         };
         let shut_down = |fault: &str| FlightOutcome {
+            word: Word::Actuator,
             first_word_s: Some(0.5),
             first_action: "shut_down".into(),
             first_actuator: "actuator_1".into(),

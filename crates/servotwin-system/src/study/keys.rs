@@ -21,7 +21,7 @@ pub(super) const FLIGHT_S: Value = Value::Number(1.0, 1e4, "s");
 /// Upper limit on environments.
 pub const MAX_ENVIRONMENTS: usize = 100_000;
 /// A count of flights.
-pub(super) const FLIGHTS: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
+pub(super) const FLIGHT_COUNT: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
 /// A list of scenarios.
 pub(super) const SCENARIOS: Value = Value::List(0, &Value::Word(evaluating::scenarios));
 /// The quantity of a sensor.

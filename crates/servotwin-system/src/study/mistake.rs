@@ -53,6 +53,9 @@ pub(crate) enum StudyMistake {
     /// A suite with a known name that is flown as it is not known.
     #[error("of the suites with a known name 'effects' alone is flown in closed loop")]
     KnownClosedLoop,
+    /// A suite with the name of several suites, or of records.
+    #[error("'{name}' is a name for suites that every study has: choose another one")]
+    TakenName { name: String },
     /// Flights without the noise and specimens of `[realistic]`.
     #[error("flights need the section 'realistic'")]
     NoRealism,

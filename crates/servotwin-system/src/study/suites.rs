@@ -26,7 +26,7 @@
 
 use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied, at};
 pub use super::keys::MAX_ENVIRONMENTS;
-use super::keys::{FLIGHT_S, FLIGHTS, SCENARIOS};
+use super::keys::{FLIGHT_COUNT, FLIGHT_S, SCENARIOS};
 use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
 use super::seed::Seed;
@@ -43,12 +43,12 @@ section! {
     pub(super) struct Text {
         may like: Option<String>,
             "suite whose environments, numbers, specimens and noise this one has";
-        may environments: Option<usize> = FLIGHTS, "number of environments; 0: the suite is not flown";
-        may repeats: Option<usize> = FLIGHTS,
+        may environments: Option<usize> = FLIGHT_COUNT, "number of environments; 0: the suite is not flown";
+        may repeats: Option<usize> = FLIGHT_COUNT,
             "number of flights of every fault at every intensity; default 0";
         may unseen: Option<bool>,
             "true: flights with faults that training does not contain, in each environment";
-        may healthy: Option<usize> = FLIGHTS,
+        may healthy: Option<usize> = FLIGHT_COUNT,
             "number of healthy flights in each environment; default 0";
         may duration_s: Option<f64> = FLIGHT_S,
             "length of a flight with a fault; default: that of [flights]";
@@ -80,9 +80,9 @@ section! {
     #[derive(Default, Copy)]
     #[serde(default)]
     pub(super) struct Numbers {
-        may environments: Option<usize> = FLIGHTS, "number of environments; 0: the suite is not flown";
-        may repeats: Option<usize> = FLIGHTS, "number of flights of every fault";
-        may healthy: Option<usize> = FLIGHTS, "number of healthy flights in each environment";
+        may environments: Option<usize> = FLIGHT_COUNT, "number of environments; 0: the suite is not flown";
+        may repeats: Option<usize> = FLIGHT_COUNT, "number of flights of every fault";
+        may healthy: Option<usize> = FLIGHT_COUNT, "number of healthy flights in each environment";
         may healthy_duration_s: Option<f64> = FLIGHT_S, "length of a healthy flight";
     }
 }
@@ -139,6 +139,13 @@ pub(crate) const MISSING_SENSORS: &str = "missing_sensors";
 pub const HEALTHY: &str = "healthy";
 /// The same by plants that differ from their twin in structure.
 pub const HEALTHY_OTHER_STRUCTURE: &str = "healthy_other_structure";
+
+/// The name under which users run all suites of records.
+pub const RECORDS: &str = "records";
+/// The name under which users learn in flights and fly every suite that is not on request.
+pub const FLIGHTS: &str = "flights";
+/// The suites of the records on which a diagnosis is judged, and of those from which it learns.
+pub(super) const OF_RECORDS: [&str; 2] = ["cases", "training"];
 
 /// Flights in closed loop, which show what every fault of the system does.
 pub const EFFECTS: &str = "effects";
@@ -420,14 +427,19 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
             texts.insert(name, (purpose, own.cloned().unwrap_or_default().or(usual)));
         }
     }
+    let mut has_failed = false;
     for (name, text) in &reader.text.suites {
+        if [RECORDS, FLIGHTS].iter().chain(&OF_RECORDS).any(|taken| taken == name) {
+            let place = reader.span(&at(&reader.section_of_suite(name)));
+            reader.note(&place, StudyMistake::TakenName { name: name.clone() });
+            has_failed = true;
+        }
         texts.entry(name).or_insert_with(|| (Purpose::Test, text.clone()));
     }
     let mut suites = Suites::new();
     // Those that are like others come last.
     let (alone, alike): (Vec<_>, Vec<_>) =
         texts.iter().partition(|(_, (_, text))| text.like.is_none());
-    let mut has_failed = false;
     for (&name, (purpose, text)) in alone.into_iter().chain(alike) {
         let mut like = None;
         if let Some(other) = &text.like {
@@ -482,7 +494,7 @@ impl Study {
         let training = self.training.as_ref().filter(|_| purpose == Purpose::Train);
         let cases = self.cases_of(purpose).len();
         let healthy = self.realism.as_ref().map_or(0, |realism| realism.healthy);
-        let name = if purpose == Purpose::Train { "training" } else { "cases" };
+        let name = OF_RECORDS[usize::from(purpose == Purpose::Train)];
         Suite {
             name: name.into(),
             purpose,

@@ -144,15 +144,16 @@ impl EffectFlyer<'_> {
         let onset = truth.first_sample(self.diagnoser.period_s);
         let mut watch = SessionWatch::new(self.diagnoser, onset);
         let take = |index: u64, session: &Session| watch.take(index, session, &truth);
-        let reacting = self.fly(environment, run, true, take);
-        let alone = self.fly(environment, run, false, |_, _| ());
-        match (reacting, alone) {
-            (Ok(reacting), Ok(alone)) => {
-                let outcome = watch.outcome(known, self.diagnoser, &truth);
-                let unit = truth.at_fault.first().copied();
-                self.with_effects(outcome, unit, [&reacting, &alone, healthy])
-            }
-            _ => known,
+        let Ok(reacting) = self.fly(environment, run, true, take) else { return known };
+        let outcome = watch.outcome(known.clone(), self.diagnoser, &truth);
+        let unit = truth.at_fault.first().copied();
+        // Without an action both flights are the same to the bit.
+        if reacting.actions.is_empty() {
+            return self.with_effects(outcome, unit, [&reacting, &reacting, healthy]);
+        }
+        match self.fly(environment, run, false, |_, _| ()) {
+            Ok(alone) => self.with_effects(outcome, unit, [&reacting, &alone, healthy]),
+            Err(_) => known,
         }
     }
 

@@ -185,6 +185,12 @@ impl FlightOutcome {
         self.first == FirstAction::Right && self.visible_s.is_some()
     }
 
+    /// Whether a fault was reported after the onset: detected, unknown or named. An invalid environment or missing readings
+    /// report none.
+    pub fn reports_fault(&self) -> bool {
+        matches!(self.word, Word::Detected | Word::Unknown | Word::Actuator)
+    }
+
     /// The time from visibility to the right action, s.
     pub(crate) fn waited_s(&self) -> Option<f64> {
         Some((self.right_action_s? - self.visible_s?).max(0.0))

@@ -91,7 +91,7 @@ fn a_damaged_part_is_named_and_made_anew() {
         let mut bytes = whole.clone();
         bytes[place] ^= 4;
         std::fs::write(&part, bytes).unwrap();
-        match stored.features() {
+        match stored.merge() {
             // A bit of the file that holds no value, such as a statistic of a column.
             Ok(_) => {
                 assert!(table::read(folder.file("dataset-noise.parquet")).unwrap() == before[1])
