@@ -1,7 +1,7 @@
 //! The mean residuals of a healthy specimen, learned online.
 //!
 //! Specimens differ by their tolerances, so the residuals of a healthy one have nonzero means, as large as those of
-//! small faults. A [`Baseline`] is their mean over the first seconds, and follows slowly afterwards:
+//! small faults. A `Baseline` is their mean over the first seconds, and follows slowly afterwards:
 //!
 //! ```text
 //! m_n = m_{n−1} + (r_n − m_{n−1}) / n    for n ≤ N, the settling samples

@@ -204,7 +204,7 @@ impl Sliding {
         Ok(Sliding { base_samples, base: empty, full, turn, rings, ended })
     }
 
-    /// Adds one sample as [`Window::add_divided`] does. Returns whether it completed a window of any span. Does not
+    /// Adds one sample as `Window::add_divided` does. Returns whether it completed a window of any span. Does not
     /// allocate.
     ///
     /// # Panics
@@ -228,11 +228,6 @@ impl Sliding {
     fn take_turn(&mut self) {
         self.ended[self.turn] = self.rings[self.turn].take(&self.full);
         self.turn += 1;
-    }
-
-    /// Number of spans.
-    pub(crate) fn spans(&self) -> usize {
-        self.rings.len()
     }
 
     /// Whether the newest sample completed a window of a span: then [`Sliding::window`] is new.

@@ -77,7 +77,7 @@ impl Windows {
     /// Empty windows of the sensors with these spreads. The first `watched` decide whether something deviates.
     ///
     /// # Errors
-    /// As [`Sliding::new`] and [`Baseline::new`]; [`Error::CorruptModel`] for baseline-corrected kinds without a
+    /// As [`Sliding::new`] and `Baseline::new`; [`Error::CorruptModel`] for baseline-corrected kinds without a
     /// baseline, or vice versa.
     pub fn new(
         (spreads, watched): (Spreads, usize),

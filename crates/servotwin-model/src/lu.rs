@@ -216,7 +216,12 @@ impl SparseLu {
     ///
     /// A zero pivot causes infinities or NaN in its own lane only.
     #[inline(always)]
-    pub(crate) fn factor<V: Scalar<Base = V>>(&self, diagonal: V, gradients: &[V], values: &mut [V]) {
+    pub(crate) fn factor<V: Scalar<Base = V>>(
+        &self,
+        diagonal: V,
+        gradients: &[V],
+        values: &mut [V],
+    ) {
         assert!(gradients.len() >= self.gradients && values.len() >= self.slots());
         let mut lists = Factoring {
             diagonal,

@@ -10,9 +10,9 @@
 //!
 //! | function | method | error |
 //! |---|---|---|
-//! | [`exp2`] | k = round(x), polynomial of degree 8 on ±½ | 2.2e-12 relative |
+//! | `exp2` | k = round(x), polynomial of degree 8 on ±½ | 2.2e-12 relative |
 //! | [`exp`] | 2^(x/ln 2) | 2.3e-12 relative for \|x\| ≤ 693 |
-//! | [`log2`] | x = m·2^e, odd polynomial in (m − 1)/(m + 1) to the 9th power | 2.2e-12 absolute |
+//! | `log2` | x = m·2^e, odd polynomial in (m − 1)/(m + 1) to the 9th power | 2.2e-12 absolute |
 //! | [`ln`] | ln 2 · log₂ x | 1.6e-12 absolute |
 //! | [`tanh`] | 1 − 2/(e^{2\|x\|} + 1), odd by construction | 1.2e-12 absolute |
 //! | [`sin_cos`] | reduction by π/2, polynomials to the 11th/10th power | 2.3e-13 absolute for \|x\| ≤ π |

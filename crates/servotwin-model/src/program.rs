@@ -92,7 +92,7 @@ impl Program {
     pub fn network(&self) -> &Network {
         &self.network
     }
-    /// [`Network::identity`] of the network it was compiled from.
+    /// `Network::identity` of the network it was compiled from.
     pub fn identity(&self) -> u64 {
         self.identity
     }

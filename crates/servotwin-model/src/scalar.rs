@@ -6,7 +6,7 @@
 //! |---|---|
 //! | `f64` | constants of a variant, single runs |
 //! | [`crate::lanes`] | campaigns: one variant per SIMD lane |
-//! | [`crate::dual::Dual`] | the exact Jacobian of the implicit solver |
+//! | `crate::dual::Dual` | the exact Jacobian of the implicit solver |
 //! | [`crate::symbol::Symbol`] | the C source of the same equations |
 //!
 //! Only operations that IEEE 754 rounds correctly are primitive (`+ − × ÷ √`,

@@ -125,7 +125,11 @@ pub(crate) fn cubic_slope<S: Scalar<Base = S>>(piece: &[S; 4], tau_s: S) -> S {
 }
 
 /// (SG2): the cubic over `length_s` seconds with the given values and slopes at its ends.
-pub(crate) fn hermite_piece(length_s: f64, [from, to]: [f64; 2], [slope, end_slope]: [f64; 2]) -> Cubic {
+pub(crate) fn hermite_piece(
+    length_s: f64,
+    [from, to]: [f64; 2],
+    [slope, end_slope]: [f64; 2],
+) -> Cubic {
     let mean = (to - from) / length_s;
     let square = (3.0 * mean - 2.0 * slope - end_slope) / length_s;
     [from, slope, square, (slope + end_slope - 2.0 * mean) / (length_s * length_s)]
@@ -219,6 +223,7 @@ impl Piecewise {
     }
 
     /// The time derivative at a time; at a break, that of the piece that begins there.
+    #[cfg(test)]
     pub(crate) fn slope(&self, time_s: f64) -> f64 {
         if time_s < self.breaks_s[0] {
             return 0.0;
@@ -277,15 +282,6 @@ impl Piecewise {
             }
         }
         (least, largest)
-    }
-
-    /// The same function times a factor.
-    ///
-    /// # Errors
-    /// A product is not finite.
-    pub(crate) fn scaled(&self, factor: f64) -> Result<Self, CurveError> {
-        let pieces = self.pieces.iter().map(|piece| piece.map(|c| c * factor)).collect();
-        Self::new(self.breaks_s.clone(), pieces)
     }
 
     /// The sum of two functions, with the breaks of both.

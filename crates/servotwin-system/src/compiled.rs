@@ -6,8 +6,8 @@
 //! rejected.
 //!
 //! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none. Arguments may
-//! follow, and its path may have spaces. If nothing can be compiled, [`Compiled::problem`] returns the reason, and
-//! [`report_problems`] passes it on once.
+//! follow, and its path may have spaces. If nothing can be compiled, [`report_problems`] passes the
+//! reason on once.
 //!
 //! Later runs find compiled steps in the [`cache`]. [`set_policy`] compiles always or never.
 
@@ -159,11 +159,6 @@ impl Compiled {
         };
         let loaded = self.of(level).get_or_init(load);
         loaded.as_ref().map(|loaded| &loaded.steps)
-    }
-
-    /// Why nothing could be compiled, after an attempt. Steps then take half as long again.
-    pub(crate) fn problem(&self) -> Option<&CompileProblem> {
-        self.problem.get()
     }
 
     fn note(&self, problem: CompileProblem) {

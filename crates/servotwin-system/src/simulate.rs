@@ -42,11 +42,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Maximum number of recorded values; they take 1.6 GB of memory.
-pub(crate) const MAX_VALUES: f64 = 2e8;
+pub const MAX_VALUES: f64 = 2e8;
 /// Maximum duration of a run, s.
-pub(crate) const MAX_DURATION_S: f64 = 1e6;
+pub const MAX_DURATION_S: f64 = 1e6;
 /// Minimum and maximum time between samples, s.
-pub(crate) const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
+pub const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
 /// Onset of a fault that the initial steady state has, s.
 const BEFORE_THE_RUN_S: f64 = -1.0;
 /// Maximum number of runs in a sweep.

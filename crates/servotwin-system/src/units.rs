@@ -464,7 +464,11 @@ pub(crate) struct Slip {
 }
 
 /// Whether a key is a parameter's name but for the unit at its end.
-pub(crate) fn slip(key: &str, value: Option<f64>, parameters: &'static [Parameter]) -> Option<Slip> {
+pub(crate) fn slip(
+    key: &str,
+    value: Option<f64>,
+    parameters: &'static [Parameter],
+) -> Option<Slip> {
     let stem = |p: &Parameter| p.name.strip_suffix(p.unit.suffix()).unwrap_or(p.name);
     let candidates = parameters.iter().filter_map(|parameter| {
         let rest = key.strip_prefix(stem(parameter))?;

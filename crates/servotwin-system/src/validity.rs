@@ -10,7 +10,7 @@ use std::fmt;
 
 /// Maximum valid pressure, Pa. No data sheet goes beyond it, and there the laws (density and viscosity from temperature
 /// alone, linear bulk modulus) do not hold.
-pub(crate) const MAX_PRESSURE_PA: f64 = 1e8;
+pub const MAX_PRESSURE_PA: f64 = 1e8;
 
 /// The limit of the validity range that a value crossed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -47,7 +47,7 @@ impl<'s> Monitor<'s> {
     }
 
     /// The time between two samples, s.
-    pub(crate) fn period_s(&self) -> f64 {
+    pub fn period_s(&self) -> f64 {
         self.period_s
     }
 
@@ -78,7 +78,7 @@ impl<'s> Monitor<'s> {
     }
 
     /// Takes the sample that you have set, and returns the finding.
-    pub(crate) fn push(&mut self) -> &Finding {
+    pub fn push(&mut self) -> &Finding {
         let time_s = self.samples as f64 * self.period_s;
         self.samples += 1;
         let finding = self.watcher.push(time_s, &self.inputs, &self.measured).finding;
@@ -87,12 +87,12 @@ impl<'s> Monitor<'s> {
     }
 
     /// Restarts, because the next sample does not continue the last one. Actuators that are off stay off.
-    pub(crate) fn restart(&mut self) {
+    pub fn restart(&mut self) {
         self.watcher.restart();
     }
 
     /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
-    pub(crate) fn reset_alarm(&mut self) {
+    pub fn reset_alarm(&mut self) {
         self.watcher.reset_alarm();
     }
 }

@@ -108,7 +108,12 @@ impl WindowClassifier {
         self.views.rows()
     }
 
-    pub(crate) fn common_mode(&self, actuator: usize, window: &Window, bands: &[SensorBand]) -> f64 {
+    pub(crate) fn common_mode(
+        &self,
+        actuator: usize,
+        window: &Window,
+        bands: &[SensorBand],
+    ) -> f64 {
         self.common_mode.share(actuator, window, bands)
     }
 

@@ -40,7 +40,7 @@ impl Branches {
     }
 
     /// Whether there are no nodes; never true for a grown tree.
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.feature.is_empty()
     }
 

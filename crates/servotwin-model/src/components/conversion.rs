@@ -82,7 +82,12 @@ const SPAN_A: f64 = 16e-3;
 
 /// The gain and the offset of [`to_current_a`], which are (C2) without its limits. The quantity is `low` at zero
 /// scale and `low + range` at full scale.
-pub(crate) fn to_current_constants<S: Scalar<Base = S>>(factor: S, bias: S, low: S, range: S) -> [S; 2] {
+pub(crate) fn to_current_constants<S: Scalar<Base = S>>(
+    factor: S,
+    bias: S,
+    low: S,
+    range: S,
+) -> [S; 2] {
     let gain = factor * S::constant(SPAN_A) / range;
     [gain, bias * S::constant(SPAN_A) + S::constant(ZERO_A) - gain * low]
 }
@@ -94,7 +99,12 @@ pub(crate) fn to_current_a<S: Scalar>(quantity: S, gain: S::Base, offset: S::Bas
 }
 
 /// The gain and the offset of (C3), for the quantity of [`to_current_constants`] instead of its fraction.
-pub(crate) fn from_current_constants<S: Scalar<Base = S>>(factor: S, bias: S, low: S, range: S) -> [S; 2] {
+pub(crate) fn from_current_constants<S: Scalar<Base = S>>(
+    factor: S,
+    bias: S,
+    low: S,
+    range: S,
+) -> [S; 2] {
     let gain = factor * range / S::constant(SPAN_A);
     [gain, bias * range - gain * S::constant(ZERO_A) + low]
 }

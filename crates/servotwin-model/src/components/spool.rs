@@ -45,7 +45,11 @@ pub(crate) const fn states() -> [State; 2] {
 }
 
 /// Fault: dirt narrows an edge. `parameter` is its width or share.
-pub(crate) const fn clogging(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
+pub(crate) const fn clogging(
+    name: &'static str,
+    parameter: &'static str,
+    summary: &'static str,
+) -> Fault {
     scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
 }
 

@@ -114,7 +114,7 @@ pub struct FluidState<S> {
     pub density_kg_m3: S,
     /// Kinematic viscosity, m²/s.
     pub kinematic_viscosity_m2_s: S,
-    /// Dynamic viscosity per unit of that at [`REFERENCE_TEMPERATURE_K`]. Laminar resistances and viscous friction
+    /// Dynamic viscosity per unit of that at `REFERENCE_TEMPERATURE_K`. Laminar resistances and viscous friction
     /// grow with it, laminar leakage falls with it.
     pub relative_viscosity: S,
     /// Constants of the effective bulk modulus.
@@ -324,7 +324,7 @@ liquids! {
 }
 
 impl Fluid {
-    /// The bulk modulus, Pa, of a liquid with its own data at a temperature within [`own::RANGE_K`] at which it is too
+    /// The bulk modulus, Pa, of a liquid with its own data at a temperature within `own::RANGE_K` at which it is too
     /// soft ([`own::LEAST_BULK_MODULUS_PA`]); `None` otherwise.
     pub fn too_soft_pa(&self, temperature_k: f64) -> Option<f64> {
         let is_within = |(min, max): (f64, f64)| (min..=max).contains(&temperature_k);

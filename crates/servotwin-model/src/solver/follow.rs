@@ -86,7 +86,11 @@ impl Following {
     }
 
     /// Observes the states and their rates, both over scale, at the beginning of an attempt.
-    pub(crate) fn observe(&mut self, time_s: f64, states: impl Iterator<Item = (f64, f64)>) -> Progress {
+    pub(crate) fn observe(
+        &mut self,
+        time_s: f64,
+        states: impl Iterator<Item = (f64, f64)>,
+    ) -> Progress {
         self.attempts += 1;
         if time_s >= self.window_end_s {
             if self.has_limit_cycle() {

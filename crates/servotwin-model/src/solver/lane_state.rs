@@ -107,7 +107,12 @@ pub(super) struct LaneState {
 }
 
 impl LaneState {
-    pub(crate) fn new(settle: bool, moving: Vec<Moving>, sample_period_s: f64, clocks: usize) -> Self {
+    pub(crate) fn new(
+        settle: bool,
+        moving: Vec<Moving>,
+        sample_period_s: f64,
+        clocks: usize,
+    ) -> Self {
         Self {
             phase: if settle { Phase::Settling } else { Phase::Running },
             time_s: 0.0,

@@ -3,7 +3,7 @@
 //! A [`Signal`] is written as text on the command line or as tables in a study file. For an input with a known unit and
 //! a run of known duration, it becomes a [`Piecewise`] function. Terms joined by ` + ` are added.
 //!
-//! A new kind needs a file here and a line in [`ALL`].
+//! A new kind needs a file here and a line in `ALL`.
 
 pub mod bus;
 mod constant;

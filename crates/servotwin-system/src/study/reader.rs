@@ -150,7 +150,12 @@ impl<'a> Reader<'a> {
     }
 
     /// A constant signal for an input, checked against its range.
-    pub(crate) fn constant(&self, at: &KeyPath, input: usize, value: f64) -> Result<Piecewise, Noted> {
+    pub(crate) fn constant(
+        &self,
+        at: &KeyPath,
+        input: usize,
+        value: f64,
+    ) -> Result<Piecewise, Noted> {
         let (min, max) = self.system.network().input_range(input);
         let unit = self.system.network().inputs[input].unit.symbol();
         let allowed = format!("{}", crate::document::Quantities(min, max, unit));

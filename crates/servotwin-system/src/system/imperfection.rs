@@ -64,7 +64,12 @@ impl Imperfections {
     }
 
     /// Applies the imperfection of one sensor to its samples.
-    pub(crate) fn apply_to_one(&self, place: usize, samples: &mut [f64], noise: &mut NormalDeviates) {
+    pub(crate) fn apply_to_one(
+        &self,
+        place: usize,
+        samples: &mut [f64],
+        noise: &mut NormalDeviates,
+    ) {
         samples.iter_mut().for_each(|value| *value = self.0[place].apply(*value, noise));
     }
 }

@@ -220,17 +220,6 @@ impl<'s> Fit<'s> {
         pairs.map(|(unknown, z)| (unknown.name.as_str(), unknown.value(*z)))
     }
 
-    /// How well the records could determine each unknown, before any fit.
-    ///
-    /// # Errors
-    /// See [`Fit::solve`].
-    pub(crate) fn structure(&self) -> Result<FitKnowledge, FitError> {
-        self.check()?;
-        let z = vec![0.0; self.unknowns.len()];
-        let linear = self.linear(&z, response::DerivativeScheme::Forward)?;
-        FitKnowledge::new(&self.unknowns, &z, &linear.information).ok_or(FitError::Undetermined)
-    }
-
     /// Checks whether the records can belong to this system.
     ///
     /// # Errors

@@ -68,7 +68,11 @@ impl TrackedQuantities {
     }
 
     /// The rod force of an actuator, N; `None` if it has no rod.
-    pub(crate) fn rod_force<'r>(&self, unit: &str, record: &'r FlightRecord) -> Option<&'r Vec<f64>> {
+    pub(crate) fn rod_force<'r>(
+        &self,
+        unit: &str,
+        record: &'r FlightRecord,
+    ) -> Option<&'r Vec<f64>> {
         self.rod(unit).map(|place| &record.plant[place])
     }
 
