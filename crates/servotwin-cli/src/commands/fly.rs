@@ -120,7 +120,7 @@ fn title(faults: &[Begins]) -> String {
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
-    let folder = Folder::new(&options.study.folder());
+    let folder = Folder::new(options.study.folder());
     let scenario = if options.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
     let duration_s = seconds("--duration", &options.duration)?;
     let mut inputs = study.system.default_inputs();

@@ -41,7 +41,7 @@ pub(crate) fn run(path: &Path, options: &StudyOptions, global: Global) -> Result
     Paths::default().read("the records", read).write("--out", Format::Any, written).check()?;
     let records = study.read(folder).map_err(in_study)?;
     let judged = study.judge(&text, &records, workers(options.threads)).map_err(in_study)?;
-    judged.write(&Folder::new(&options.folder()))?;
+    judged.write(&Folder::new(options.folder()))?;
     let results = &judged.results;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),

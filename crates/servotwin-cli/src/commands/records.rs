@@ -18,7 +18,7 @@ pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     let study = place.read(global)?;
     stop::heed();
     let runs = chosen(&study, options.scenario.as_deref())?;
-    let folder = Folder::new(&place.folder());
+    let folder = Folder::new(place.folder());
     let _hold = match share {
         Some(_) => folder.join_study(&study)?,
         None => place.keep(&study, global)?,

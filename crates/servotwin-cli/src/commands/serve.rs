@@ -153,7 +153,7 @@ fn diagnoser(
         let named = servotwin::evaluation::model_file::read_diagnoser(path)?;
         return Ok(std::sync::Arc::new(named));
     }
-    let folder = servotwin::job::Folder::new(&options.study.folder());
+    let folder = servotwin::job::Folder::new(options.study.folder());
     super::fly::diagnoser(&options.study, &folder, study, scenario, global)
 }
 

@@ -21,7 +21,7 @@ pub(crate) struct Options {
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?.on_ground()?.ok_or(JobError::NoGroundTest)?;
-    let folder = Folder::new(&options.study.folder()).ground_test();
+    let folder = Folder::new(options.study.folder()).ground_test();
     let options = StudyOptions { out: Some(folder.path().into()), ..options.study.clone() };
     flights::flown(&options, &study, (&[], &scenarios(&study)), global)
 }
