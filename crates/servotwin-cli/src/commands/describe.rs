@@ -20,10 +20,10 @@ pub(crate) struct Options {
     /// Draw the components and their connections to a .svg or .png file.
     #[arg(long, value_name = "FILE")]
     schematic: Option<PathBuf>,
-    /// List every fault that its components can have instead.
+    /// List the faults that its components can have, instead of describing the system.
     #[arg(long)]
     faults: bool,
-    /// Write the list as CSV, with numbers in SI units.
+    /// Write the list of --faults as CSV, with numbers in SI units.
     #[arg(long, requires = "faults", conflicts_with = "json")]
     csv: bool,
 }

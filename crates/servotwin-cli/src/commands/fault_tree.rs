@@ -37,7 +37,7 @@ pub(crate) struct Options {
     /// A table of failure rates: fault, rate, unit (1/h, 1/(1e6 h) or FIT), source.
     #[arg(long, value_name = "FILE", required_unless_present = "template")]
     rates: Option<PathBuf>,
-    /// Write a table of rates to fill in, and nothing else.
+    /// Write a table to fill in, a rate and its source for every fault, and nothing else.
     #[arg(long, value_name = "FILE", conflicts_with = "rates")]
     template: Option<PathBuf>,
     /// Duration of a flight, h.
@@ -70,6 +70,10 @@ impl Options {
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let folder = Folder::new(&options.folder);
     if let Some(path) = &options.template {
+        // A table that somebody filled in stays.
+        if path.exists() {
+            return Err(Failure::Exists(path.clone()));
+        }
         let study = folder.read_study()?;
         rates::write_template(path, &rated_faults(&study))?;
         return Ok(format!("{}\n", path.display()));
@@ -109,10 +113,19 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
         Global { quiet: true, .. } => String::new(),
         _ => {
             let tops: String = artefact.tops.iter().map(text_of).collect();
+            let tops = given(hours) + &tops;
             let rates = function.as_ref().map_or_else(String::new, function_rate::text);
             format!("{tops}{rates}{}\n", files.join("\n"))
         }
     })
+}
+
+/// The hours that the numbers are for.
+fn given(ExposureHours { flight_h, repair_h, check_h, test_h }: ExposureHours) -> String {
+    let test = test_h.map_or("no test on the ground".into(), |test_h| {
+        format!("a test on the ground every {test_h} h")
+    });
+    format!("flight {flight_h} h, repair {repair_h} h, check every {check_h} h, {test}\n")
 }
 
 /// A counted number with its interval; what was never seen has a bound alone.

@@ -107,6 +107,7 @@ fn one_share(
             flown.push(json!({ "suite": name, "scenario": scenario, "first": first, "environments": block.len() }));
         }
     }
+    text += "When all shares have ended, the same command without --share joins them.\n";
     Ok(match global {
         Global { json: true, .. } => json(&json!(flown)),
         Global { quiet: true, .. } => String::new(),

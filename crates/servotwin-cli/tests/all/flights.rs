@@ -211,7 +211,7 @@ fn shares_of_a_suite_are_joined_to_the_bytes_of_one_machine() {
         std::fs::remove_file(format!("{out}/outcomes-{suite}-noise.parquet")).unwrap();
     }
     let told = study(&["--suite", "judge", "--share", "2/2"]);
-    assert_eq!(told, "judge, noise: 1 environment of 2 from 1 on\n");
+    assert!(told.starts_with("judge, noise: 1 environment of 2 from 1 on\n"), "{told}");
     study(&["--suite", "judge"]);
     // Shares of two divisions that overlap, and a damaged one.
     let healthy = ["--suite", "healthy", "--environments", "5", "--share"];

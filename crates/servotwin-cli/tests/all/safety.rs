@@ -61,6 +61,11 @@ fn fault_trees_are_written_and_the_same_twice() {
         files.sort();
         files.into_iter().map(|path| (path.clone(), fs::read(path).unwrap())).collect::<Vec<_>>()
     };
+    assert!(
+        text.starts_with("flight 2 h, repair 10 h, check every 100 h, no test on the ground\n"),
+        "{text}"
+    );
+    assert!(fails(&["fault-tree", &out, "--template", &rates], 2).contains("stays as it is"));
     let first = read();
     assert_eq!(first.len(), 11, "{:?}", first.iter().map(|file| &file.0).collect::<Vec<_>>());
     succeeds(&arguments);
