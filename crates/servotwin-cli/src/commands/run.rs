@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::render::{Side, TextTable, json};
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::flight::outcome;
+use servotwin::flight::outcome::{self, FirstAction, FlightOutcome, Needed};
 use servotwin::job::{self, Folder, Subject, flights, outcomes};
 use servotwin::nearest::UnknownName;
 use servotwin::run::RunName;
@@ -14,7 +14,7 @@ use servotwin_report::explain::{
     ExplainedAnswer, ExplainedVerdict, Explanation, explain, variants,
 };
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{of_unit, percent, spoken};
+use servotwin_report::words::{number, of_unit, percent, spoken};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -66,13 +66,53 @@ fn flight(
     }
     let mut text = String::new();
     for row in &flown {
-        let _ = writeln!(text, "{name}");
+        let _ = writeln!(text, "{name}: {}", flight_in_words(row));
         let fields = json!(row);
-        for column in outcome::table(&[]).columns() {
-            let _ = writeln!(text, "  {}: {}", column.name, fields[&column.name]);
+        let columns = outcome::table(&[]);
+        let known = columns.columns().iter().map(|column| (&column.name, &fields[&column.name]));
+        for (column, value) in known.filter(|(_, value)| !value.is_null() && **value != "") {
+            let _ = writeln!(text, "  {column}: {value}");
         }
     }
     Ok(text)
+}
+
+/// What happened in a flight, and what the diagnosis did.
+fn flight_in_words(row: &FlightOutcome) -> String {
+    let truth = match row.onset_s {
+        None => "no fault".into(),
+        Some(onset_s) => {
+            let right = match row.needed {
+                _ if !row.action.is_empty() => &row.action,
+                Needed::Shutdown => "any shutdown",
+                Needed::NoShutdown => "any action but a shutdown",
+                Needed::Any => "any action",
+                // No class of the study lists the fault.
+                Needed::Nothing | Needed::ItsAction => "not known",
+            };
+            format!(
+                "{}, intensity {}, from {} s on; right is: {}",
+                spoken(&row.event),
+                row.intensity,
+                number(onset_s),
+                spoken(right)
+            )
+        }
+    };
+    let answer = match (row.first, row.first_action_s) {
+        _ if !row.is_finished => "the flight could not be simulated to its end".into(),
+        (FirstAction::None, _) | (_, None) => "no action after the onset".into(),
+        (first, Some(after_s)) => {
+            let judged = match first {
+                FirstAction::Right => "right",
+                FirstAction::OtherActuator => "WRONG, against a healthy actuator",
+                _ => "another action than the right one",
+            };
+            let of = [&row.first_action, &row.first_actuator].map(|name| spoken(name)).join(" ");
+            format!("first action {} s after the onset: {} ({judged})", number(after_s), of.trim())
+        }
+    };
+    format!("{truth}\n  {answer}")
 }
 
 /// Explains the trees' answer for a record.

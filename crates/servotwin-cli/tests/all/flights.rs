@@ -144,6 +144,11 @@ fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
             assert!(output.status.success(), "{}", stderr(&output));
             let alone: Vec<FlightOutcome> = serde_json::from_str(&stdout(&output)).unwrap();
             assert_eq!(&alone[0], row);
+            let name = format!("{suite}#{}@realistic", row.number);
+            let words = stdout(&servotwin(&["run", &name, &out]));
+            let truth = if row.onset_s.is_some() { "; right is: " } else { ": no fault\n" };
+            assert!(words.starts_with(&name) && words.contains(truth), "{words}");
+            assert!(words.contains(" after the onset") && !words.contains("null"), "{words}");
         }
     }
     for wrong in ["judge#999@realistic", "learn#1@realistic", "judged#1@realistic"] {
