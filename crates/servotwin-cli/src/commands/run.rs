@@ -106,6 +106,7 @@ fn flight_in_words(row: &FlightOutcome) -> String {
             let judged = match first {
                 FirstAction::Right => "right",
                 FirstAction::OtherActuator => "WRONG, against a healthy actuator",
+                _ if row.needed == Needed::Nothing => "nothing to compare with",
                 _ => "another action than the right one",
             };
             let of = [&row.first_action, &row.first_actuator].map(|name| spoken(name)).join(" ");
