@@ -1,4 +1,4 @@
-"""The stages of a study over folders: campaign, features, train, evaluate, flights, report.
+"""The stages of a study over folders: campaign, train, evaluate, flights, report.
 
 `Study.run` runs them all. Each stage reads what the earlier ones left in the folder, as the command of the
 same name does, and writes the same bytes. `progress` is True for a bar of tqdm (where it is installed), False
@@ -114,7 +114,7 @@ def merge(
     scenarios: Optional[list[str]] = None,
     progress: Union[bool, Progress] = True,
 ) -> list[Ran]:
-    """Join the parts of a campaign to data sets, with the bytes of a whole campaign.
+    """Join the parts of a campaign to data sets, without simulating, with the bytes of a whole campaign.
 
     Parameters
     ----------
@@ -131,25 +131,6 @@ def merge(
     """
     with told(progress) as show:
         return [Ran(*one) for one in _native.merge_parts(os.fspath(out), scenarios, show)]
-
-
-def features(out: Path, *, progress: Union[bool, Progress] = True) -> list[_Path]:
-    """Compute the features of a folder again, without simulating.
-
-    Parameters
-    ----------
-    out : path
-        The folder of a campaign.
-    progress : bool or callable
-        See the module.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The data sets.
-    """
-    with told(progress) as show:
-        return [_Path(file) for file in _native.make_features(os.fspath(out), show)]
 
 
 def train(

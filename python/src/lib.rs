@@ -47,7 +47,6 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(study::run_task, module)?)?;
     module.add_function(wrap_pyfunction!(study::merge_parts, module)?)?;
     module.add_function(wrap_pyfunction!(study::join_study, module)?)?;
-    module.add_function(wrap_pyfunction!(study::make_features, module)?)?;
     module.add_function(wrap_pyfunction!(study::train_folder, module)?)?;
     module.add_function(wrap_pyfunction!(study::evaluate_folder, module)?)?;
     module.add_function(wrap_pyfunction!(study::write_report, module)?)?;

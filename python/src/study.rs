@@ -14,7 +14,6 @@ use servotwin::job::{self, Among, Folder, JobError, data_card, manifest};
 use servotwin::study::{Purpose, Scenario, Study as Inner, StudyError};
 use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A study: faults, intensities and operating cases, and how the diagnosis is trained and judged.
@@ -433,36 +432,6 @@ pub fn merge_parts(
 pub fn join_study(py: Python<'_>, study: &Study, out: PathBuf) -> PyResult<()> {
     let folder = Folder::new(out);
     Ok(py.detach(|| folder.join_study(&study.inner).map(drop)).map_err(Failure::from)?)
-}
-
-/// Makes the data sets of a folder anew; the files.
-#[pyfunction]
-#[pyo3(signature = (out, progress = None))]
-pub fn make_features(
-    py: Python<'_>,
-    out: PathBuf,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<Vec<PathBuf>> {
-    let folder = Folder::new(out);
-    let result = long(py, progress.as_ref(), |watch| -> Result<Vec<PathBuf>, Failure> {
-        let (study, _hold) = folder.open()?;
-        let pairs = Scenario::ALL
-            .into_iter()
-            .flat_map(|s| study.purposes().into_iter().map(move |r| (s, r)));
-        let there: Vec<_> = pairs.filter(|&(s, r)| folder.data_set(s, r).exists()).collect();
-        for (place, &(scenario, purpose)) in there.iter().enumerate() {
-            watch.tell("features", place, there.len());
-            if watch.cancel.load(Ordering::Relaxed) {
-                return Err(CampaignError::Cancelled.into());
-            }
-            Campaign::stored(folder.path(), &study, scenario, purpose).merge()?;
-        }
-        watch.tell("features", there.len(), there.len());
-        data_card::write(&folder, &study)?;
-        manifest::write(&folder, &study)?;
-        Ok(there.into_iter().map(|(s, r)| folder.data_set(s, r)).collect())
-    })?;
-    Ok(result?)
 }
 
 /// Trains trees and committees of a folder; subject and file of each.

@@ -134,7 +134,7 @@ def test_stages_run_again_give_the_same_bytes(study, results, tmp_path):
     assert {"evaluation.json", "report.html", "manifest.json"} <= set(before)
     ran = servotwin.campaign(study, folder, threads=1, progress=False)
     assert all(one.resumed == one.variants for one in ran)
-    servotwin.features(folder, progress=False)
+    servotwin.merge(folder, progress=False)
     after = contents(folder)
     assert {name for name in before if before[name] != after[name]} == set()
 

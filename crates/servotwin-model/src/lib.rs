@@ -1,10 +1,10 @@
 //! Physics of electro-hydraulic servo actuators.
 //!
 //! `no_std` with `alloc`. From the bottom up: [`scalar`] is what every equation is generic over (`f64`, [`lanes`], dual
-//! numbers, [`symbol`]s), with the functions of [`math`]. [`fluid`] and [`spec`] describe liquids, parameters and faults.
-//! [`components`] lists the kinds of [`component`]s, each of which wires its equation blocks. [`network`] connects
-//! instances, [`program`] sorts their blocks into one flat list, with the gradients of [`jacobian`], and [`solver`] steps it
-//! for many variants at once. [`c_source`] writes the same step as C.
+//! numbers, [`symbol`]s), with the functions of [`math`]. [`fluid`] and [`spec`] describe liquids, parameters and
+//! faults. [`components`] lists the kinds of [`component`]s, each of which wires its equation blocks. [`network`]
+//! connects instances, [`program`] sorts their blocks into one flat list, with the gradients of [`jacobian`], and
+//! [`solver`] steps it for many variants at once. [`c_source`] writes the same step as C.
 #![no_std]
 extern crate alloc;
 

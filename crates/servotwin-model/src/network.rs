@@ -66,7 +66,8 @@ impl Instance {
     }
 }
 
-/// The parameters of sources and tanks that describe the fluid. All sources and tanks of one circuit have the same values.
+/// The parameters of sources and tanks that describe the fluid. All sources and tanks of one circuit have the same
+/// values.
 pub const FLUID_PARAMETERS: [&str; 3] = ["temperature_k", "bulk_modulus_factor", "air_factor"];
 
 /// An external signal: a command, a boundary value, a load.

@@ -2,9 +2,8 @@
 //! flight hour.
 
 use crate::error::SafetyError;
-use crate::ground_test::GroundTest;
 use crate::interval::CountedValue;
-use crate::rates::FailureRates;
+use crate::rated_flights::RatedFlights;
 use crate::results::{FOLDER, StudyResultsFolder};
 use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees, rated_faults};
 use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
@@ -12,7 +11,7 @@ use crate::tree::{drawing, exchange};
 use serde::Serialize;
 use servotwin::files::{create_folder, write_atomically};
 use servotwin::table::{self, Column, Table};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The fault trees of a study and everything that is written of them.
 #[derive(Debug, Clone)]
@@ -52,18 +51,11 @@ impl FaultTreeArtefact {
     /// Builds and evaluates the trees of a study.
     ///
     /// # Errors
-    /// The folder has no judged flights; a rate is missing or wrong; an interval is out of range.
-    pub fn new(
-        results: &StudyResultsFolder,
-        rates: &Path,
-        hours: ExposureHours,
-    ) -> Result<Self, SafetyError> {
-        let hours = hours.checked()?;
-        let study = &results.study;
-        let rates = FailureRates::read(rates, &rated_faults(study))?;
-        let metrics = results.flown_or_missing()?;
-        let test = hours.test_h.map(|_| GroundTest::read(results)).transpose()?;
-        let trees = lane_trees(study, metrics, &rates, test.as_ref())?;
+    /// The study has no action that switches an actuator off; a rate is missing.
+    pub fn new(flights: &RatedFlights) -> Result<Self, SafetyError> {
+        let RatedFlights { results, metrics, rates, test, hours } = flights;
+        let (study, hours) = (&results.study, *hours);
+        let trees = lane_trees(study, metrics, rates, test.as_ref())?;
         let mut notes = trees.notes.clone();
         let listed = rated_faults(study).len();
         let all = study.system.all_faults().len();

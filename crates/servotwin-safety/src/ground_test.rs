@@ -1,8 +1,8 @@
 //! What the test on the ground finds of the faults that stay hidden in flight, counted from the outcomes of both.
 //!
-//! A fault is *hidden* in a flight if no action answers it, or no sensor shows it. The test on the ground *passes* it if it
-//! reports no fault; a test in an invalid environment is repeated. Both fly the same faults at the same intensities; flight and test number k of a fault at an intensity
-//! make a pair.
+//! A fault is *hidden* in a flight if no action answers it, or no sensor shows it. The test on the ground *passes* it
+//! if it reports no fault; a test in an invalid environment is repeated. Both fly the same faults at the same
+//! intensities; flight and test number k of a fault at an intensity make a pair.
 
 use crate::counts::FaultIntensities;
 use crate::results::StudyResultsFolder;

@@ -17,6 +17,7 @@ pub mod fmea;
 pub mod function_rate;
 pub mod ground_test;
 pub mod interval;
+pub mod rated_flights;
 pub mod rates;
 pub mod results;
 pub mod sensors;

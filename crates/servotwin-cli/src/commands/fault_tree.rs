@@ -12,6 +12,7 @@ use servotwin_safety::SafetyError;
 use servotwin_safety::fault_tree::FaultTreeArtefact;
 use servotwin_safety::function_rate::FunctionRate;
 use servotwin_safety::interval::CountedValue;
+use servotwin_safety::rated_flights::RatedFlights;
 use servotwin_safety::rates;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::tree::lanes::rated_faults;
@@ -20,15 +21,15 @@ use std::path::PathBuf;
 
 /// Write fault trees, and compute how often the function fails with the hybrid twin and without.
 ///
-/// The trees are: loss of one lane, loss of both lanes, undetected degradation. The function fails if a fault that needs a
-/// shutdown acts without one, or if no actuator is on. Without the twin, either nothing notices a fault until the next
-/// check, or two actuators are compared, which does not show the faulty one.
+/// The trees are: loss of one lane, loss of both lanes, undetected degradation. The function fails if a fault that
+/// needs a shutdown acts without one, or if no actuator is on. Without the twin, either nothing notices a fault until
+/// the next check, or two actuators are compared, which does not show the faulty one.
 ///
-/// Failure rates come from your table, and detection, wrong shutdowns and false alarms from the counts in flights.json.
-/// The command writes into the folder safety: fault-tree.xml (Open-PSA, with the lower and upper ends in
-/// fault-tree-low.xml and fault-tree-high.xml), a figure for each top event, minimal cut sets, importance, all numbers as
-/// fault-tree.json, the rates of the function as function-rate.csv, and their sensitivity to every input as
-/// function-rate-inputs.csv.
+/// Failure rates come from your table, and detection, wrong shutdowns and false alarms from the counts in
+/// flights.json. The command writes into the folder safety: fault-tree.xml (Open-PSA, with the lower and upper ends
+/// in fault-tree-low.xml and fault-tree-high.xml), a figure for each top event, minimal cut sets, importance, all
+/// numbers as fault-tree.json, the rates of the function as function-rate.csv, and their sensitivity to every input
+/// as function-rate-inputs.csv.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The output folder of a study with judged flights ('servotwin study --suite flights').
@@ -88,9 +89,10 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
         ));
     };
     let hours = ExposureHours { flight_h, repair_h, check_h, test_h: options.test_hours };
-    let artefact = FaultTreeArtefact::new(&results, rates, hours)?;
+    let flights = RatedFlights::read(&results, rates, hours)?;
+    let artefact = FaultTreeArtefact::new(&flights)?;
     let mut notes = artefact.notes.clone();
-    let function = match FunctionRate::new(&results, rates, hours) {
+    let function = match FunctionRate::new(&flights) {
         // The study has fault trees, but no function with a rate.
         Err(SafetyError::Study { problem, .. }) => {
             notes.push(problem.into());

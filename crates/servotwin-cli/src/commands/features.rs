@@ -17,7 +17,8 @@ use std::path::{Path, PathBuf};
 
 /// Compute the features of traces.
 ///
-/// Traces are a table with columns of measured and nominal signals. Writes a table with the features of their windows. With
+/// Traces are a table with columns of measured and nominal signals. Writes a table with the features of their
+/// windows. With
 /// --list, describes every feature.
 #[derive(clap::Args)]
 pub(crate) struct Options {

@@ -91,7 +91,7 @@ fn one_share(
         return Err(Failure::Options("--share: a suite of unseen faults is flown as a whole"));
     }
     stop::heed();
-    let folder = Folder::new(options.study.folder());
+    let folder = options.study.folder();
     let _hold = folder.join_study(study)?;
     let (mut text, mut flown) = (String::new(), vec![]);
     for suite in suites {
@@ -125,7 +125,7 @@ pub(super) fn flown(
 ) -> Result<String, Failure> {
     let is_full = check(options, study)?;
     stop::heed();
-    let folder = Folder::new(options.folder());
+    let folder = options.folder();
     let _hold = options.keep(study, global)?;
     let results = with_crew(options.threads, global, |crew| match suites {
         [] => flights::fly_all(&folder, (study, is_full), scenarios, crew),
@@ -165,7 +165,7 @@ fn sealed(
 ) -> Result<String, Failure> {
     let is_full = check(options, study)?;
     stop::heed();
-    let folder = Folder::new(options.folder());
+    let folder = options.folder();
     let _hold = options.keep(study, global)?;
     let here = std::env::current_dir().unwrap_or_default();
     let record = OpeningRecord::find(&here, folder.path());

@@ -4,8 +4,7 @@
 use super::fly_cost::FlightCosts;
 use super::fly_truth::{FlightVerdict, Truth};
 use super::simulate::{fault, onset};
-use super::workers;
-use super::{StudyOptions, note};
+use super::{StudyOptions, learned, note};
 use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
@@ -15,8 +14,7 @@ use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::cost::Cost;
 use servotwin::flight::tracking::{TrackedQuantities, command_unit, first_report_s};
-use servotwin::job::flights::{self, Crew};
-use servotwin::job::{Folder, JobError};
+use servotwin::job::{Folder, JobError, flights};
 use servotwin::recording::with_suffix;
 use servotwin::signal::{Signal, WrittenQuantity};
 use servotwin::study::{FaultCase, Scenario, Study};
@@ -34,15 +32,16 @@ use std::sync::Arc;
 /// No option is required: by default, the stroke sensor of the first actuator gets a bias, or the study's first fault
 /// begins. The flight knows the truth, so the output states whether actuator, action and component were right. The
 /// command writes into the folder `flight` of the output folder: `flight.svg`, which marks onset, detection and
-/// reaction, and the records `flight-reacting.csv` and `flight-alone.csv`. The built-in aileron flies with a diagnosis that
-/// comes with the program; for anything else the command trains one first if it is missing, which takes about two minutes.
+/// reaction, and the records `flight-reacting.csv` and `flight-alone.csv`. The built-in aileron flies with a
+/// diagnosis that comes with the program; for anything else the command trains one first if it is missing, which
+/// takes about two minutes.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
     study: StudyOptions,
-    /// A fault with its intensity from 0 to 1, or 'none'. With @TIME, e.g. =0.3@12s, it begins then, and else after three
-    /// tenths of the flight. Repeat the option for several faults [default: a bias of the stroke sensor, or the study's
-    /// first fault, with intensity 0.7].
+    /// A fault with its intensity from 0 to 1, or 'none'. With @TIME, e.g. =0.3@12s, it begins then, and else after
+    /// three tenths of the flight. Repeat the option for several faults [default: a bias of the stroke sensor, or the
+    /// study's first fault, with intensity 0.7].
     #[arg(long, value_name = "ID=INTENSITY[@TIME]")]
     fault: Vec<String>,
     /// Duration of the flight.
@@ -120,7 +119,7 @@ fn title(faults: &[Begins]) -> String {
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?;
     stop::heed();
-    let folder = Folder::new(options.study.folder());
+    let folder = options.study.folder();
     let scenario = if options.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
     let duration_s = seconds("--duration", &options.duration)?;
     let mut inputs = study.system.default_inputs();
@@ -152,7 +151,7 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
         with: fly(true)?,
         without: fly(false)?,
     };
-    let path = options.study.folder().join("flight");
+    let path = folder.path().join("flight");
     create_folder(&path).map_err(JobError::from)?;
     table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
     table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
@@ -164,8 +163,8 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     })
 }
 
-/// The diagnoser of a scenario in a folder. If it is missing, the built-in aileron without tolerances has a shipped one, and
-/// any other is learned first.
+/// The diagnoser of a scenario in a folder. If it is missing, the built-in aileron without tolerances has a shipped
+/// one, and any other is learned first.
 pub(crate) fn diagnoser(
     options: &StudyOptions,
     folder: &Folder,
@@ -186,12 +185,8 @@ pub(crate) fn diagnoser(
         note(global, text);
         return Ok(Arc::new(shipped));
     }
-    let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
     let _hold = options.keep(study, global)?;
-    note(global, &format!("learning in flights first ({})", folder.diagnoser(scenario).display()));
-    let learned = flights::learn(folder, (study, false), scenario, &crew);
-    stop::check()?;
-    Ok(Arc::new(learned?))
+    Ok(Arc::new(learned((folder, study), scenario, options.threads, global)?))
 }
 
 struct Flown<'f> {

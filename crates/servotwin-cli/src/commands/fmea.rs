@@ -1,16 +1,14 @@
 //! `servotwin fmea`: fills an FMEA from the results of a study.
 
-use super::workers;
-use super::{note, scenario_of};
+use super::{learned, note, scenario_of, workers};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::files::create_folder;
-use servotwin::job::flights::{self, Crew};
 use servotwin::job::{Among, Folder};
-use servotwin::study::{Scenario, Study};
+use servotwin::study::Study;
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::FmeaSheet;
 use servotwin_safety::fmea::{self, WeightedCoverage, format, weighted_coverage};
@@ -19,12 +17,12 @@ use std::path::{Path, PathBuf};
 
 /// Fill an FMEA (failure mode and effects analysis) from the results of a study.
 ///
-/// The sheet has one row for every fault that the system can have. Every filled cell names its evidence: a file and its
-/// runs, or a figure. A cell without evidence names what is missing. Every fault of the system is flown in closed loop with
-/// the diagnosis and without it: the suite effects, whose flights outcomes-effects-SCENARIO.parquet stores. If the diagnoser
-/// is missing, the command learns it first. Edit the sheet freely: cells that you fill in stay when the command runs again, and it marks their
-/// rows as stale when the system, the study or the models change. With a study instead of a folder, the sheet holds
-/// declarations only.
+/// The sheet has one row for every fault that the system can have. Every filled cell names its evidence: a file and
+/// its runs, or a figure. A cell without evidence names what is missing. Every fault of the system is flown in closed
+/// loop with the diagnosis and without it: the suite effects, whose flights outcomes-effects-SCENARIO.parquet stores.
+/// If the diagnoser is missing, the command learns it first. Edit the sheet freely: cells that you fill in stay when
+/// the command runs again, and it marks their rows as stale when the system, the study or the models change. With a
+/// study instead of a folder, the sheet holds declarations only.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The output folder of a study, a study file, or the name of a built-in study.
@@ -80,35 +78,19 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
         && !fmea::can_fly(&results)
         && let Ok(scenario) = results.flown_setting()
     {
-        learn(options, &results, scenario, global)?;
-        // The basis names the diagnoser, too.
-        results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        if results.study.flights.is_none() {
+            note(global, "not flown: the study has no [flights] to learn a diagnoser from");
+        } else {
+            learned((&folder, &results.study), scenario, options.threads, global)?;
+            // The basis names the diagnoser, too.
+            results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        }
     }
     let rates = options.rates.as_deref();
     let sources = fmea::sources(&results, rates, !options.no_flights, workers(options.threads))?;
     stop::check()?;
     let default = folder.path().join(FOLDER).join("fmea.csv");
     write(options, &sources, &default, global)
-}
-
-/// Learns the diagnoser that a folder lacks, as `servotwin fly` does.
-fn learn(
-    options: &Options,
-    results: &StudyResultsFolder,
-    scenario: Scenario,
-    global: Global,
-) -> Result<(), Failure> {
-    let folder = &results.folder;
-    if results.study.flights.is_none() {
-        note(global, "not flown: the study has no [flights] to learn a diagnoser from");
-        return Ok(());
-    }
-    note(global, &format!("learning in flights first ({})", folder.diagnoser(scenario).display()));
-    let crew = Crew { workers: workers(options.threads), progress: &|_, _| () };
-    let learned = flights::learn(folder, (&results.study, false), scenario, &crew);
-    stop::check()?;
-    learned?;
-    Ok(())
 }
 
 fn of_study(options: &Options, global: Global) -> Result<String, Failure> {

@@ -27,11 +27,11 @@ use std::sync::atomic::{self, AtomicUsize};
 
 /// Follow the wear of one tail number: each fault with its trend and the time to a threshold.
 ///
-/// The log of each flight is fitted. The logs of the folder are read in the order of their names, in which numbers count as numbers, or of the dates in
-/// them. Each is a record as for `servotwin fit`. Files that are
-/// not records, and entries that are not regular files, are reported and skipped. If an intensity falls, the command
-/// reports a repair, and the trend starts again from there. If an intensity has reached the threshold, or may reach it
-/// within the flights of --within (95 % interval), the command raises an alarm: the exit code is 1.
+/// The log of each flight is fitted. The logs of the folder are read in the order of their names, in which numbers
+/// count as numbers, or of the dates in them. Each is a record as for `servotwin fit`. Files that are not records,
+/// and entries that are not regular files, are reported and skipped. If an intensity falls, the command reports a
+/// repair, and the trend starts again from there. If an intensity has reached the threshold, or may reach it within
+/// the flights of --within (95 % interval), the command raises an alarm: the exit code is 1.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The folder with the logs (.csv, .parquet, .mcap, .jsonl).

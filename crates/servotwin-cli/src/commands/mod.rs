@@ -39,12 +39,14 @@ use crate::failure::Failure;
 use crate::{Global, out, stop};
 use servotwin::document::counted;
 use servotwin::files;
-use servotwin::job::{Folder, Hold, Kept};
+use servotwin::job::flights::Crew;
+use servotwin::job::{self, Folder, Hold, Kept};
 use servotwin::kind::FileType;
 use servotwin::parallel::Workers;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::source::SourceError;
@@ -79,7 +81,8 @@ pub(crate) struct StudyOptions {
     /// stands for their study [default: paper, the paper's study of the aileron].
     #[arg(value_name = "STUDY")]
     study: Option<PathBuf>,
-    /// The folder for data sets, models, results and the report [default: the folder that stands for the study, or out].
+    /// The folder for data sets, models, results and the report [default: the folder that stands for the study, or
+    /// out].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// Use the full sizes instead of the quick ones: of the records, and of the flights that --suite names.
@@ -96,9 +99,9 @@ pub(crate) struct StudyOptions {
 
 impl StudyOptions {
     /// The folder of the results.
-    fn folder(&self) -> PathBuf {
-        let own = || self.study.clone().filter(|path| path.is_dir());
-        self.out.clone().or_else(own).unwrap_or_else(|| "out".into())
+    fn folder(&self) -> Folder {
+        let own = || self.study.as_deref().filter(|path| path.is_dir());
+        Folder::new(self.out.as_deref().or_else(own).unwrap_or(Path::new("out")))
     }
 
     /// Reads the study and warns about doubtful entries. Its size is full if the user wants that, or if the folder
@@ -110,10 +113,10 @@ impl StudyOptions {
             return Ok(study.full()?);
         }
         let folder = self.folder();
-        if study.is_full || self.replace || !Folder::new(&folder).holds_full(&study) {
+        if study.is_full || self.replace || !folder.holds_full(&study) {
             return Ok(study);
         }
-        let folder = folder.display();
+        let folder = folder.path().display();
         note(
             global,
             &format!("{folder} holds the full study, which goes on (--replace for the quick one)"),
@@ -141,9 +144,9 @@ impl StudyOptions {
     /// Prepares the folder for the study, and reports removed results.
     fn keep(&self, study: &Study, global: Global) -> Result<Hold, Failure> {
         let folder = self.folder();
-        let Kept { hold, dropped } = Folder::new(&folder).keep_study(study, self.replace)?;
+        let Kept { hold, dropped } = folder.keep_study(study, self.replace)?;
         if dropped > 0 {
-            removed(global, &folder.display().to_string(), dropped);
+            removed(global, &folder.path().display().to_string(), dropped);
         }
         Ok(hold)
     }
@@ -162,6 +165,20 @@ fn find_study(path: Option<&Path>) -> Result<Study, Failure> {
 fn removed(global: Global, folder: &str, files: usize) {
     let files = counted(files, "result file");
     note(global, &format!("{folder}: {files} of before the study was changed removed"));
+}
+
+/// Learns the diagnoser that a folder lacks.
+fn learned(
+    (folder, study): (&Folder, &Study),
+    scenario: Scenario,
+    threads: Option<usize>,
+    global: Global,
+) -> Result<Diagnoser, Failure> {
+    note(global, &format!("learning in flights first ({})", folder.diagnoser(scenario).display()));
+    let crew = Crew { workers: workers(threads), progress: &|_, _| () };
+    let learned = job::flights::learn(folder, (study, false), scenario, &crew);
+    stop::check()?;
+    Ok(learned?)
 }
 
 /// The scenario of an option `--scenario`.

@@ -13,7 +13,6 @@ use serde_json::json;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::files;
-use servotwin::job::Folder;
 use servotwin::recordings::RecordingError;
 use servotwin::recordings::judged::{FILES, RecordingResults, TargetResult};
 use servotwin::recordings::model::{Answers, FORMAT, RecordingModel};
@@ -32,23 +31,21 @@ pub(crate) fn run(path: &Path, options: &StudyOptions, global: Global) -> Result
         RecordingError::Evaluation(error @ EvaluationError::Cancelled) => error.into(),
         error => Failure::Recording { path: path.into(), error },
     };
+    let out = options.folder();
     let text = files::read_document(path)?;
     let study = read_recording_study(path)?;
-    let written =
-        FILES.map(|name| options.folder().join(name)).into_iter().filter(|file| file.exists());
+    let written = FILES.map(|name| out.path().join(name)).into_iter().filter(|file| file.exists());
     let folder = path.parent().unwrap_or(Path::new(""));
     let read = study.files().map(|file| folder.join(file));
     Paths::default().read("the records", read).write("--out", Format::Any, written).check()?;
     let records = study.read(folder).map_err(in_study)?;
     let judged = study.judge(&text, &records, workers(options.threads)).map_err(in_study)?;
-    judged.write(&Folder::new(options.folder()))?;
+    judged.write(&out)?;
     let results = &judged.results;
     Ok(match global {
         Global { json: true, .. } => json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
-        _ => {
-            in_words(results) + &format!("{}\n", options.folder().join("recordings.json").display())
-        }
+        _ => in_words(results) + &format!("{}\n", out.path().join("recordings.json").display()),
     })
 }
 

@@ -8,7 +8,7 @@ use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, Share, runs};
-use servotwin::job::{Folder, data_card, manifest};
+use servotwin::job::{data_card, manifest};
 use servotwin::study::{Purpose, Scenario, Study};
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     let study = place.read(global)?;
     stop::heed();
     let runs = chosen(&study, options.scenario.as_deref())?;
-    let folder = Folder::new(place.folder());
+    let folder = place.folder();
     let _hold = match share {
         Some(_) => folder.join_study(&study)?,
         None => place.keep(&study, global)?,

@@ -11,8 +11,9 @@ use std::path::PathBuf;
 
 /// Write the report of a study: one HTML file that needs no network.
 ///
-/// Writes report.html and its figures as SVG into the folder. With --markdown, writes a page of the measures to standard
-/// output instead. Every share comes with its count and its 95 % interval, and nothing on the page depends on the machine.
+/// Writes report.html and its figures as SVG into the folder. With --markdown, writes a page of the measures to
+/// standard output instead. Every share comes with its count and its 95 % interval, and nothing on the page depends
+/// on the machine.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The output folder of a study.

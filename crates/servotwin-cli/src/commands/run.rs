@@ -21,9 +21,9 @@ use std::path::PathBuf;
 /// Run one run of a suite again, or explain the trees' answer for a record.
 ///
 /// A run has the name suite#number@scenario, and the number is that of the suite's table. A flight, such as
-/// judge#17@realistic, is flown with the diagnoser in the folder, to the bit as among all others of its suite, and its
-/// outcome is printed. Of a record, such as cases#17@realistic, every question of the trees is shown with its value and its
-/// threshold.
+/// judge#17@realistic, is flown with the diagnoser in the folder, to the bit as among all others of its suite, and
+/// its outcome is printed. Of a record, such as cases#17@realistic, every question of the trees is shown with its
+/// value and its threshold.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The name of the run.

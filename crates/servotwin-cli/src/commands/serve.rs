@@ -14,11 +14,12 @@ use std::path::PathBuf;
 
 /// Open a web page that shows a flying actuator, a log or a stream live.
 ///
-/// You inject faults into the actuator, and watch residuals, diagnosis and reaction. The plant and its twin fly in real time, with the diagnosis and a flight control computer that reacts, and a ghost
-/// flies the same without them. --source shows a log, which is read and replayed, or a live stream instead; several make
-/// a fleet, with a row for each. The page is at 127.0.0.1 unless you name another address; then the printed link has a
-/// token, without which nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with the
-/// program; for anything else the command trains one first if it is missing, which takes about two minutes.
+/// You inject faults into the actuator, and watch residuals, diagnosis and reaction. The plant and its twin fly in
+/// real time, with the diagnosis and a flight control computer that reacts, and a ghost flies the same without them.
+/// --source shows a log, which is read and replayed, or a live stream instead; several make a fleet, with a row for
+/// each. The page is at 127.0.0.1 unless you name another address; then the printed link has a token, without which
+/// nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with the program; for
+/// anything else the command trains one first if it is missing, which takes about two minutes.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -153,7 +154,7 @@ fn diagnoser(
         let named = servotwin::evaluation::model_file::read_diagnoser(path)?;
         return Ok(std::sync::Arc::new(named));
     }
-    let folder = servotwin::job::Folder::new(options.study.folder());
+    let folder = options.study.folder();
     super::fly::diagnoser(&options.study, &folder, study, scenario, global)
 }
 

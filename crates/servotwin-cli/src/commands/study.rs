@@ -12,13 +12,13 @@ use servotwin::campaign::Share;
 use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
 use servotwin::study::suites::{FLIGHTS, MAX_ENVIRONMENTS, RECORDS};
 use servotwin::study::{Scenario, Study};
-use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
-/// Without --suite: simulates the records of every scenario, trains and evaluates trees and committee on them, flies (with
+/// Without --suite: simulates the records of every scenario, trains and evaluates trees and committee on them, flies
+/// (with
 /// --full), and writes the report. The first scenario already produces a report, and the next ones extend it. An
 /// interrupted study continues where it stopped, and the results are the same to the byte.
 ///
@@ -31,12 +31,12 @@ pub(crate) struct Options {
     /// Also run the scenario in which every specimen has a twin fitted to it in a calibration flight.
     #[arg(long, conflicts_with = "suite")]
     fitted: bool,
-    /// Only run these suites, separated by commas. 'records' simulates every fault in every operating case and writes the
-    /// data sets. 'flights' trains the diagnosis on flights in which faults begin (diagnoser-SCENARIO.json) and judges it in
-    /// every suite that is not on request. Another suite is flown with the diagnosers in the folder, and nothing is
-    /// learned: judge, unseen, other_structure, other_structure_fitted, missing_sensors, healthy, healthy_other_structure,
-    /// effects, or one of the study's own. Every flight becomes a row of outcomes-SUITE-SCENARIO.parquet. An interrupted suite goes
-    /// on where it was last stored.
+    /// Only run these suites, separated by commas. 'records' simulates every fault in every operating case and writes
+    /// the data sets. 'flights' trains the diagnosis on flights in which faults begin (diagnoser-SCENARIO.json) and
+    /// judges it in every suite that is not on request. Another suite is flown with the diagnosers in the folder, and
+    /// nothing is learned: judge, unseen, other_structure, other_structure_fitted, missing_sensors, healthy,
+    /// healthy_other_structure, effects, or one of the study's own. Every flight becomes a row of
+    /// outcomes-SUITE-SCENARIO.parquet. An interrupted suite goes on where it was last stored.
     #[arg(long, value_name = "SUITES", value_delimiter = ',')]
     pub(super) suite: Vec<String>,
     /// Only run this scenario: perfect sensors and a plant that equals the twin (ideal), sensors with noise
@@ -52,17 +52,17 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SEED", requires = "suite",
           value_parser = clap::value_parser!(u64).range(0..=999))]
     pub(super) seed: Option<u64>,
-    /// Simulate only one share of these suites, e.g. 3/100 for the third of 100 shares. Use this for machines that have the
-    /// folder in common, or whose 'parts' folders you copy together. The same command without --share simulates what is
-    /// missing, and joins all.
+    /// Simulate only one share of these suites, e.g. 3/100 for the third of 100 shares. Use this for machines that
+    /// have the folder in common, or whose 'parts' folders you copy together. The same command without --share
+    /// simulates what is missing, and joins all.
     #[arg(long, requires = "suite", conflicts_with = "keep_traces")]
     pub(super) share: Option<Share>,
     /// Also write the time series of every record (gigabytes).
     #[arg(long, requires = "suite")]
     pub(super) keep_traces: bool,
-    /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare. Learns
-    /// nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv in the
-    /// output folder, before the first flight. Writes `flights-sealed.json`.
+    /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare.
+    /// Learns nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv
+    /// in the output folder, before the first flight. Writes `flights-sealed.json`.
     #[arg(long, conflicts_with = "suite")]
     pub(super) sealed: bool,
 }
@@ -77,7 +77,7 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     let is_learning = options.suite == [FLIGHTS];
     if (is_records && is_changed) || (is_learning && (is_changed || options.share.is_some())) {
         return Err(Failure::Options(
-            "--environments, --seed and --share are for suites of flights by their own names, --share also for records",
+            "--environments and --seed change a suite of flights that --suite names; --share divides one, or the records",
         ));
     }
     match options.suite[..] {
@@ -99,14 +99,14 @@ fn whole(options: &Options, global: Global) -> Result<String, Failure> {
         return flights::run(options, global);
     }
     let folder = options.study.folder();
-    let screen = Screen::new(global, &folder, &study);
+    let screen = Screen::new(global, folder.clone(), &study);
     let run = StudyRun {
         replace: options.study.replace,
         fitted: options.fitted,
         only: options.scenario.as_deref().and_then(Scenario::named),
         workers: workers(options.study.threads),
         observer: &|event| screen.show(event),
-        ..StudyRun::new(&study, &folder)
+        ..StudyRun::new(&study, folder.path())
     };
     let results = run.run();
     screen.end();
@@ -151,16 +151,10 @@ struct State {
 }
 
 impl<'s> Screen<'s> {
-    fn new(global: Global, folder: &Path, study: &'s Study) -> Self {
+    fn new(global: Global, folder: Folder, study: &'s Study) -> Self {
         let state =
             State { begin: Instant::now(), number: String::new(), rows: None, stages: None };
-        Screen {
-            global,
-            study,
-            folder: Folder::new(folder),
-            notes: Notes::new(global),
-            state: Mutex::new(state),
-        }
+        Screen { global, study, folder, notes: Notes::new(global), state: Mutex::new(state) }
     }
 
     /// Writes the report of the results so far, and shows their main figures.

@@ -3,8 +3,8 @@
 use super::{StudyOptions, flights};
 use crate::Global;
 use crate::failure::Failure;
+use servotwin::job::JobError;
 use servotwin::job::flights::scenarios;
-use servotwin::job::{Folder, JobError};
 
 /// Train the decision of the test on the ground, and measure what it finds.
 ///
@@ -21,7 +21,7 @@ pub(crate) struct Options {
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     let study = options.study.read(global)?.on_ground()?.ok_or(JobError::NoGroundTest)?;
-    let folder = Folder::new(options.study.folder()).ground_test();
+    let folder = options.study.folder().ground_test();
     let options = StudyOptions { out: Some(folder.path().into()), ..options.study.clone() };
     flights::flown(&options, &study, (&[], &scenarios(&study)), global)
 }

@@ -39,8 +39,8 @@ impl FmeaFlights {
         self.outcomes.iter().find(|own| own.onset_s.is_none() && own.is_finished)
     }
 
-    /// The flights of the quoted scenario; `None` if there are none. If it `flies`, those that are missing or of another basis
-    /// are flown first, where there is a diagnoser.
+    /// The flights of the quoted scenario; `None` if there are none. If it `flies`, those that are missing or of
+    /// another basis are flown first, where there is a diagnoser.
     ///
     /// # Errors
     /// The file is damaged or cannot be written; the healthy flight cannot be simulated.

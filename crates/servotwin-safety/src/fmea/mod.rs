@@ -36,8 +36,8 @@ pub(crate) fn rated_faults(study: &Study) -> Vec<RatedFault> {
     names.map(|id| RatedFault { kind: fields::kind_of(study, &id), id }).collect()
 }
 
-/// The sources of the sheet of a folder with results. If it `flies`, flights that are missing or of another basis are flown
-/// where there is a diagnoser; else stored flights are used as they are.
+/// The sources of the sheet of a folder with results. If it `flies`, flights that are missing or of another basis are
+/// flown where there is a diagnoser; else stored flights are used as they are.
 ///
 /// # Errors
 /// A file is missing or damaged; a flight cannot be simulated; a rate is wrong.

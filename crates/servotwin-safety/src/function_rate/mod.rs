@@ -21,6 +21,7 @@ use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns
 use crate::error::SafetyError;
 use crate::ground_test::{GroundTest, PassedFaults};
 use crate::interval::{CountedValue, clopper_pearson};
+use crate::rated_flights::RatedFlights;
 use crate::rates::{FailureRates, RatedFault};
 use crate::results::{FOLDER, StudyResultsFolder};
 use crate::tree::lanes::{CONFIDENCE, TreeParameter, rated_faults};
@@ -31,7 +32,7 @@ use servotwin::files::create_folder;
 use servotwin::flight::judge::FlightMetrics;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Factors on all failure rates, as wear raises them.
 const WEAR: [f64; 3] = [2.0, 5.0, 10.0];
@@ -108,15 +109,10 @@ impl FunctionRate {
     /// Computes the rates of a study.
     ///
     /// # Errors
-    /// The folder has no judged flights; a rate is missing or wrong; an interval is out of range; the study has more
-    /// than two actuators, or no action that switches one off.
-    pub fn new(
-        results: &StudyResultsFolder,
-        rates: &Path,
-        hours: ExposureHours,
-    ) -> Result<Self, SafetyError> {
-        let exposure = hours.checked()?;
-        let study = &results.study;
+    /// The study has more than two actuators, or no action that switches one off; a rate is missing.
+    pub fn new(flights: &RatedFlights) -> Result<Self, SafetyError> {
+        let RatedFlights { results, metrics, rates, test, hours } = flights;
+        let (study, exposure) = (&results.study, *hours);
         let wrong = |problem| Err(SafetyError::Study { study: study.name.clone(), problem });
         if study.units.len() > 2 {
             return wrong("a function of more than two actuators has no rate; see its fault trees");
@@ -124,12 +120,9 @@ impl FunctionRate {
         if study.shutdowns().is_empty() {
             return wrong("no action switches an actuator off; declare one in [reactions]");
         }
-        let rates = FailureRates::read(rates, &rated_faults(study))?;
-        check_rates(&rated_faults(study), &rates)?;
-        let metrics = results.flown_or_missing()?;
-        let test = hours.test_h.map(|_| GroundTest::read(results)).transpose()?;
+        check_rates(&rated_faults(study), rates)?;
         let model = |metrics, intensities| {
-            FunctionModel::new(study, (metrics, test.as_ref()), &rates, intensities)
+            FunctionModel::new(study, (metrics, test.as_ref()), rates, intensities)
         };
         let whole = model(metrics, FaultIntensities::All);
         let mut conditions = vec![whole.condition("all intensities".into(), &exposure, 1.0)];

@@ -278,8 +278,8 @@ impl Varied {
         }
     }
 
-    /// The environment of the first command, in the middle of its ranges and of those of inputs that all actuators share.
-    /// Everything else has its default.
+    /// The environment of the first command, in the middle of its ranges and of those of inputs that all actuators
+    /// share. Everything else has its default.
     pub(super) fn shared_middle(
         &self,
         reader: &Reader,

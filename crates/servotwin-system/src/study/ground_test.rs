@@ -14,8 +14,8 @@
 //! declares the changes between two tests of a healthy actuator.
 //!
 //! The tests of a study are a study of their own ([`Study::on_ground`]), with the same system, sensors, classes and
-//! specimens. The test's command stands for those of `[flights]`, the first test for the calibration flight of `[fitted]`,
-//! and `ground_test.suites` for `[suites]`. Faults are present from the start.
+//! specimens. The test's command stands for those of `[flights]`, the first test for the calibration flight of
+//! `[fitted]`, and `ground_test.suites` for `[suites]`. Faults are present from the start.
 
 use super::keys::FLIGHT_S;
 use super::other_plant::DrawText;

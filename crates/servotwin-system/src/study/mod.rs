@@ -391,8 +391,8 @@ impl Study {
         }
     }
 
-    /// The index of the actuator that a fault or another part of the system belongs to by its name; `None` if it belongs to
-    /// no single one. The only actuator of a study has all.
+    /// The index of the actuator that a fault or another part of the system belongs to by its name; `None` if it
+    /// belongs to no single one. The only actuator of a study has all.
     pub fn unit_of(&self, name: &str) -> Option<usize> {
         let has_it = |unit: &String| {
             let rest = name.strip_prefix(unit.as_str());

@@ -216,8 +216,8 @@ pub struct Suite {
     /// Whether every flight is judged once without each sensor.
     pub misses_sensors: bool,
     /// Whether its runs are flown in closed loop. Their environments are the operating cases in turn; all runs of an
-    /// environment have one specimen and one noise; and every fault of the system, whether a class lists it or not, begins at
-    /// half and at full intensity in the middle of the range of the onset. No key says otherwise.
+    /// environment have one specimen and one noise; and every fault of the system, whether a class lists it or not,
+    /// begins at half and at full intensity in the middle of the range of the onset. No key says otherwise.
     pub is_closed_loop: bool,
     /// Whether it is flown only when it is named.
     pub is_on_request: bool,
@@ -538,8 +538,8 @@ impl Study {
         suite.varied.ranges(&self.units, onset_s, suite.duration_s)
     }
 
-    /// Environments of a suite by their numbers: operating cases for records and in closed loop. Each depends on nothing but the suite's seed,
-    /// what varies in it, and its number.
+    /// Environments of a suite by their numbers: operating cases for records and in closed loop. Each depends on
+    /// nothing but the suite's seed, what varies in it, and its number.
     ///
     /// # Errors
     /// A command cannot be flown.

@@ -78,8 +78,8 @@ impl System {
         Ok(text)
     }
 
-    /// The values with one for each parameter. A value of a circuit's fluid is repeated for all sources and tanks of the
-    /// circuit; that of the one which determines the fluid counts.
+    /// The values with one for each parameter. A value of a circuit's fluid is repeated for all sources and tanks of
+    /// the circuit; that of the one which determines the fluid counts.
     fn in_whole_circuits(&self, values: &[NewValue]) -> Vec<NewValue> {
         let components = &self.network().components;
         let source = |component| self.program.fluid_source(component);

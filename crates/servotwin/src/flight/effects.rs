@@ -1,8 +1,8 @@
-//! Runs of a suite in closed loop: what every fault of the system does to a flight with a flight control computer that reacts
-//! to the diagnosis, and to one without.
+//! Runs of a suite in closed loop: what every fault of the system does to a flight with a flight control computer
+//! that reacts to the diagnosis, and to one without.
 //!
-//! All flights of an environment have the same specimen and the same noise, so they differ from its healthy flight by the
-//! fault alone.
+//! All flights of an environment have the same specimen and the same noise, so they differ from its healthy flight by
+//! the fault alone.
 
 use super::closed_loop::{ClosedLoop, FlightRecord, fly_watched};
 use super::outcome::{FlightOutcome, Needed};
@@ -60,8 +60,8 @@ pub(super) fn fly(
     parallel::map(runs, workers, outcome).map_err(|_| CampaignError::Cancelled)
 }
 
-/// For every actuator with a cylinder the place of its piston's position among the recorded variables, of which some come
-/// first, and the slot.
+/// For every actuator with a cylinder the place of its piston's position among the recorded variables, of which some
+/// come first, and the slot.
 fn pistons(study: &Study, first: usize) -> BTreeMap<usize, (usize, Slot)> {
     let of_unit = |unit: &String| {
         let own = full_name(unit, "");

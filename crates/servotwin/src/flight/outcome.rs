@@ -143,8 +143,8 @@ outcome! {
     shutdown_evidence: f64, DIMENSIONLESS;
     /// The same in windows of baseline-corrected residuals.
     corrected_shutdown_evidence: f64, DIMENSIONLESS;
-    /// The actuators that the flight control computer switched off, separated by commas; `all` for the only one. Empty in
-    /// open loop, of which nothing below is known either.
+    /// The actuators that the flight control computer switched off, separated by commas; `all` for the only one.
+    /// Empty in open loop, of which nothing below is known either.
     switched_off: String, "";
     /// Whether a reaction changed inputs or parameters.
     changes_mode: bool, "";
@@ -185,8 +185,8 @@ impl FlightOutcome {
         self.first == FirstAction::Right && self.visible_s.is_some()
     }
 
-    /// Whether a fault was reported after the onset: detected, unknown or named. An invalid environment or missing readings
-    /// report none.
+    /// Whether a fault was reported after the onset: detected, unknown or named. An invalid environment or missing
+    /// readings report none.
     pub fn reports_fault(&self) -> bool {
         matches!(self.word, Word::Detected | Word::Unknown | Word::Actuator)
     }

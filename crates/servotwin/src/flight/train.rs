@@ -156,8 +156,8 @@ fn of_test(diagnoser: &Diagnoser, study: &Study) -> Tuning {
     }
 }
 
-/// The constants of a diagnosis that decides about each window alone: without allowances for what persists, and with equal
-/// costs of all errors.
+/// The constants of a diagnosis that decides about each window alone: without allowances for what persists, and with
+/// equal costs of all errors.
 fn deciding_once(
     Diagnoser { tuning, lengths, .. }: &Diagnoser,
     (false_alarms_per_h, wrong_isolation): (f64, f64),

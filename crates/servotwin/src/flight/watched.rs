@@ -89,8 +89,8 @@ pub struct FlownEnvironments {
     pub calibration: Option<CalibrationRecords>,
 }
 
-/// Flies environments of a suite in a scenario, watched by some diagnoses; of unseen faults all runs. `done` takes what became
-/// of some environments after the other; `progress` the number of runs that have ended, and of all.
+/// Flies environments of a suite in a scenario, watched by some diagnoses; of unseen faults all runs. `done` takes
+/// what became of some environments after the other; `progress` the number of runs that have ended, and of all.
 ///
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, the error of `done`, or the run was cancelled.

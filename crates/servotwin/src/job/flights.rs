@@ -44,8 +44,8 @@ pub struct FlightResults {
     pub limits: Limits,
     /// Training flights that were not used, by scenario.
     pub left_out: BTreeMap<String, LeftOut>,
-    /// The flown suites, by scenario, suite and missing sensor. Suites of healthy flights and those in closed loop are left out:
-    /// their figures come from the outcomes themselves.
+    /// The flown suites, by scenario, suite and missing sensor. Suites of healthy flights and those in closed loop
+    /// are left out: their figures come from the outcomes themselves.
     pub suites: Vec<FlightMetrics>,
     /// The flown suites of unseen faults.
     pub unseen: Vec<UnseenFaultMetrics>,

@@ -277,8 +277,8 @@ pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watchin
     })
 }
 
-/// Flies a suite in a scenario with the stored diagnoser, and writes its outcomes. What the folder's file and its shares
-/// hold of the same runs stays; a file of other runs is replaced. Nothing is learned.
+/// Flies a suite in a scenario with the stored diagnoser, and writes its outcomes. What the folder's file and its
+/// shares hold of the same runs stays; a file of other runs is replaced. Nothing is learned.
 ///
 /// # Errors
 /// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written.

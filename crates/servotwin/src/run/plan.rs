@@ -49,7 +49,8 @@ pub struct Run {
     pub number: usize,
     /// The number of its environment.
     pub environment: usize,
-    /// The fault as an index in [`Study::faults`], or in closed loop in all faults of the system; `None` for a healthy run.
+    /// The fault as an index in [`Study::faults`], or in closed loop in all faults of the system; `None` for a
+    /// healthy run.
     pub fault: Option<usize>,
     /// The fault's intensity; 0 for a healthy run.
     pub intensity: f64,

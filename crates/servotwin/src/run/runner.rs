@@ -3,10 +3,10 @@
 //! One simulation serves all scenarios with the same plants ([`Scenario::groups`]), and all healthy runs of an environment
 //! that differ by the noise of their sensors alone.
 //!
-//! In the scenario *fitted*, one specimen flies all runs of an environment, and the environment's twin is fitted to its
-//! calibration flight. Tests on the ground are such runs, and records have a pool of such specimens. Otherwise every run has
-//! another specimen, compared with the nominal twin. The plants of a suite may have another structure than their twins
-//! ([`OtherPlants`]), and the twins may be fitted to them as well.
+//! In the scenario *fitted*, one specimen flies all runs of an environment, and the environment's twin is fitted to
+//! its calibration flight. Tests on the ground are such runs, and records have a pool of such specimens. Otherwise
+//! every run has another specimen, compared with the nominal twin. The plants of a suite may have another structure
+//! than their twins ([`OtherPlants`]), and the twins may be fitted to them as well.
 
 use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
@@ -73,8 +73,8 @@ pub struct Runner<'s> {
     fitted: BTreeMap<usize, Overrides>,
 }
 
-/// Flies environments of a suite in a scenario, some at a time, so that memory does not grow with their number. `fly` takes
-/// the runner of the environments at hand, and the numbers of these.
+/// Flies environments of a suite in a scenario, some at a time, so that memory does not grow with their number. `fly`
+/// takes the runner of the environments at hand, and the numbers of these.
 ///
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, the error of `fly`, or [`CampaignError::Cancelled`].

@@ -22,8 +22,8 @@ use std::sync::Arc;
 /// How a source is read and judged.
 #[derive(clap::Args, Clone)]
 pub(crate) struct InputOptions {
-    /// The diagnoser, a file written by `servotwin study --suite flights` [default: out/diagnoser-realistic.json, or for the built-in
-    /// aileron the one that comes with the program].
+    /// The diagnoser, a file written by `servotwin study --suite flights` [default: out/diagnoser-realistic.json, or
+    /// for the built-in aileron the one that comes with the program].
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
     /// The map file, which assigns columns to signals.
