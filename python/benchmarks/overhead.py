@@ -31,7 +31,7 @@ def command_line(study, out):
 def python(study, out):
     code = (
         "import sys, servotwin;"
-        "servotwin.campaign(servotwin.Study(sys.argv[1]), sys.argv[2], threads=2, progress=False)"
+        "servotwin.run_suites(servotwin.Study(sys.argv[1]), sys.argv[2], ['records'], threads=2, progress=False)"
     )
     return run(sys.executable, "-c", code, study, out)
 

@@ -14,7 +14,7 @@ A study simulates every fault, trains the diagnosis, judges it, and writes a rep
 >>> results.report()  # doctest: +SKIP
 
 Numbers are in SI units, and the name of every column ends in its unit. `servotwin.estimators` has
-classifiers for scikit-learn, and `servotwin.distributed` runs campaigns on Dask.
+classifiers for scikit-learn, and `servotwin.distributed` runs suites on Dask.
 """
 
 from ._servotwin import (
@@ -45,19 +45,7 @@ from .errors import (
     UnknownNameError,
 )
 from .live_page import Live, live
-from .study import (
-    Ran,
-    Report,
-    campaign,
-    data_set,
-    evaluate,
-    feature_columns,
-    flights,
-    merge,
-    report,
-    train,
-    trees,
-)
+from .study import Report, data_set, feature_columns, report, run_suites, trees
 
 __all__ = [
     "Diagnoser",
@@ -70,7 +58,6 @@ __all__ = [
     "Mistake",
     "MistakesError",
     "Outcome",
-    "Ran",
     "Report",
     "Results",
     "RunError",
@@ -82,18 +69,14 @@ __all__ = [
     "Twin",
     "UnknownNameError",
     "__version__",
-    "campaign",
     "data_set",
-    "evaluate",
     "feature_columns",
     "fit_record",
-    "flights",
     "live",
-    "merge",
     "report",
+    "run_suites",
     "simulate",
     "simulate_many",
-    "train",
     "trees",
     "watch",
 ]

@@ -22,31 +22,19 @@ __all__ = [
     "Twin",
     "__version__",
     "data_set",
-    "evaluate_folder",
-    "evaluation_subjects",
-    "evaluate_subject",
     "feature_columns",
     "fit",
     "fit_record",
-    "flight_pieces",
-    "fly_all",
-    "fly_piece",
-    "join_evaluation",
-    "join_flights",
-    "join_study",
-    "learn_from_flights",
-    "learn_spreads",
-    "merge_parts",
+    "join_suites",
+    "prepare_file",
     "read_trees",
-    "run_calibration",
-    "run_campaign",
     "run_study",
+    "run_suites",
     "run_task",
     "simulate",
     "simulate_many",
     "study_of",
-    "tasks",
-    "train_folder",
+    "tasks_of",
     "watch",
     "write_report",
 ]
@@ -335,8 +323,7 @@ class Model:
     @staticmethod
     def from_json(text: str) -> Model: ...
 
-_Ran = tuple[list[str], bool, int, int, list[tuple[str, int, str]]]
-_Task = tuple[list[str], bool, int, list[str], int, Optional[str]]
+_Task = tuple[str, list[str], int, list[str], int, list[str]]
 
 def fit(
     settings: str,
@@ -355,69 +342,33 @@ def run_study(
     threads: Optional[int] = None,
     progress: Optional[Progress] = None,
 ) -> Results: ...
-def run_campaign(
+def run_suites(
     study: Study,
     out: Path,
-    scenarios: Optional[Sequence[str]] = None,
-    threads: Optional[int] = None,
+    suites: list[str],
+    scenarios: Optional[list[str]] = None,
+    full: bool = False,
     share: Optional[str] = None,
-    progress: Optional[Progress] = None,
-) -> list[_Ran]: ...
-def tasks(study: Study, scenarios: Optional[Sequence[str]] = None) -> list[_Task]: ...
-def run_calibration(
-    study: Study, out: Path, training: bool, threads: Optional[int] = None
-) -> None: ...
-def run_task(
-    study: Study,
-    out: Path,
-    scenarios: Sequence[str],
-    training: bool,
-    part: int,
     threads: Optional[int] = None,
-) -> tuple[int, int]: ...
-def merge_parts(
-    out: Path, scenarios: Optional[Sequence[str]] = None, progress: Optional[Progress] = None
-) -> list[_Ran]: ...
-def join_study(study: Study, out: Path) -> None: ...
-def evaluation_subjects(out: Path) -> list[str]: ...
-def evaluate_subject(out: Path, name: str, threads: Optional[int] = None) -> str: ...
-def join_evaluation(out: Path, found: Sequence[str]) -> str: ...
-def fly_all(
+    progress: Optional[Progress] = None,
+) -> None: ...
+def tasks_of(
+    study: Study, suites: list[str], scenarios: Optional[list[str]] = None, full: bool = False
+) -> list[_Task]: ...
+def run_task(
+    study: Study, out: Path, full: bool, task: _Task, threads: Optional[int] = None
+) -> None: ...
+def prepare_file(
+    study: Study, out: Path, full: bool, file: str, threads: Optional[int] = None
+) -> None: ...
+def join_suites(
     study: Study,
     out: Path,
+    suites: list[str],
+    scenarios: Optional[list[str]] = None,
     full: bool = False,
     threads: Optional[int] = None,
-    progress: Optional[Progress] = None,
-) -> str: ...
-def flight_pieces(study: Study, full: bool = False) -> list[tuple[str, str, list[int]]]: ...
-def fly_piece(
-    study: Study,
-    full: bool,
-    scenario: str,
-    suite: str,
-    environment: int,
-    known: str,
-    threads: Optional[int] = None,
-) -> str: ...
-def learn_spreads(study: Study, full: bool, scenario: str, threads: Optional[int] = None) -> str: ...
-def learn_from_flights(
-    study: Study,
-    out: Path,
-    full: bool,
-    scenario: str,
-    spreads: str,
-    flown: Sequence[str],
-    threads: Optional[int] = None,
 ) -> None: ...
-def join_flights(
-    study: Study, out: Path, full: bool, found: Sequence[tuple[str, str, Sequence[str]]]
-) -> str: ...
-def train_folder(
-    out: Path, threads: Optional[int] = None, progress: Optional[Progress] = None
-) -> list[tuple[str, Any]]: ...
-def evaluate_folder(
-    out: Path, threads: Optional[int] = None, progress: Optional[Progress] = None
-) -> str: ...
 def write_report(out: Path) -> Any: ...
 def data_set(out: Path, scenario: str = "noise", training: bool = False) -> Table: ...
 def feature_columns(names: list[str]) -> list[str]: ...

@@ -1,45 +1,20 @@
-"""The stages of a study over folders: campaign, train, evaluate, flights, report.
+"""Suites of a study, and the files of its output folder.
 
-`Study.run` runs them all. Each stage reads what the earlier ones left in the folder, as the command of the
-same name does, and writes the same bytes. `progress` is True for a bar of tqdm (where it is installed), False
-for none, or a function of the task, the amount done and the whole amount.
+`Study.run` runs a study whole. `progress` is True for a bar of tqdm (where it is installed), False for none, or a
+function of the task, the amount done and the whole amount.
 """
 
 from __future__ import annotations
 
 import html
-import json
 import os
+from collections.abc import Sequence
 from pathlib import Path as _Path
 from typing import Any, NamedTuple, Optional, Union
 
 from . import _servotwin as _native
 from ._progress import told
 from .types import Path, Progress
-
-
-class Ran(NamedTuple):
-    """The outcome of a campaign in some scenarios.
-
-    Attributes
-    ----------
-    scenarios : list of str
-        The scenarios.
-    training : bool
-        Whether these are the training commands.
-    variants : int
-        The number of variants.
-    resumed : int
-        The number of variants that an earlier run had simulated.
-    failed : list of (str, int, str)
-        Scenario, variant and reason of each variant that could not be simulated to its end.
-    """
-
-    scenarios: list[str]
-    training: bool
-    variants: int
-    resumed: int
-    failed: list[tuple[str, int, str]]
 
 
 class Report(NamedTuple):
@@ -71,18 +46,20 @@ def _run(
         return _native.run_study(study, os.fspath(out), fitted, replace, threads, show)
 
 
-def campaign(
+def run_suites(
     study: _native.Study,
     out: Path,
+    suites: Sequence[str],
     *,
-    scenarios: Optional[list[str]] = None,
-    threads: Optional[int] = None,
+    scenarios: Optional[Sequence[str]] = None,
+    full: bool = False,
     share: Optional[str] = None,
+    threads: Optional[int] = None,
     progress: Union[bool, Progress] = True,
-) -> list[Ran]:
-    """Simulate every fault in every operating case into the data sets of a folder.
+) -> None:
+    """Run some suites of a study into a folder, as `servotwin study --suite` does.
 
-    An interrupted campaign resumes where it stopped.
+    An interrupted run goes on where it stopped.
 
     Parameters
     ----------
@@ -90,130 +67,23 @@ def campaign(
         The study.
     out : path
         The output folder.
+    suites : list of str
+        "records" for the data sets, "flights" to learn in flights and to judge, or names of suites of flights, which
+        are flown with the diagnosers in the folder.
     scenarios : list of str, optional
-        The scenarios; "ideal", "noise" and "realistic" by default.
-    threads : int, optional
-        The number of threads; all processors by default.
-    share : str, optional
-        A share such as "3/100". When all shares have ended, `merge` makes the data sets.
-    progress : bool or callable
-        See the module.
-
-    Returns
-    -------
-    list of Ran
-    """
-    with told(progress) as show:
-        done = _native.run_campaign(study, os.fspath(out), scenarios, threads, share, show)
-    return [Ran(*one) for one in done]
-
-
-def merge(
-    out: Path,
-    *,
-    scenarios: Optional[list[str]] = None,
-    progress: Union[bool, Progress] = True,
-) -> list[Ran]:
-    """Join the parts of a campaign to data sets, without simulating, with the bytes of a whole campaign.
-
-    Parameters
-    ----------
-    out : path
-        The folder of all shares.
-    scenarios : list of str, optional
-        The scenarios; "ideal", "noise" and "realistic" by default.
-    progress : bool or callable
-        See the module.
-
-    Returns
-    -------
-    list of Ran
-    """
-    with told(progress) as show:
-        return [Ran(*one) for one in _native.merge_parts(os.fspath(out), scenarios, show)]
-
-
-def train(
-    out: Path, *, threads: Optional[int] = None, progress: Union[bool, Progress] = True
-) -> dict[str, _Path]:
-    """Train trees and committee for every data set of a folder.
-
-    Parameters
-    ----------
-    out : path
-        The folder of a campaign.
-    threads : int, optional
-        The number of threads; all processors by default.
-    progress : bool or callable
-        See the module.
-
-    Returns
-    -------
-    dict of pathlib.Path
-        The file of each scenario.
-    """
-    with told(progress) as show:
-        trained = _native.train_folder(os.fspath(out), threads, show)
-    return {subject: _Path(file) for subject, file in trained}
-
-
-def evaluate(
-    out: Path, *, threads: Optional[int] = None, progress: Union[bool, Progress] = True
-) -> dict[str, Any]:
-    """Judge the trained diagnosis under every protocol.
-
-    Parameters
-    ----------
-    out : path
-        The folder of a trained campaign.
-    threads : int, optional
-        The number of threads; all processors by default.
-    progress : bool or callable
-        See the module.
-
-    Returns
-    -------
-    dict
-        The content of `evaluation.json`.
-    """
-    with told(progress) as show:
-        text = _native.evaluate_folder(os.fspath(out), threads, show)
-    results: dict[str, Any] = json.loads(text)
-    return results
-
-
-def flights(
-    study: _native.Study,
-    out: Path,
-    *,
-    full: bool = False,
-    threads: Optional[int] = None,
-    progress: Union[bool, Progress] = True,
-) -> dict[str, Any]:
-    """Train a diagnoser for each scenario in flights, and judge it in other flights.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    out : path
-        The output folder; it receives a `diagnoser-SCENARIO.json` for each scenario.
+        The scenarios; by default "ideal", "noise" and "realistic", as far as a suite has them.
     full : bool
         Whether to fly the full sizes of the study.
+    share : str, optional
+        A share such as "3/100". When all shares have ended, the same call without it joins them.
     threads : int, optional
         The number of threads; all processors by default.
     progress : bool or callable
         See the module.
-
-    Returns
-    -------
-    dict
-        The content of `flights.json`.
     """
     with told(progress) as show:
-        text = _native.fly_all(study, os.fspath(out), full, threads, show)
-    results: dict[str, Any] = json.loads(text)
-    return results
+        names = None if scenarios is None else list(scenarios)
+        _native.run_suites(study, os.fspath(out), list(suites), names, full, share, threads, show)
 
 
 def report(out: Path) -> Report:

@@ -48,7 +48,7 @@ impl Outcome {
 /// Parameters
 /// ----------
 /// path : path
-///     A `diagnoser-SCENARIO.json` that `servotwin.flights` or a study has written.
+///     A `diagnoser-SCENARIO.json` that the suites "flights" of a study have written.
 ///
 /// Examples
 /// --------

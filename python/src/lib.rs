@@ -9,13 +9,13 @@ mod diagnoser;
 mod errors;
 mod long;
 mod model;
-mod pieces;
 mod record;
 mod results;
 mod simulate;
 mod study;
 mod system;
 mod table;
+mod tasks;
 mod twin;
 
 use pyo3::prelude::*;
@@ -41,27 +41,15 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(results::run_study, module)?)?;
     module.add_function(wrap_pyfunction!(record::watch, module)?)?;
     module.add_function(wrap_pyfunction!(record::fit_record, module)?)?;
-    module.add_function(wrap_pyfunction!(study::run_campaign, module)?)?;
-    module.add_function(wrap_pyfunction!(study::tasks, module)?)?;
-    module.add_function(wrap_pyfunction!(study::run_calibration, module)?)?;
-    module.add_function(wrap_pyfunction!(study::run_task, module)?)?;
-    module.add_function(wrap_pyfunction!(study::merge_parts, module)?)?;
-    module.add_function(wrap_pyfunction!(study::join_study, module)?)?;
-    module.add_function(wrap_pyfunction!(study::train_folder, module)?)?;
-    module.add_function(wrap_pyfunction!(study::evaluate_folder, module)?)?;
     module.add_function(wrap_pyfunction!(study::write_report, module)?)?;
     module.add_function(wrap_pyfunction!(study::data_set, module)?)?;
     module.add_function(wrap_pyfunction!(study::feature_columns, module)?)?;
     module.add_function(wrap_pyfunction!(study::study_of, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::evaluation_subjects, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::evaluate_subject, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::join_evaluation, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::fly_all, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::flight_pieces, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::fly_piece, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::learn_spreads, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::learn_from_flights, module)?)?;
-    module.add_function(wrap_pyfunction!(pieces::join_flights, module)?)?;
+    module.add_function(wrap_pyfunction!(tasks::run_suites, module)?)?;
+    module.add_function(wrap_pyfunction!(tasks::tasks_of, module)?)?;
+    module.add_function(wrap_pyfunction!(tasks::run_task, module)?)?;
+    module.add_function(wrap_pyfunction!(tasks::prepare_file, module)?)?;
+    module.add_function(wrap_pyfunction!(tasks::join_suites, module)?)?;
     module.add_function(wrap_pyfunction!(model::fit, module)?)?;
     module.add_function(wrap_pyfunction!(model::read_trees, module)?)
 }

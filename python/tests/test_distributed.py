@@ -1,6 +1,5 @@
-"""Campaigns on Dask: separate processes, a worker killed, a storage that fails, an S3 server."""
+"""Suites on Dask: separate processes, a worker killed, a storage that fails, an S3 server."""
 
-import json
 import os
 import signal
 import socket
@@ -27,7 +26,7 @@ def study():
 @pytest.fixture(scope="module")
 def whole(study, tmp_path_factory):
     out = tmp_path_factory.mktemp("whole")
-    servotwin.campaign(study, out, progress=False)
+    servotwin.run_suites(study, out, ["records"], progress=False)
     return contents(out)
 
 
@@ -82,8 +81,8 @@ def assert_same(folder, whole):
     assert {name for name in whole if found[name] != whole[name]} == set()
 
 
-def test_there_are_several_pieces_and_none_knows_another(study):
-    tasks = _servotwin.tasks(study)
+def test_there_are_several_tasks_and_none_knows_another(study):
+    tasks = _servotwin.tasks_of(study, ["records"])
     files = [file for task in tasks for file in task[3]]
     assert len(tasks) > 4 and len(files) == len(set(files))
 
@@ -91,7 +90,7 @@ def test_there_are_several_pieces_and_none_knows_another(study):
 @pytest.mark.parametrize("workers", [1, 2, 4])
 def test_the_bytes_are_those_of_one_machine(study, whole, tmp_path, workers):
     with Cluster(workers) as cluster, cluster.client(workers) as client:
-        distributed.campaign(study, client, str(tmp_path), progress=False)
+        distributed.run_suites(study, client, str(tmp_path), ["records"], progress=False)
     assert_same(tmp_path, whole)
 
 
@@ -104,7 +103,7 @@ def test_a_worker_that_is_killed_is_replaced_by_others(study, whole, tmp_path):
                 os.kill(cluster.workers[0].pid, signal.SIGKILL)
                 killed.append(done)
 
-        distributed.campaign(study, client, str(tmp_path), progress=kill)
+        distributed.run_suites(study, client, str(tmp_path), ["records"], progress=kill)
         assert killed
     assert_same(tmp_path, whole)
 
@@ -119,19 +118,19 @@ def test_a_campaign_goes_on_with_a_new_scheduler(study, whole, tmp_path):
 
     with Cluster(1) as cluster, cluster.client(1) as client:
         with pytest.raises(Enough):
-            distributed.campaign(study, client, str(tmp_path), progress=stop)
+            distributed.run_suites(study, client, str(tmp_path), ["records"], progress=stop)
     there = {name for name in contents(tmp_path) if name.startswith("parts")}
     assert there
     assert not any(".tmp" in name for name in there)
     with Cluster(1) as cluster, cluster.client(1) as client:
-        distributed.campaign(study, client, str(tmp_path), progress=False)
+        distributed.run_suites(study, client, str(tmp_path), ["records"], progress=False)
     assert_same(tmp_path, whole)
 
 
 def test_another_study_in_the_folder_is_refused(study, tmp_path):
     (tmp_path / "study.toml").write_text("name = 'other'")
     with pytest.raises(ValueError, match="another study"):
-        distributed.campaign(study, None, str(tmp_path), progress=False)
+        distributed.run_suites(study, None, str(tmp_path), ["records"], progress=False)
 
 
 def test_a_storage_that_fails_one_write_in_ten_gives_the_same_bytes(tmp_path, monkeypatch):
@@ -170,68 +169,57 @@ def test_a_campaign_into_a_storage_that_fails_one_write_in_ten(study, whole, tmp
     notes.mkdir()
     monkeypatch.setenv("FLAKY_NOTES", str(notes))
     with Cluster(2, flaky.__file__) as cluster, cluster.client(2) as client:
-        distributed.campaign(study, client, f"flaky://{out}", progress=False)
+        distributed.run_suites(study, client, f"flaky://{out}", ["records"], progress=False)
     assert {note.name.split("-")[0] for note in notes.iterdir()} - {str(os.getpid())}, "in workers"
     assert_same(out, whole)
 
 
-def test_the_fitted_setting_has_the_bytes_of_one_machine(tmp_path):
+def test_the_scenario_fitted_has_the_bytes_of_one_machine(tmp_path):
     fitted = servotwin.Study.parse(with_fitted())
     alone, shared = tmp_path / "alone", tmp_path / "shared"
-    servotwin.campaign(fitted, alone, scenarios=["fitted"], progress=False)
+    options = {"suites": ["records"], "scenarios": ["fitted"], "progress": False}
+    servotwin.run_suites(fitted, alone, **options)
     with Cluster(2) as cluster, cluster.client(2) as client:
-        ran = distributed.campaign(
-            fitted, client, str(shared), scenarios=["fitted"], progress=False
-        )
-    assert [one.scenarios for one in ran] == [["fitted"]]
+        distributed.run_suites(fitted, client, str(shared), **options)
     assert_same(shared, contents(alone))
     # In shares, without Dask.
     parts = tmp_path / "parts"
     for share in ("2/2", "1/2"):
-        servotwin.campaign(fitted, parts, scenarios=["fitted"], share=share, progress=False)
-    servotwin.merge(parts, scenarios=["fitted"], progress=False)
+        servotwin.run_suites(fitted, parts, share=share, **options)
+    servotwin.run_suites(fitted, parts, **options)
     assert_same(parts, contents(alone))
 
 
+FLOWN = ["flights", "healthy", "effects"]
+
+
 @pytest.fixture(scope="module")
-def judged(tmp_path_factory):
-    """A study with every stage done on one machine, and what was there before it was evaluated."""
-    study = servotwin.Study.parse(STUDY)
-    out = tmp_path_factory.mktemp("judged")
-    servotwin.campaign(study, out, progress=False)
-    servotwin.train(out, progress=False)
-    before = contents(out)
-    servotwin.evaluate(out, progress=False)
-    evaluated = contents(out)
-    flown = tmp_path_factory.mktemp("flown")
-    servotwin.flights(study, flown, progress=False)
-    return study, before, evaluated, contents(flown)
+def flown(tmp_path_factory):
+    """A study, and what its flights leave on one machine."""
+    text = STUDY.replace("unseen = {", "healthy = { environments = 4 }\nunseen = {")
+    study = servotwin.Study.parse(text)
+    out = tmp_path_factory.mktemp("flown")
+    servotwin.run_suites(study, out, ["flights"], progress=False)
+    servotwin.run_suites(study, out, FLOWN[1:], progress=False)
+    return study, contents(out)
 
 
-def write(folder, files):
-    for name, content in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-
-
-def test_an_evaluation_and_flights_have_the_bytes_of_one_machine(judged, tmp_path):
-    study, before, evaluated, flown = judged
-    write(tmp_path / "evaluated", before)
-    told = []
+def test_flights_have_the_bytes_of_one_machine_though_a_worker_is_killed(flown, tmp_path):
+    study, whole = flown
     with Cluster(2) as cluster, cluster.client(2) as client:
-        results = distributed.evaluate(
-            client, str(tmp_path / "evaluated"), progress=lambda *now: told.append(now)
-        )
-        distributed.flights(study, client, str(tmp_path / "flown"), progress=False)
-    assert results == json.loads(evaluated["evaluation.json"])
-    # Ideal, noise and realistic, each judged by one task.
-    assert told[-1][1] == told[-1][2] == 3
-    assert_same(tmp_path / "evaluated", evaluated)
-    assert_same(tmp_path / "flown", flown)
+        killed = []
+
+        def kill(what, done, all):
+            if not killed:
+                os.kill(cluster.workers[0].pid, signal.SIGKILL)
+                killed.append(done)
+
+        distributed.run_suites(study, client, str(tmp_path), FLOWN, progress=kill)
+        assert killed
+    assert_same(tmp_path, whole)
 
 
-def test_an_s3_server_holds_the_same_bytes(study, whole, judged):
+def test_an_s3_server_holds_the_same_bytes(study, whole, flown):
     import fsspec
     from moto import server
 
@@ -247,17 +235,11 @@ def test_an_s3_server_holds_the_same_bytes(study, whole, judged):
         fs = fsspec.filesystem("s3", **options)
         fs.mkdir("studies")
         with Cluster(2) as cluster, cluster.client(2) as client:
-            distributed.campaign(
-                study, client, "s3://studies/one", storage_options=options, progress=False
-            )
-            for name, content in judged[1].items():
-                fs.pipe_file(f"studies/judged/{name}", content)
-            address = "s3://studies/judged"
-            distributed.evaluate(client, address, storage_options=options, progress=False)
-            address = "s3://studies/flown"
-            distributed.flights(judged[0], client, address, storage_options=options, progress=False)
+            given = {"storage_options": options, "progress": False}
+            distributed.run_suites(study, client, "s3://studies/one", ["records"], **given)
+            distributed.run_suites(flown[0], client, "s3://studies/flown", FLOWN, **given)
         fs.invalidate_cache()
-        for folder, expected in (("one", whole), ("judged", judged[2]), ("flown", judged[3])):
+        for folder, expected in (("one", whole), ("flown", flown[1])):
             paths = fs.find(f"studies/{folder}")
             found = {path.split(f"{folder}/", 1)[1]: fs.cat(path) for path in paths}
             assert sorted(found) == sorted(expected)

@@ -69,5 +69,5 @@ def test_the_lines_about_a_log_run_beside_a_diagnoser(root, learned, monkeypatch
         noise=1,
     ).write("log.csv")
     block = block.replace("Study()", 'Study("tiny.toml")').replace("realistic", "noise")
-    exec(re.sub("servotwin.flights.*", "", block), {"servotwin": servotwin})
+    exec(re.sub("servotwin.run_suites.*", "", block), {"servotwin": servotwin})
     assert "healthy" in capsys.readouterr().out

@@ -90,18 +90,13 @@ def test_the_results_of_a_whole_run_are_in_its_folder(study, results):
 
 
 @pytest.mark.slow
-def test_the_stages_give_the_bytes_of_a_whole_run(study, results, tmp_path):
+def test_records_alone_have_the_bytes_of_a_whole_run(study, results, tmp_path):
     told = []
-    ran = servotwin.campaign(study, tmp_path, progress=lambda *now: told.append(now))
-    assert told[-1][1] == told[-1][2]
-    assert {one.training for one in ran} == {True, False}
-    assert not any(one.failed for one in ran)
-    servotwin.train(tmp_path, progress=False)
-    servotwin.evaluate(tmp_path, progress=False)
-    servotwin.report(tmp_path)
-    staged, whole = contents(tmp_path), contents(results)
-    same = [name for name in staged if name.startswith(("dataset", "records"))]
-    assert same and all(staged[name] == whole[name] for name in same)
+    servotwin.run_suites(study, tmp_path, ["records"], progress=lambda *now: told.append(now))
+    assert told
+    alone, whole = contents(tmp_path), contents(results)
+    same = [name for name in alone if name.startswith(("dataset", "parts"))]
+    assert same and all(alone[name] == whole[name] for name in same)
 
 
 def test_a_record_is_fitted():
@@ -127,14 +122,12 @@ def test_a_folder_without_results_is_refused(study, tmp_path):
         servotwin.Results(tmp_path)
 
 
-def test_stages_run_again_give_the_same_bytes(study, results, tmp_path):
+def test_records_run_again_give_the_same_bytes(study, results, tmp_path):
     folder = tmp_path / "out"
     shutil.copytree(results, folder)
     before = contents(folder)
     assert {"evaluation.json", "report.html", "manifest.json"} <= set(before)
-    ran = servotwin.campaign(study, folder, threads=1, progress=False)
-    assert all(one.resumed == one.variants for one in ran)
-    servotwin.merge(folder, progress=False)
+    servotwin.run_suites(study, folder, ["records"], threads=1, progress=False)
     after = contents(folder)
     assert {name for name in before if before[name] != after[name]} == set()
 
@@ -148,9 +141,9 @@ def test_the_command_line_gives_the_same_bytes(results, tmp_path):
 
 def test_parts_are_joined_to_the_same_bytes(results, study, tmp_path):
     for share in ("2/3", "1/3", "3/3"):
-        servotwin.campaign(study, tmp_path, share=share, progress=False)
+        servotwin.run_suites(study, tmp_path, ["records"], share=share, progress=False)
         assert not list(tmp_path.glob("dataset*"))
-    servotwin.merge(tmp_path, progress=False)
+    servotwin.run_suites(study, tmp_path, ["records"], progress=False)
     joined, whole = contents(tmp_path), contents(results)
     for name in joined:
         if name != "manifest.json":
@@ -158,29 +151,22 @@ def test_parts_are_joined_to_the_same_bytes(results, study, tmp_path):
     assert any(name.startswith("dataset") for name in joined)
 
 
-def test_a_merge_without_a_part_and_another_study_are_refused(study, tmp_path):
-    servotwin.campaign(study, tmp_path, share="1/2", progress=False)
-    with pytest.raises(servotwin.StageError, match="have not been simulated"):
-        servotwin.merge(tmp_path, progress=False)
-    other = servotwin.Study.parse(STUDY.replace('"tiny"', '"other"'))
+def test_another_study_and_wrong_choices_are_refused(study, tmp_path):
+    def run(study=study, suites=("records",), **options):
+        servotwin.run_suites(study, tmp_path, suites, progress=False, **options)
+
+    run(share="1/99")
     with pytest.raises(servotwin.StageError, match="another study") as raised:
-        servotwin.campaign(other, tmp_path, share="1/2", progress=False)
+        run(servotwin.Study.parse(STUDY.replace('"tiny"', '"other"')), share="1/2")
     assert raised.value.file == str(tmp_path)
-    for wrong in ("0/2", "3/2", "x"):
+    wrong = [{"share": share} for share in ("0/2", "3/2", "x")]
+    for options in [*wrong, {"scenarios": []}, {"scenarios": ["nois"]}, {"scenarios": ["fitted"]}]:
         with pytest.raises(servotwin.InputError):
-            servotwin.campaign(study, tmp_path, share=wrong, progress=False)
-
-
-def test_a_setting_that_the_study_does_not_have_is_refused(study, tmp_path):
-    for scenarios, kind in ((["fitted"], servotwin.StageError), ([], servotwin.InputError)):
-        with pytest.raises(kind):
-            servotwin.campaign(study, tmp_path, scenarios=scenarios, progress=False)
-
-
-def test_an_empty_folder_says_which_stage_is_missing(tmp_path):
-    with pytest.raises(servotwin.StageError, match="no data set") as raised:
-        servotwin.train(tmp_path, progress=False)
-    assert raised.value.file == str(tmp_path)
+            run(**options)
+    with pytest.raises(servotwin.StageError, match="there is no suite 'judges'; there are records, flights"):
+        run(suites=["judges"])
+    with pytest.raises(servotwin.StageError, match="diagnoser-noise.json: no such file"):
+        run(suites=["judge"])
 
 
 def test_trees_are_data_and_drawn(results):
@@ -204,6 +190,6 @@ def test_reports_show_themselves(results):
 
 
 def test_a_bar_of_tqdm_shows_progress(study, tmp_path, capsys):
-    servotwin.campaign(study, tmp_path, scenarios=["ideal"])
-    assert "simulating ideal" in capsys.readouterr().err
+    servotwin.run_suites(study, tmp_path, ["records"], scenarios=["ideal"])
+    assert "cases" in capsys.readouterr().err
     assert np.isfinite(len(servotwin.data_set(tmp_path, "ideal")))

@@ -138,8 +138,6 @@ fn healthy_run() -> FlownSuite {
             study_sha256: String::new(),
             system_sha256: String::new(),
         },
-        first: 0,
-        environments: 500,
         calibration: None,
         outcomes: (0..500).map(flight).collect(),
     }

@@ -7,7 +7,6 @@ use crate::failure::Failure;
 use crate::render::json;
 use crate::{Global, stop};
 use serde_json::json;
-use servotwin::campaign::Share;
 use servotwin::document::counted;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::FlightMetrics;
@@ -15,6 +14,7 @@ use servotwin::flight::unseen_faults::UnseenFaultOutcome;
 use servotwin::job::flights::{self, Crew, FlightResults, scenarios};
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
+use servotwin::job::tasks::{Place, Task, run_all, tasks};
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{FLIGHTS, RECORDS};
@@ -22,6 +22,7 @@ use servotwin::study::{Purpose, Scenario, Study, Suite};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{by_environment_and_tail, rate};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Flies the suites of the options. Returns the text for standard output.
@@ -33,9 +34,15 @@ pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> 
         false => {
             let is_full = check(&options.study, &study)?;
             let suites = chosen_suites(options, &study, is_full)?;
+            let is_learning = suites.iter().any(|suite| suite.purpose == Purpose::Train);
             match options.share {
-                Some(share) => one_share((options, share), &study, (&suites, &scenarios), global),
-                None => flown(&options.study, &study, (&suites, &scenarios), global),
+                None if !is_learning => {
+                    flown(&options.study, &study, (&suites, &scenarios), global)
+                }
+                _ => {
+                    let is_wanted = |scenario| scenarios.contains(&scenario);
+                    in_parts(options, (&study, &suites), is_wanted, global)
+                }
             }
         }
     }
@@ -61,7 +68,7 @@ fn chosen_suites(options: &Options, study: &Study, is_full: bool) -> Result<Vec<
         return Ok(vec![]);
     }
     let suite = |name: &String| {
-        let all = || study.suites(is_full).filter(|s| s.purpose == Purpose::Test);
+        let all = || study.suites(is_full).filter(|s| s.purpose != Purpose::Tune);
         let unknown = || {
             let known: Vec<&str> = all().map(|suite| suite.name.as_str()).collect();
             let range = format!(
@@ -80,40 +87,42 @@ fn chosen_suites(options: &Options, study: &Study, is_full: bool) -> Result<Vec<
     options.suite.iter().map(suite).collect()
 }
 
-/// Flies a share of some suites.
-fn one_share(
-    (options, share): (&Options, Share),
-    study: &Study,
-    (suites, scenarios): (&[Suite], &[Scenario]),
+/// Computes the parts of some suites, or a share of them, without joining them.
+pub(super) fn in_parts(
+    options: &Options,
+    (study, changed): (&Study, &[Suite]),
+    is_wanted: impl Fn(Scenario) -> bool,
     global: Global,
 ) -> Result<String, Failure> {
-    if suites.iter().any(|suite| suite.is_unseen) {
-        return Err(Failure::Options("--share: a suite of unseen faults is flown as a whole"));
-    }
     stop::heed();
     let folder = options.study.folder();
     let _hold = folder.join_study(study)?;
-    let (mut text, mut flown) = (String::new(), vec![]);
-    for suite in suites {
-        for &scenario in scenarios.iter().filter(|&&scenario| suite.is_flown_in(scenario)) {
-            let block = with_crew(options.study.threads, global, |crew| {
-                let place = (study, options.study.full);
-                outcomes::fly_share(&folder, place, suite, scenario, (share, crew))
-            })?;
-            let (name, scenario) = (&suite.name, scenario.name());
-            let (first, all) = (block.start, suite.environments);
-            let count = counted(block.len(), "environment");
-            let _ = writeln!(text, "{name}, {scenario}: {count} of {all} from {first} on");
-            flown.push(json!({ "suite": name, "scenario": scenario, "first": first, "environments": block.len() }));
+    let place = Place { study, is_full: options.study.full, changed, folder: &folder };
+    let all = tasks(place, &options.suite, is_wanted)?;
+    let is_own = |&(number, _): &(usize, &Task)| options.share.is_none_or(|own| own.holds(number));
+    let own: Vec<Task> =
+        all.iter().enumerate().filter(is_own).map(|(_, task)| task.clone()).collect();
+    with_crew(options.study.threads, global, |crew| run_all(place, &own, crew))?;
+    let mut counts: BTreeMap<String, [usize; 2]> = BTreeMap::new();
+    for (place, list) in [&own, &all].into_iter().enumerate() {
+        for Task { suite, scenarios, .. } in list {
+            let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
+            counts.entry(format!("{suite}, {}", names.join(" and "))).or_default()[place] += 1;
         }
     }
-    text += "When all shares have ended, the same command without --share joins them.\n";
+    let line = |(what, [own, all]): (&String, &[usize; 2])| {
+        format!("{what}: {own} of {}\n", counted(*all, "part"))
+    };
+    let text: String = counts.iter().map(line).collect();
     Ok(match global {
-        Global { json: true, .. } => json(&json!(flown)),
+        Global { json: true, .. } => json(&json!(counts)),
         Global { quiet: true, .. } => String::new(),
-        _ => text,
+        _ => text + NEXT,
     })
 }
+
+const NEXT: &str = "When all parts are there, the same command without --share joins them, and 'servotwin study --suite \
+                    flights' learns from those to learn from.\n";
 
 /// Flies some suites with the diagnosers in the folder of the options; without any, learns first, and flies every suite
 /// that is not on request.

@@ -2,30 +2,30 @@
 
 use super::progress::is_shown;
 use super::study::Options;
-use super::workers;
+use super::{flights, workers};
 use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
-use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, Share, runs};
+use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, runs};
 use servotwin::job::{data_card, manifest};
 use servotwin::study::{Purpose, Scenario, Study};
 use std::time::Instant;
 
 /// Returns the text for standard output.
 pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let Options { study: place, share, .. } = options;
+    let place = &options.study;
     let study = place.read(global)?;
     stop::heed();
     let runs = chosen(&study, options.scenario.as_deref())?;
+    if options.share.is_some() {
+        let is_wanted = |scenario| runs.iter().any(|(_, own)| own.contains(&scenario));
+        return flights::in_parts(options, (&study, &[]), is_wanted, global);
+    }
     let folder = place.folder();
-    let _hold = match share {
-        Some(_) => folder.join_study(&study)?,
-        None => place.keep(&study, global)?,
-    };
+    let _hold = place.keep(&study, global)?;
     let mut text = String::new();
     let mut results = Vec::new();
-    let mut parts = 0;
     for (purpose, scenarios) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
@@ -34,15 +34,13 @@ pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> 
             workers: workers(place.threads),
             ..Campaign::stored(folder.path(), &study, scenarios[0], purpose)
         };
-        let outcome = simulate(&campaign, share.map(|share| (share, &mut parts)), global)?;
+        let outcome = simulate(&campaign, global)?;
         let seconds = begin.elapsed().as_secs_f64();
         text.push_str(&describe(&campaign, &outcome, seconds));
         results.push(to_json(&campaign, &outcome));
     }
-    if share.is_none() {
-        data_card::write(&folder, &study)?;
-        manifest::write(&folder, &study)?;
-    }
+    data_card::write(&folder, &study)?;
+    manifest::write(&folder, &study)?;
     Ok(match global {
         Global { json: true, .. } => crate::render::json(&json!(results)),
         Global { quiet: true, .. } => String::new(),
@@ -67,28 +65,15 @@ fn chosen(
     }
 }
 
-/// Runs a campaign or a share of it, with its progress on a terminal. A share comes with the number of parts in earlier
-/// campaigns.
-fn simulate(
-    campaign: &Campaign,
-    share: Option<(Share, &mut usize)>,
-    global: Global,
-) -> Result<CampaignOutcome, Failure> {
+/// Runs a campaign, with its progress on a terminal.
+fn simulate(campaign: &Campaign, global: Global) -> Result<CampaignOutcome, Failure> {
     let bar = bar(&named(&campaign.scenarios, campaign.purpose), global);
-    let told = |done, all| {
+    let outcome = campaign.run(|done, all| {
         bar.update(|state| {
             state.set_len(all as u64);
             state.set_pos(done as u64);
         });
-    };
-    let outcome = match share {
-        None => campaign.run(told)?,
-        Some((share, before)) => {
-            let (outcome, parts) = campaign.run_share(share, *before, told)?;
-            *before += parts;
-            outcome
-        }
-    };
+    })?;
     bar.finish_and_clear();
     if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
 }

@@ -8,7 +8,7 @@ use crate::render::json;
 use crate::{Global, stop};
 use indicatif::ProgressBar;
 use serde_json::json;
-use servotwin::campaign::Share;
+use servotwin::run::part::Share;
 use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
 use servotwin::study::suites::{FLIGHTS, MAX_ENVIRONMENTS, RECORDS};
 use servotwin::study::{Scenario, Study};

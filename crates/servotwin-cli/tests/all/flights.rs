@@ -215,20 +215,18 @@ fn shares_of_a_suite_are_joined_to_the_bytes_of_one_machine() {
     for suite in ["judge", "healthy"] {
         std::fs::remove_file(format!("{out}/outcomes-{suite}-noise.parquet")).unwrap();
     }
-    let told = study(&["--suite", "judge", "--share", "2/2"]);
-    assert!(told.starts_with("judge, noise: 1 environment of 2 from 1 on\n"), "{told}");
+    let part = |suite: &str| format!("{out}/parts/outcomes-{suite}-noise-0000.parquet");
+    ["judge", "healthy"].map(|suite| std::fs::remove_file(part(suite)).unwrap());
+    let told = study(&["--suite", "judge,healthy", "--environments", "5", "--share", "1/2"]);
+    assert!(told.starts_with("healthy, noise: 0 of 1 part\njudge, noise: 1 of 1 part\n"), "{told}");
+    let told = study(&["--suite", "learn,hard_negatives,unseen", "--share", "2/3"]);
+    assert!(told.contains("hard_negatives, noise: 1 of 1 part\nlearn, noise: 0 of 1"), "{told}");
     study(&["--suite", "judge"]);
-    // Shares of two divisions that overlap, and a damaged one.
-    let healthy = ["--suite", "healthy", "--environments", "5", "--share"];
-    for share in ["2/3", "2/2", "3/3"] {
-        study(&[&healthy[..], &[share]].concat());
-    }
-    let last = format!("{out}/parts/outcomes-healthy-noise-3.parquet");
+    study(&["--suite", "healthy", "--environments", "5", "--share", "1/1"]);
+    let last = part("healthy");
     std::fs::write(&last, &std::fs::read(&last).unwrap()[..100]).unwrap();
-    study(&healthy[..4]);
+    study(&["--suite", "healthy", "--environments", "5"]);
     assert!(["judge", "healthy"].map(read) == whole);
-    let unseen = servotwin(&["study", &out, "--suite", "unseen", "--share", "1/2"]);
-    assert!(stderr(&unseen).contains("is flown as a whole"), "{}", stderr(&unseen));
 }
 
 /// A plant whose twin is told a wrong temperature and whose cylinder has another friction law comes nearer to an alarm.

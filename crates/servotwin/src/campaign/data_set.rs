@@ -13,7 +13,6 @@ use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
 use std::collections::BTreeSet;
-use std::ops::Range;
 
 /// Number of folds of the recommended split.
 pub const FOLDS: usize = 5;
@@ -46,7 +45,7 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
     list
 }
 
-/// The inputs for making a data set, one range of variants after the other.
+/// The inputs for making a data set, some variants after the other.
 pub(super) struct Maker<'m> {
     pub campaign: &'m Campaign<'m>,
     pub scenario: Scenario,
@@ -54,10 +53,10 @@ pub(super) struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    /// The data set of a range of variants with the given rows.
-    pub(crate) fn table(&self, variants: Range<usize>, rows: &[PartRow]) -> Table {
-        let run = |number| plan::run(self.campaign.study, self.suite, number);
-        let runs: Vec<Run> = variants.map(run).collect();
+    /// The data set of some variants with the given rows.
+    pub(crate) fn table(&self, variants: &[usize], rows: &[PartRow]) -> Table {
+        let run = |&number: &usize| plan::run(self.campaign.study, self.suite, number);
+        let runs: Vec<Run> = variants.iter().map(run).collect();
         let mut columns = self.label_columns(&runs);
         columns.extend(self.plant_columns(&runs));
         columns.extend(self.split_columns(&runs));

@@ -1,32 +1,15 @@
 //! Joins parts to data sets, one after the other: memory holds the rows of one group of the file.
 
 use super::data_set::Maker;
-use super::part::{PartFiles, PartRow};
-use super::{Campaign, CampaignError, CampaignOutcome, Plants, PreparedCampaign, calibration_file};
+use super::row::PartRow;
+use super::{Campaign, CampaignError, CampaignOutcome, PreparedCampaign, Scenario, Suite};
+use crate::run::part::PartFiles;
 use crate::table::parquet::ParquetWriter;
 
 /// Least number of rows in one group of a data set; a group is held in memory until it is written.
 const GROUP_ROWS: usize = 16_000;
 
 impl Campaign<'_> {
-    /// Joins the parts of a completed campaign to its data sets.
-    ///
-    /// # Errors
-    /// [`CampaignError::Unfinished`] if parts are missing, [`CampaignError::Cancelled`]; or a file cannot be read or written.
-    pub fn merge(&self) -> Result<CampaignOutcome, CampaignError> {
-        let prepared = self.done()?;
-        // If shares had separate folders, perhaps only their parts were copied together.
-        let is_told = calibration_file(&self.folder, self.purpose).exists();
-        if self.plants() == Plants::Pool && !is_told {
-            self.calibrate()?;
-        }
-        let variants = prepared.counts.iter().sum();
-        let mut outcome =
-            CampaignOutcome { variants, resumed: variants, ..CampaignOutcome::default() };
-        self.write_data_sets(&prepared, &mut outcome)?;
-        Ok(outcome)
-    }
-
     /// The windows of all variants of a completed campaign, by scenario.
     ///
     /// # Errors
@@ -34,26 +17,29 @@ impl Campaign<'_> {
     pub fn windows(&self) -> Result<Vec<Vec<PartRow>>, CampaignError> {
         let prepared = self.done()?;
         let of = |files: &PartFiles| {
-            let rows = (0..files.count()).map(|part| files.rows(self.study, part));
+            let rows = (0..files.parts.len()).map(|part| self.rows(files, part));
             Ok(rows.collect::<Result<Vec<_>, CampaignError>>()?.into_iter().flatten().collect())
         };
-        self.files(&prepared).iter().map(of).collect()
+        prepared.files.iter().map(of).collect()
     }
 
     /// The plan of a campaign whose parts are complete.
     fn done(&self) -> Result<PreparedCampaign, CampaignError> {
         let prepared = self.prepared()?;
-        let files = self.files(&prepared);
-        if files.iter().all(PartFiles::seem_complete) {
-            return Ok(prepared);
+        let is_incomplete = |files: &&PartFiles| !files.seem_complete() && files.missing_runs() > 0;
+        match prepared.files.iter().find(is_incomplete) {
+            Some(files) => Err(files.unfinished()),
+            None => Ok(prepared),
         }
-        match files.iter().map(PartFiles::missing_variants).sum() {
-            0 => Ok(prepared),
-            missing => {
-                let damaged = files.iter().find_map(PartFiles::damaged);
-                Err(CampaignError::Unfinished { missing, damaged })
-            }
-        }
+    }
+
+    /// The rows of a part.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if the part cannot be used.
+    fn rows(&self, files: &PartFiles, part: usize) -> Result<Vec<PartRow>, CampaignError> {
+        let table = files.read(part)?;
+        Ok(table.map_or(Ok(vec![]), |table| PartRow::from_table(self.study, &table))?)
     }
 
     pub(super) fn write_data_sets(
@@ -63,31 +49,33 @@ impl Campaign<'_> {
     ) -> Result<(), CampaignError> {
         outcome.failed.clear();
         outcome.on_the_move = 0;
-        for (place, files) in self.files(prepared).iter().enumerate() {
-            self.write_data_set(prepared, place, files, outcome)?;
-        }
-        Ok(())
+        let of = self.scenarios.iter().zip(&prepared.files);
+        of.into_iter().try_for_each(|(&scenario, files)| {
+            self.write_data_set(&prepared.suite, (scenario, files), outcome)
+        })
     }
 
     fn write_data_set(
         &self,
-        prepared: &PreparedCampaign,
-        place: usize,
-        files: &PartFiles,
+        suite: &Suite,
+        (scenario, files): (Scenario, &PartFiles),
         outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
-        let (study, scenario) = (self.study, self.scenarios[place]);
-        let maker = Maker { campaign: self, scenario, suite: &prepared.suite };
+        let maker = Maker { campaign: self, scenario, suite };
         let name = format!("dataset-{}{}.parquet", scenario.name(), self.purpose.suffix());
         let mut writer: Option<ParquetWriter> = None;
         let mut in_group = 0;
-        for part in 0..files.count().max(1) {
+        // Without any row there is a table without rows.
+        let is_empty = files.parts.iter().all(Vec::is_empty);
+        let own = files.parts.iter().enumerate();
+        let own = own.filter(|(part, variants)| !variants.is_empty() || is_empty && *part == 0);
+        for (part, variants) in own {
             if self.is_cancelled() {
                 return Err(CampaignError::Cancelled);
             }
-            let variants = files.variants_of(part);
-            let rows = if variants.is_empty() { vec![] } else { files.rows(study, part)? };
-            let numbered = variants.clone().zip(&rows).filter(|(_, row)| !row.failure.is_empty());
+            let rows = self.rows(files, part)?;
+            let numbered = variants.iter().copied().zip(&rows);
+            let numbered = numbered.filter(|(_, row)| !row.failure.is_empty());
             let failed = numbered.map(|(index, row)| (scenario, index, row.failure.clone()));
             outcome.failed.extend(failed);
             outcome.on_the_move += rows.iter().filter(|row| row.effort.began_on_the_move).count();
@@ -97,8 +85,7 @@ impl Campaign<'_> {
                 None => {
                     let schema = table
                         .without_rows()
-                        .with_metadata("fingerprint", prepared.fingerprints[place].clone())
-                        .with_metadata("study", study.name.clone())
+                        .with_metadata("study", self.study.name.clone())
                         .with_metadata("scenario", scenario.name());
                     writer.insert(ParquetWriter::create(self.folder.join(&name), &schema)?)
                 }

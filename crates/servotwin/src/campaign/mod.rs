@@ -2,10 +2,10 @@
 //!
 //! Its variants are the runs of a suite ([`Study::records`]), which `crate::run::runner` simulates.
 //!
-//! Variants are written in *parts*. A part is a Parquet file that appears when all its variants have ended. A resumed
-//! campaign skips existing parts. Every variant has the same bits whenever it runs, so the result has the same bytes.
-//! Parts are simulated in rounds and joined one after the other. Memory holds the twins of a round, its open lanes and
-//! unfinished parts; it does not grow with the number of variants, nor with the length of faulty runs.
+//! Variants are written in *parts* (`crate::run::part`). A resumed campaign skips existing parts. Every variant has the same
+//! bits whenever it runs, so the result has the same bytes. Parts are simulated in rounds and joined one after the other.
+//! Memory holds the twins of a round, its open lanes and unfinished parts; it does not grow with the number of variants,
+//! nor with the length of faulty runs.
 //!
 //! A part contains windows, not features. The data set is made from the parts, so features can be changed without new
 //! simulations.
@@ -15,8 +15,8 @@ pub mod columns;
 mod data_set;
 mod effort;
 mod join;
-mod part;
 mod prepared;
+mod row;
 mod runner;
 
 pub use crate::run::{CampaignError, ensemble};
@@ -24,13 +24,14 @@ pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
 pub use effort::VariantEffort;
-pub use part::{PARTS, PartRow, Share};
 pub use prepared::PreparedCampaign;
+pub use row::PartRow;
 
 use crate::ensemble::Ensemble;
 use crate::files::create_folder;
 use crate::parallel::Workers;
 use crate::run::SpecimenDraw;
+use crate::run::part::PARTS;
 use crate::study::{Plants, Purpose, Scenario, Study, Suite};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::solver::{SolverSettings, Statistics};
@@ -121,23 +122,6 @@ impl Campaign<'_> {
             self.write_data_sets(&prepared, &mut outcome)?;
         }
         Ok(outcome)
-    }
-
-    /// Simulates a share of the parts, and writes no data set. `parts_before` is the number of parts in the study's
-    /// earlier campaigns. Returns the number of parts of this campaign.
-    ///
-    /// # Errors
-    /// See [`Campaign::run`].
-    pub fn run_share(
-        &self,
-        share: Share,
-        parts_before: usize,
-        progress: impl Fn(usize, usize) + Sync,
-    ) -> Result<(CampaignOutcome, usize), CampaignError> {
-        let prepared = self.prepared()?;
-        let count = prepared.part_count();
-        let own: Vec<usize> = (0..count).filter(|part| share.holds(parts_before + part)).collect();
-        Ok((self.run_parts(&prepared, &own, progress)?, count))
     }
 
     /// How plants and twins are paired, common to all scenarios of a group.

@@ -1,33 +1,37 @@
-//! The common inputs of all parts of a campaign: its suite, the division into parts, and their fingerprints. A process
-//! prepares it once for all its parts.
+//! The common inputs of all parts of a campaign: its suite and the files of its parts. A process prepares it once for all
+//! its parts.
 
-use super::part::PART_FORMAT;
 use super::{Campaign, CampaignError};
+use crate::run::part::{self, PartFiles};
 use crate::run::plan;
 use crate::study::{Scenario, Suite};
 use servotwin_diagnosis::features::Sensor;
 use servotwin_model::c_source;
 use servotwin_model::hash::Fingerprint;
-use std::ops::Range;
-
-/// Samples of plants in a part: 10,000 s at 100 Hz.
-const PART_SAMPLES: f64 = 1e6;
 
 /// The plan of a campaign.
 pub struct PreparedCampaign {
     pub(super) suite: Suite,
-    /// The numbers of the runs of each part, which have one operating case.
-    pub(super) parts: Vec<Range<usize>>,
-    /// The fingerprint of the parts of each scenario.
-    pub(super) fingerprints: Vec<String>,
-    /// The number of variants of each scenario.
-    pub(super) counts: Vec<usize>,
+    /// The parts of each scenario.
+    pub(super) files: Vec<PartFiles>,
 }
 
 impl PreparedCampaign {
     /// Number of parts.
     pub fn part_count(&self) -> usize {
-        self.parts.len()
+        self.files[0].parts.len()
+    }
+
+    /// The file names of a part in the folder of parts, and its number of rows in all scenarios.
+    pub fn part_files(&self, part: usize) -> (Vec<String>, usize) {
+        let names = self.files.iter().filter_map(|files| files.name(part)).collect();
+        (names, self.files.iter().map(|files| files.parts[part].len()).sum())
+    }
+
+    /// The numbers of the runs of a part in any scenario.
+    pub(super) fn numbers(&self, part: usize) -> &[usize] {
+        let of = self.files.iter().map(|files| files.parts[part].as_slice());
+        of.max_by_key(|numbers| numbers.len()).unwrap_or_default()
     }
 }
 
@@ -48,28 +52,18 @@ impl Campaign<'_> {
         let mut model = Fingerprint::default();
         self.add_model(&mut model);
         let faulty = plan::faulty(self.study, &suite);
-        let count = |scenario: Scenario| if scenario.has_noise() { runs } else { faulty };
-        let counts: Vec<usize> = self.scenarios.iter().map(|&scenario| count(scenario)).collect();
-        let of = |(&scenario, &count): (&Scenario, &usize)| {
-            self.fingerprint(scenario, (&suite, count), model)
+        let all = part::parts(self.study, &suite);
+        let of = |&scenario: &Scenario| {
+            let count = if scenario.has_noise() { runs } else { faulty };
+            let own = |part: &Vec<usize>| part.iter().copied().filter(|&n| n < count).collect();
+            PartFiles::new(
+                &self.folder,
+                format!("{}{}", scenario.name(), self.purpose.suffix()),
+                self.fingerprint(scenario, (&suite, count), model),
+                all.iter().map(own).collect(),
+            )
         };
-        let fingerprints = self.scenarios.iter().zip(&counts).map(of).collect();
-        let parts = self.parts(&suite);
-        Ok(PreparedCampaign { suite, parts, fingerprints, counts })
-    }
-
-    /// Divides a suite into equal parts of each case. Healthy specimens have parts of their own.
-    fn parts(&self, suite: &Suite) -> Vec<Range<usize>> {
-        let mut parts = vec![];
-        for own in plan::of_environments(self.study, suite) {
-            let duration_s = plan::run(self.study, suite, own.start).duration_s;
-            let samples = own.len() as f64 * duration_s / self.study.sample_period_s;
-            let count = (samples / PART_SAMPLES).ceil().max(1.0) as usize;
-            let end = |part: usize| own.start + part * own.len() / count;
-            parts.extend((0..count).map(|part| end(part)..end(part + 1)));
-        }
-        parts.retain(|part| !part.is_empty());
-        parts
+        Ok(PreparedCampaign { files: self.scenarios.iter().map(of).collect(), suite })
     }
 
     /// Adds the equations with their parameters, and the sensors.
@@ -90,10 +84,9 @@ impl Campaign<'_> {
         scenario: Scenario,
         (suite, runs): (&Suite, usize),
         model: Fingerprint,
-    ) -> String {
+    ) -> Fingerprint {
         let study = self.study;
         let mut mark = model;
-        mark.add(PART_FORMAT);
         mark.add(scenario.name()).add(self.purpose.suffix()).add(&self.solver);
         mark.add(&[study.duration_s, suite.duration_s, study.sample_period_s]);
         mark.add(&study.seed);
@@ -106,31 +99,6 @@ impl Campaign<'_> {
         for case in study.cases_of(self.purpose) {
             mark.add(&case.inputs);
         }
-        mark.to_string()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::campaign::runs;
-    use crate::study::Study;
-    use std::path::Path;
-
-    #[test]
-    fn parts_hold_every_variant_once_and_are_no_larger_than_one_size() {
-        let study = Study::default();
-        for (purpose, scenarios) in runs(&study, Scenario::is_usual) {
-            let stored = Campaign::stored(Path::new("none"), &study, scenarios[0], purpose);
-            let campaign = Campaign { scenarios, ..stored };
-            let PreparedCampaign { suite, parts, .. } = campaign.prepared().unwrap();
-            assert!(parts.iter().cloned().flatten().eq(0..plan::count(&study, &suite)));
-            for part in parts {
-                let own: Vec<_> = part.map(|number| plan::run(&study, &suite, number)).collect();
-                let seconds: f64 = own.iter().map(|run| run.duration_s).sum();
-                assert!(seconds / study.sample_period_s < 1.01 * PART_SAMPLES, "{seconds}");
-                assert!(own.iter().all(|run| run.environment == own[0].environment));
-            }
-        }
+        mark
     }
 }

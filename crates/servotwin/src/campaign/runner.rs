@@ -1,12 +1,13 @@
 //! Simulates parts: a queue of simulations over several parts, and files that are written beside it.
 
-use super::part::{PartFiles, PartRow};
+use super::row::PartRow;
 use super::{
     Campaign, CampaignError, CampaignOutcome, Plants, PreparedCampaign, VariantEffort,
     calibration_file,
 };
 use crate::ensemble::Sink;
 use crate::files::create_folder;
+use crate::run::part::rounds;
 use crate::run::runner::{Runner, View};
 use crate::run::{Observer, Run, describe, fitted_specimen, plan};
 use crate::study::Scenario;
@@ -15,12 +16,6 @@ use servotwin_model::solver::{SolverFailure, Statistics};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
-
-/// The most variants in one round, whose rows memory holds until their parts are complete.
-const ROUND_VARIANTS: usize = 40_000;
-
-/// The most twins in one round; each is as long as a run.
-const ROUND_TWINS: usize = 256;
 
 /// Complete parts that wait for the disk.
 const WAITING: usize = 4;
@@ -52,15 +47,10 @@ impl Campaign<'_> {
         outcome: &mut CampaignOutcome,
         progress: &(impl Fn(usize, usize) + Sync),
     ) -> Result<(), CampaignError> {
-        let files = self.files(prepared);
+        let files = &prepared.files;
         let missing: Vec<_> = files.iter().map(|own| own.missing(wanted.iter().copied())).collect();
-        let rows = |own: &PartFiles, parts: &mut dyn Iterator<Item = usize>| -> usize {
-            parts.map(|part| own.variants_of(part).len()).sum()
-        };
-        let all = files.iter().map(|own| rows(own, &mut wanted.iter().copied()));
-        outcome.variants = all.sum();
-        let open =
-            files.iter().zip(&missing).map(|(own, open)| rows(own, &mut open.iter().copied()));
+        outcome.variants = files.iter().map(|own| own.runs_of(wanted)).sum();
+        let open = files.iter().zip(&missing).map(|(own, open)| own.runs_of(open));
         outcome.resumed = outcome.variants - open.sum::<usize>();
         let open: BTreeSet<usize> = missing.iter().flatten().copied().collect();
         let is_pool = self.plants() == Plants::Pool;
@@ -75,42 +65,26 @@ impl Campaign<'_> {
                 round.iter().copied().filter(|p| open.contains(p)).collect()
             };
             let pending = missing.iter().map(own).collect::<Vec<BTreeSet<usize>>>();
-            let numbers = round.iter().flat_map(|&part| prepared.parts[part].clone());
-            let runs = numbers.map(|number| plan::run(self.study, &prepared.suite, number));
+            let numbers = round.iter().flat_map(|&part| prepared.numbers(part));
+            let runs = numbers.map(|&number| plan::run(self.study, &prepared.suite, number));
             let (runs, with) = ((runs.collect(), &fitted[..]), (self.solver, self.workers));
             let runner =
                 Runner::of_records(self.study, &prepared.suite, &self.scenarios, runs, with)?;
-            let run = Round { campaign: self, prepared, files: &files, pending, runner: &runner };
+            let run = Round::new(self, prepared, (&round, pending), &runner);
             self.run_round(run, outcome, &mut done, progress)?;
         }
         Ok(())
     }
 
-    /// Divides parts into rounds; a round holds its twins and the rows of unfinished parts in memory.
-    fn rounds(&self, prepared: &PreparedCampaign, parts: &BTreeSet<usize>) -> Vec<Vec<usize>> {
-        let mut rounds: Vec<Vec<usize>> = vec![];
-        let (mut variants, mut twins) = (0, BTreeSet::new());
-        for &part in parts {
-            let range = prepared.parts[part].clone();
-            variants += range.len();
-            let beside = |number: usize| {
-                let run = plan::run(self.study, &prepared.suite, number);
-                let scenario = self.scenarios[0];
-                let specimen = fitted_specimen(self.study, &prepared.suite, scenario, &run);
-                (run.environment, specimen)
-            };
-            twins.extend(range.clone().map(beside));
-            let is_full = variants > ROUND_VARIANTS || twins.len() > ROUND_TWINS;
-            match rounds.last_mut().filter(|_| !is_full) {
-                Some(round) => round.push(part),
-                None => {
-                    variants = range.len();
-                    twins = range.map(beside).collect();
-                    rounds.push(vec![part]);
-                }
-            }
-        }
-        rounds
+    fn rounds(&self, prepared: &PreparedCampaign, open: &BTreeSet<usize>) -> Vec<Vec<usize>> {
+        let (study, suite) = (self.study, &prepared.suite);
+        let all: Vec<Vec<usize>> =
+            (0..prepared.part_count()).map(|part| prepared.numbers(part).to_vec()).collect();
+        let twin = |number: usize| {
+            let run = plan::run(study, suite, number);
+            (run.environment, fitted_specimen(study, suite, self.scenarios[0], &run))
+        };
+        rounds(&all, open, (suite.longest_s() / study.sample_period_s, twin))
     }
 
     fn run_round(
@@ -122,10 +96,12 @@ impl Campaign<'_> {
     ) -> Result<(), CampaignError> {
         create_folder(self.folder.join(super::PARTS)).map_err(CampaignError::File)?;
         let (sender, receiver) = sync_channel::<Complete>(WAITING);
-        let (files, stop) = (round.files, AtomicBool::new(false));
+        let (files, stop) = (&round.prepared.files, AtomicBool::new(false));
         let written = std::thread::scope(|scope| {
             let writer = scope.spawn(|| {
-                let write = |(place, part, rows): Complete| files[place].write(part, &rows);
+                let write = |(place, part, rows): Complete| {
+                    Ok(files[place].write(part, PartRow::to_table(&rows)?)?)
+                };
                 let written = receiver.into_iter().try_for_each(write);
                 // Nothing is simulated for a disk that takes nothing.
                 stop.store(written.is_err(), Ordering::Relaxed);
@@ -148,13 +124,24 @@ impl Campaign<'_> {
 struct Round<'r> {
     campaign: &'r Campaign<'r>,
     prepared: &'r PreparedCampaign,
-    files: &'r [PartFiles],
+    /// The part of each run.
+    part_of: BTreeMap<usize, usize>,
     /// The parts that each scenario lacks.
     pending: Vec<BTreeSet<usize>>,
     runner: &'r Runner<'r>,
 }
 
-impl Round<'_> {
+impl<'r> Round<'r> {
+    fn new(
+        campaign: &'r Campaign,
+        prepared: &'r PreparedCampaign,
+        (parts, pending): (&[usize], Vec<BTreeSet<usize>>),
+        runner: &'r Runner,
+    ) -> Self {
+        let of = |&part: &usize| prepared.numbers(part).iter().map(move |&number| (number, part));
+        Round { campaign, prepared, part_of: parts.iter().flat_map(of).collect(), pending, runner }
+    }
+
     fn simulate(
         &self,
         (sender, stop): (SyncSender<Complete>, &AtomicBool),
@@ -184,7 +171,7 @@ impl Round<'_> {
                     let rows = open.entry((place, part)).or_default();
                     rows.insert(run.number, self.row(run, window, &ended));
                     *done += 1;
-                    if rows.len() == self.files[place].variants_of(part).len() {
+                    if rows.len() == self.prepared.files[place].parts[part].len() {
                         let rows = open.remove(&(place, part)).expect("just filled");
                         // A writer that has stopped has the reason.
                         drop(sender.send((place, part, rows)));
@@ -203,7 +190,7 @@ impl Round<'_> {
     fn place(&self, run: &Run, scenario: Scenario) -> (usize, usize) {
         let is_it = |known: &Scenario| *known == scenario;
         let place = self.campaign.scenarios.iter().position(is_it).expect("a scenario of these");
-        (place, self.prepared.parts.partition_point(|part| part.end <= run.number))
+        (place, self.part_of[&run.number])
     }
 
     /// The observer of a run in a scenario that lacks it.
@@ -211,8 +198,8 @@ impl Round<'_> {
         let (place, part) = self.place(run, scenario);
         let study = self.campaign.study;
         let sensors = study.measured.len();
-        let is_wanted = run.number < self.prepared.counts[place];
-        (is_wanted && self.pending[place].contains(&part)).then(|| Seen {
+        let is_own = || self.prepared.files[place].parts[part].binary_search(&run.number).is_ok();
+        (self.pending[place].contains(&part) && is_own()).then(|| Seen {
             scales,
             window: Window::watching(sensors, study.base_sensors()),
             trace: self.campaign.keep_traces.then(|| vec![Vec::new(); sensors]),

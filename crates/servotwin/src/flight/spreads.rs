@@ -107,8 +107,8 @@ fn sums(
     for run in plan::runs(study, suite, &environments).into_iter().filter(Run::is_healthy) {
         first.entry(run.environment).or_insert(run);
     }
-    let chosen = (environments, first.into_values().collect());
-    let flown = Runner::of_runs(study, suite, (scenario, None), chosen, workers)?;
+    let runs = first.into_values().collect();
+    let flown = Runner::new(study, suite, (scenario, None), runs, workers)?;
     let scales = &study.scales()[..spools.len()];
     let mut all: BTreeMap<usize, (Vec<Sums>, usize)> = BTreeMap::new();
     flown.fly(

@@ -6,7 +6,6 @@ use crate::evaluation::{
     self, DataSet, EvaluationError, EvaluationSettings, FeatureInfo, bands, committee, run,
 };
 use crate::parallel::{self, Workers};
-use crate::run::runner::batches;
 use crate::run::{CampaignError, ensemble};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
 use crate::study::{Purpose, Scenario, Study};
@@ -361,12 +360,11 @@ pub(crate) fn environment(study: &Study, is_full: bool) -> Result<InputChecks, C
                 range.into_iter().for_each(|value| reach(input, value));
             }
         }
-        for environments in batches(study, suite, 0..suite.environments) {
-            for environment in study.environments(suite, environments)? {
-                let command = &environment.inputs[study.command_input];
-                let breaks = command.breaks_s().iter().copied().chain([suite.longest_s()]);
-                breaks.for_each(|time_s| reach(study.command_input, command.value(time_s)));
-            }
+        for number in 0..suite.environments {
+            let environment = study.environments(suite, number..number + 1)?.remove(0);
+            let command = &environment.inputs[study.command_input];
+            let breaks = command.breaks_s().iter().copied().chain([suite.longest_s()]);
+            breaks.for_each(|time_s| reach(study.command_input, command.value(time_s)));
         }
     }
     Ok(within(study, &flown))

@@ -9,21 +9,25 @@
 //! The tables have the columns of a campaign's data set ([`crate::evaluation::DataSet`] reads them). Every environment
 //! counts as a separate command.
 
+use super::watched;
 use super::windows::WindowDesign;
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
 use crate::parallel::{self, Workers};
-use crate::run::runner::in_batches;
+use crate::run::part::{self, PartFiles};
 use crate::run::{CampaignError, Observer, Run, Runner, plan};
-
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Stream, Study, Suite};
-use crate::table::{Column, Table, Values};
+use crate::study::{Scenario, Stream, Study, Suite};
+use crate::table::{Column, Table, TableError, Values};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{self, Sensors};
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::residual::{BAND, Window};
+use servotwin_diagnosis::spread::Spread;
 use servotwin_diagnosis::windows::{WindowKind, WindowSample, Windows};
+use servotwin_model::hash::Fingerprint;
+use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Windows after the onset: the first two are taken when this share of a window has passed, the others at random times.
 const SHARES: [f64; 2] = [0.6, 1.0];
@@ -35,8 +39,8 @@ const BEFORE: usize = 4;
 const LEAST_SHARE: f64 = 0.5;
 
 /// A window taken out of a flight.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct TrainingWindow {
+#[derive(Clone, Debug)]
+pub(crate) struct TrainingWindow {
     /// Whether it comes from the suite [`HARD_NEGATIVES`], rather than [`LEARN`].
     is_hard_negative: bool,
     /// The index of its kind.
@@ -45,25 +49,14 @@ struct TrainingWindow {
     at: usize,
     is_faulty: bool,
     flight: usize,
-    /// The bits of the window's values, which may be infinite.
-    bits: Vec<u64>,
-}
-
-impl TrainingWindow {
-    fn window(&self, sensors: usize) -> Window {
-        let values: Vec<f64> = self.bits.iter().map(|&bits| f64::from_bits(bits)).collect();
-        Window::from_values(sensors, sensors, &values).expect("the values of a window")
-    }
+    window: Window,
 }
 
 /// The windows taken out of flights.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default)]
 pub struct TrainingWindows {
     list: Vec<TrainingWindow>,
-    /// Number of flights that failed; they are not used.
-    pub failed: usize,
-    /// Flights that began without a steady state; they are not used either.
-    pub on_the_move: Vec<MovingFlight>,
+    left_out: LeftOut,
 }
 
 /// Training flights that were not used.
@@ -108,60 +101,82 @@ pub struct MovingFlight {
 }
 
 impl TrainingWindows {
-    /// Adds the windows of other flights.
-    pub fn add(&mut self, other: TrainingWindows) {
+    /// Adds the windows of another flight.
+    fn extend(&mut self, other: TrainingWindows) {
         self.list.extend(other.list);
-        self.failed += other.failed;
-        self.on_the_move.extend(other.on_the_move);
+        self.left_out.failed += other.left_out.failed;
+        self.left_out.on_the_move.extend(other.left_out.on_the_move);
     }
 
     /// The flights that were not used.
-    pub(crate) fn left_out(&self) -> LeftOut {
-        let mut on_the_move = self.on_the_move.clone();
-        on_the_move.sort_unstable();
-        LeftOut { failed: self.failed as u64, on_the_move }
+    pub(crate) fn left_out(&self) -> &LeftOut {
+        &self.left_out
     }
 
-    /// Takes the windows of a campaign's flights, those that `pick` wants. Failed flights are left out.
-    fn take<'p>(
-        &mut self,
-        flown: &Runner,
-        design: &WindowDesign,
-        pick: impl Fn(&Run) -> Pick<'p> + Sync,
-    ) {
-        let empty = design.empty();
-        flown.fly(
-            |flight| Collector::new(flown, empty.clone(), *flight, pick(flight)),
-            |flight, collector, outcome| match outcome {
-                Ok(work) if flown.is_on_the_move(flight, work) => {
-                    self.on_the_move.push(MovingFlight {
-                        flight: flight.number,
-                        environment: flight.environment,
-                    });
-                }
-                Ok(_) => self.list.extend(collector.taken),
-                Err(_) => self.failed += 1,
-            },
-        );
-    }
-
-    /// Sorts by kind, flight and time, because flights end in arbitrary order.
-    fn sort(&mut self) {
-        self.list.sort_by_key(|own| (own.kind, own.is_hard_negative, own.flight, own.at));
-    }
-
-    /// The half widths of bands learned from healthy windows of a kind; `None` for too few windows.
-    fn bands(&self, kind: usize, pools: &[usize], alarms: f64) -> Option<Vec<f64>> {
-        let healthy = self.list.iter().filter(|l| l.kind == kind && !l.is_faulty);
-        let largest = |own: &TrainingWindow| -> Vec<f64> {
-            let window = own.window(pools.len());
-            (0..pools.len()).map(|sensor| window.largest(sensor)).collect()
+    /// The half widths of bands learned from healthy windows of each kind; `None` for too few windows.
+    pub(crate) fn bands(&self, design: &WindowDesign, pools: &[usize]) -> Option<Vec<Vec<f64>>> {
+        let of_kind = |kind: usize| {
+            let healthy = self.list.iter().filter(|l| l.kind == kind && !l.is_faulty);
+            let largest = |own: &TrainingWindow| -> Vec<f64> {
+                (0..pools.len()).map(|sensor| own.window.largest(sensor)).collect()
+            };
+            let largest: Vec<Vec<f64>> = healthy.map(largest).collect();
+            let largest: Vec<&[f64]> = largest.iter().map(Vec::as_slice).collect();
+            bands::half_widths(&largest, pools, design.alarms())
         };
-        let largest: Vec<Vec<f64>> = healthy.map(largest).collect();
-        let largest: Vec<&[f64]> = largest.iter().map(Vec::as_slice).collect();
-        bands::half_widths(&largest, pools, alarms)
+        (0..design.kinds().len()).map(of_kind).collect()
+    }
+
+    /// The table of a part.
+    fn to_table(&self) -> Result<Table, TableError> {
+        let whole = |name: &str, of: fn(&TrainingWindow) -> usize| {
+            Column::new(name, "", self.list.iter().map(|own| of(own) as u32).collect::<Vec<_>>())
+        };
+        let is_faulty: Vec<bool> = self.list.iter().map(|own| own.is_faulty).collect();
+        let mut columns = vec![
+            whole("flight", |own| own.flight),
+            whole("kind", |own| own.kind),
+            whole("at_samples", |own| own.at),
+            Column::new("is_faulty", "", Values::Flag(is_faulty)),
+        ];
+        let windows: Vec<&Window> = self.list.iter().map(|own| &own.window).collect();
+        columns.extend(part::window_columns(&windows));
+        let left_out = serde_json::to_string(&self.left_out).expect("numbers");
+        Ok(Table::from_columns(columns)?.with_metadata(LEFT_OUT, left_out))
+    }
+
+    /// Adds the windows of a part.
+    fn add(
+        &mut self,
+        table: &Table,
+        sensors: usize,
+        is_hard_negative: bool,
+    ) -> Result<(), TableError> {
+        let left_out = table.metadata.get(LEFT_OUT).and_then(|text| serde_json::from_str(text).ok());
+        let LeftOut { failed, on_the_move } = left_out.unwrap_or_default();
+        self.left_out.failed += failed;
+        self.left_out.on_the_move.extend(on_the_move);
+        if table.row_count() == 0 {
+            return Ok(());
+        }
+        let [flights, kinds, at] = ["flight", "kind", "at_samples"].map(|name| table.u32(name));
+        let (flights, kinds, at) = (flights?, kinds?, at?);
+        let is_faulty = table.bool("is_faulty")?;
+        let windows = part::windows_of(table, (sensors, sensors))?;
+        self.list.extend(windows.into_iter().enumerate().map(|(row, window)| TrainingWindow {
+            is_hard_negative,
+            kind: kinds[row] as usize,
+            at: at[row] as usize,
+            is_faulty: is_faulty[row],
+            flight: flights[row] as usize,
+            window,
+        }));
+        Ok(())
     }
 }
+
+/// The key of the flights that were not used in the file of a part.
+const LEFT_OUT: &str = "left_out";
 
 /// Which windows of a flight are taken.
 enum Pick<'p> {
@@ -222,9 +237,9 @@ impl Observer for Collector<'_> {
         });
         let Collector { windows, pick, taken, flight, is_hard_negative, .. } = self;
         let mut take = |kind: usize, is_faulty: bool| {
-            let bits = windows.window(kind).to_values().into_iter().map(f64::to_bits).collect();
+            let window = windows.window(kind).clone();
             let (at, flight, is_hard_negative) = (index + 1, flight.number, *is_hard_negative);
-            taken.push(TrainingWindow { is_hard_negative, kind, at, is_faulty, flight, bits });
+            taken.push(TrainingWindow { is_hard_negative, kind, at, is_faulty, flight, window });
         };
         match pick {
             Pick::Newest(planned) => {
@@ -249,63 +264,124 @@ impl Observer for Collector<'_> {
     }
 }
 
-/// Takes training windows out of runs of [`LEARN`].
-pub fn of_runs(design: &WindowDesign, flown: &Runner) -> TrainingWindows {
-    let kinds = design.kinds();
-    let mut taken = TrainingWindows::default();
-    taken.take(flown, design, |run| {
-        let random = flown.suite().seed_of(run.number).choices(Stream::Windows);
-        Pick::Newest(planned(&kinds, run, flown.period_s(), random))
-    });
-    taken
+/// A suite of flights to learn from, in a scenario.
+pub(crate) struct TrainingFlights<'f> {
+    design: &'f WindowDesign<'f>,
+    suite: &'f Suite,
+    /// The bands that windows of [`HARD_NEGATIVES`] leave, as half widths in parts of scale, for each kind.
+    bands: Vec<Vec<f64>>,
+    /// The files of the parts.
+    pub files: PartFiles,
 }
 
-/// Takes training windows out of all runs of [`LEARN`].
-///
-/// # Errors
-/// A twin cannot be simulated, or the run was cancelled.
-pub fn learn(
-    design: &WindowDesign,
-    is_full: bool,
-    workers: Workers,
-) -> Result<TrainingWindows, CampaignError> {
-    let mut taken = TrainingWindows::default();
-    if let Some(suite) = design.study.suite(LEARN, is_full) {
-        in_batches(
-            design.study,
-            suite,
-            design.scenario,
-            0..suite.environments,
-            workers,
-            |flown, _| {
-                taken.add(of_runs(design, flown));
-                Ok::<_, CampaignError>(())
-            },
-        )?;
+impl<'f> TrainingFlights<'f> {
+    /// A suite with its parts in an output folder.
+    pub(crate) fn new(
+        folder: &Path,
+        design: &'f WindowDesign,
+        suite: &'f Suite,
+        bands: Vec<Vec<f64>>,
+    ) -> Self {
+        let (study, scenario) = (design.study, design.scenario);
+        let mut mark = Fingerprint::default();
+        mark.add(&study.text).add(&study.system.text).add(scenario.name());
+        mark.add(&suite.name).add(&suite.environments).add(&bands);
+        design.spreads.iter().for_each(|spread| {
+            mark.add(&spread.map(|Spread { spool, growth }| (u64::from(spool), growth)));
+        });
+        let files = PartFiles::new(folder, stem(suite, scenario), mark, part::parts(study, suite));
+        TrainingFlights { design, suite, bands, files }
     }
-    Ok(taken)
+
+    /// Takes windows out of the flights of some parts whose files are absent or unusable. `progress` takes the number of
+    /// flights that have ended, and of all.
+    ///
+    /// # Errors
+    /// A twin cannot be simulated, a file cannot be written, or the run was cancelled.
+    pub(crate) fn fly(
+        &self,
+        parts: &[usize],
+        workers: Workers,
+        progress: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<(), CampaignError> {
+        let (study, scenario) = (self.design.study, self.design.scenario);
+        let missing = self.files.missing(parts.iter().copied());
+        let (mut ended, all) = (0, self.files.runs_of(&missing));
+        for round in watched::rounds((study, self.suite, scenario), &self.files.parts, &missing) {
+            let numbers = || round.iter().flat_map(|&part| self.files.parts[part].iter());
+            let runs: Vec<Run> = numbers().map(|&n| plan::run(study, self.suite, n)).collect();
+            let flown = Runner::new(study, self.suite, (scenario, None), runs, workers)?;
+            let mut taken = self.taken(&flown, &|count| progress(ended + count, all));
+            if workers.is_cancelled() {
+                return Err(CampaignError::Cancelled);
+            }
+            for &part in &round {
+                let mut own = TrainingWindows::default();
+                for number in &self.files.parts[part] {
+                    own.extend(taken.remove(number).unwrap_or_default());
+                }
+                self.files.write(part, own.to_table()?)?;
+            }
+            ended += flown.runs.len();
+        }
+        Ok(())
+    }
+
+    /// The windows of each flight.
+    fn taken(
+        &self,
+        flown: &Runner,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> BTreeMap<usize, TrainingWindows> {
+        let (empty, kinds) = (self.design.empty(), self.design.kinds());
+        let pick = |run: &Run| match self.suite.name.as_str() {
+            HARD_NEGATIVES => Pick::Outside(&self.bands),
+            _ => {
+                let random = self.suite.seed_of(run.number).choices(Stream::Windows);
+                Pick::Newest(planned(&kinds, run, flown.period_s(), random))
+            }
+        };
+        let mut taken = BTreeMap::new();
+        flown.fly(
+            |flight| Collector::new(flown, empty.clone(), *flight, pick(flight)),
+            |flight, collector, outcome| {
+                let mut own = TrainingWindows::default();
+                match outcome {
+                    Ok(work) if flown.is_on_the_move(flight, work) => {
+                        let (flight, environment) = (flight.number, flight.environment);
+                        own.left_out.on_the_move.push(MovingFlight { flight, environment });
+                    }
+                    Ok(_) => own.list = collector.taken,
+                    Err(_) => own.left_out.failed += 1,
+                }
+                taken.insert(flight.number, own);
+                progress(taken.len());
+            },
+        );
+        taken
+    }
+
+    /// Adds the windows of all parts, by flight.
+    ///
+    /// # Errors
+    /// [`CampaignError::Unfinished`] if a part is missing.
+    pub(crate) fn add_to(&self, taken: &mut TrainingWindows) -> Result<(), CampaignError> {
+        let (sensors, is_hard_negative) =
+            (self.design.study.base_sensors(), self.suite.name == HARD_NEGATIVES);
+        for part in 0..self.files.parts.len() {
+            if let Some(table) = self.files.read(part)? {
+                taken.add(&table, sensors, is_hard_negative)?;
+            }
+        }
+        taken.list.sort_by_key(|own| (own.kind, own.is_hard_negative, own.flight, own.at));
+        taken.left_out.on_the_move.sort_unstable();
+        Ok(())
+    }
 }
 
-/// Flies [`HARD_NEGATIVES`] and adds the windows that leave the bands of those that are there already.
-///
-/// # Errors
-/// A twin cannot be simulated, or the run was cancelled.
-pub(crate) fn add_hard_negatives(
-    design: &WindowDesign,
-    is_full: bool,
-    taken: &mut TrainingWindows,
-    pools: &[usize],
-    workers: Workers,
-) -> Result<(), CampaignError> {
-    taken.sort();
-    let of_kind = |kind| taken.bands(kind, pools, design.alarms());
-    let bands = (0..design.kinds().len()).map(of_kind).collect::<Option<Vec<Vec<f64>>>>();
-    let suite = design.study.suite(HARD_NEGATIVES, is_full);
-    let (Some(bands), Some(suite)) = (bands, suite) else { return Ok(()) };
-    in_batches(design.study, suite, design.scenario, 0..suite.environments, workers, |flown, _| {
-        taken.take(flown, design, |_| Pick::Outside(&bands));
-        Ok(())
-    })
+/// How the names of the files of a suite's parts begin.
+pub(crate) fn stem(suite: &Suite, scenario: Scenario) -> String {
+    format!("windows-{}-{}", suite.name, scenario.name())
 }
 
 /// A table for each kind of window.
@@ -315,10 +391,9 @@ pub(crate) fn add_hard_negatives(
 pub fn tables(
     design: &WindowDesign,
     is_full: bool,
-    mut taken: TrainingWindows,
+    taken: &TrainingWindows,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
-    taken.sort();
     let study = design.study;
     let sensors = Sensors(study.sensors_in(design.scenario).0[..study.base_sensors()].to_vec());
     let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name, is_full));
@@ -378,13 +453,11 @@ struct Maker<'m> {
 
 impl Maker<'_> {
     fn table(&self, taken: &[&TrainingWindow], workers: Workers) -> Result<Table, CampaignError> {
-        let windows: Vec<Window> =
-            taken.iter().map(|own| own.window(self.sensors.0.len())).collect();
+        let windows: Vec<&Window> = taken.iter().map(|own| &own.window).collect();
         let orders = self.sensors.rotations(self.study.units.len()).unwrap_or_default();
-        let view = |window: &Window| seen(self.sensors, &orders, window);
+        let view = |window: &&Window| seen(self.sensors, &orders, window);
         let rows = parallel::map(&windows, workers, view).map_err(|_| CampaignError::Cancelled)?;
         let mut columns = self.labels(taken, &windows);
-        let windows: Vec<&Window> = windows.iter().collect();
         columns.extend(largest_columns(&self.sensors.0, &windows));
         let features: Vec<_> =
             features::ALL.iter().flat_map(|family| family.features(self.sensors)).collect();
@@ -392,7 +465,7 @@ impl Maker<'_> {
         Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
     }
 
-    fn labels(&self, taken: &[&TrainingWindow], windows: &[Window]) -> Vec<Column> {
+    fn labels(&self, taken: &[&TrainingWindow], windows: &[&Window]) -> Vec<Column> {
         let suite = |own: &TrainingWindow| {
             self.suites[usize::from(own.is_hard_negative)].expect("the suite of the window")
         };

@@ -9,12 +9,11 @@ use crate::ensemble::Variant;
 use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::other_plant::OtherPlants;
-use crate::run::runner::in_batches;
-use crate::run::{CampaignError, Observer, Run, Runner, plan};
-use crate::study::{Scenario, Study, Suite};
+use crate::run::{CampaignError, Observer, Run, Runner, part, plan};
+use crate::study::{Plants, Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
-use std::ops::Range;
+use std::collections::BTreeSet;
 
 /// A diagnosis that watches a flight.
 #[derive(Clone)]
@@ -79,129 +78,72 @@ impl Truth {
     }
 }
 
-/// What became of some environments of a suite.
-pub struct FlownEnvironments {
+/// What became of some runs of a suite.
+pub struct Flown {
     /// One outcome for each run and diagnosis, by run.
     pub outcomes: Vec<FlightOutcome>,
-    /// The number of environments of the suite that have been flown.
-    pub environments: usize,
-    /// What became of their calibration flights, where twins are fitted to plants of another structure.
+    /// What became of the calibration flights, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
 }
 
-/// Flies environments of a suite in a scenario, watched by some diagnoses; of unseen faults all runs. `done` takes
-/// what became of some environments after the other; `progress` the number of runs that have ended, and of all.
-///
-/// # Errors
-/// A command cannot be flown, a twin cannot be simulated, the error of `done`, or the run was cancelled.
-pub fn fly_suite<E: From<CampaignError>>(
-    (study, suite, scenario): (&Study, &Suite, Scenario),
-    watching: &[Watching],
-    environments: Range<usize>,
-    workers: Workers,
-    progress: &(dyn Fn(usize, usize) + Sync),
-    mut done: impl FnMut(FlownEnvironments) -> Result<(), E>,
-) -> Result<(), E> {
-    if environments.is_empty() {
-        return Ok(());
+/// The numbers of the runs of each part of a suite.
+pub(crate) fn parts(study: &Study, suite: &Suite) -> Vec<Vec<usize>> {
+    if !suite.is_unseen {
+        return part::parts(study, suite);
     }
-    if suite.is_unseen {
-        return done(fly_unseen((study, suite, scenario), watching, None, workers)?);
-    }
-    if suite.is_closed_loop {
-        return environments.clone().try_for_each(|number| {
-            progress(number - environments.start, environments.len());
-            let one = number..number + 1;
-            done(fly_environments((study, suite, scenario), watching, one, workers)?)
-        });
-    }
-    let (all, mut ended) = (plan::runs(study, suite, &environments).len(), 0);
-    in_batches(study, suite, scenario, environments, workers, |runner, environments| {
-        let told = |count: usize| progress(ended + count, all);
-        let flown = watch_environments(runner, watching, environments.end, workers, &told)?;
-        ended += runner.runs.len();
-        done(flown)
-    })
+    let all = 0..unseen_faults::count(study, suite);
+    let groups = all.map(|number| (vec![number], suite.duration_s));
+    part::parts_of(suite, groups, study.sample_period_s)
 }
 
-/// Flies some environments of a suite in a scenario, watched by some diagnoses; of unseen faults all runs.
+/// Divides parts of a suite into rounds that are flown together; beside fitted twins each part is flown alone.
+pub(crate) fn rounds(
+    (study, suite, scenario): (&Study, &Suite, Scenario),
+    parts: &[Vec<usize>],
+    wanted: &BTreeSet<usize>,
+) -> Vec<Vec<usize>> {
+    if suite.is_fitted || scenario.plants() == Plants::Pool {
+        return wanted.iter().map(|&part| vec![part]).collect();
+    }
+    let twin = |number: usize| match suite.is_unseen {
+        true => number,
+        false => plan::run(study, suite, number).environment,
+    };
+    part::rounds(parts, wanted, (suite.longest_s() / study.sample_period_s, twin))
+}
+
+/// Flies runs of a suite in a scenario, given by their numbers and watched by some diagnoses. `progress` takes the number of
+/// runs that have ended.
 ///
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, or the run was cancelled.
-pub(crate) fn fly_environments(
+pub fn fly(
     (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
-    environments: Range<usize>,
-    workers: Workers,
-) -> Result<FlownEnvironments, CampaignError> {
-    if suite.is_unseen {
-        return fly_unseen((study, suite, scenario), watching, None, workers);
-    }
-    let runs = plan::runs(study, suite, &environments);
-    fly_runs((study, suite, scenario), watching, (environments, runs), workers)
-}
-
-/// Flies one run of a suite in a scenario, as among all others.
-///
-/// # Errors
-/// As [`fly_environments`].
-pub(crate) fn fly_run(
-    (study, suite, scenario): (&Study, &Suite, Scenario),
-    watching: &[Watching],
-    number: usize,
-    workers: Workers,
-) -> Result<FlownEnvironments, CampaignError> {
-    if suite.is_unseen {
-        return fly_unseen((study, suite, scenario), watching, Some(number), workers);
-    }
-    let run = plan::run(study, suite, number);
-    let environments = run.environment..run.environment + 1;
-    fly_runs((study, suite, scenario), watching, (environments, vec![run]), workers)
-}
-
-fn fly_runs(
-    (study, suite, scenario): (&Study, &Suite, Scenario),
-    watching: &[Watching],
-    (environments, runs): (Range<usize>, Vec<Run>),
-    workers: Workers,
-) -> Result<FlownEnvironments, CampaignError> {
-    // The twin of a lane is recorded before any plant flies, but a reaction changes the twin, too.
-    if suite.is_closed_loop {
-        let diagnoser = watching[0].session.diagnoser();
-        let outcomes = effects::fly((study, suite, scenario), diagnoser, &runs, workers)?;
-        let environments = environments.end;
-        return Ok(FlownEnvironments { outcomes, environments, calibration: None });
-    }
-    let others = OtherPlants::of(study, suite)?;
-    let (plants, end) = ((scenario, others.as_ref()), environments.end);
-    let runner = Runner::of_runs(study, suite, plants, (environments, runs), workers)?;
-    watch_environments(&runner, watching, end, workers, &|_| ())
-}
-
-fn fly_unseen(
-    (study, suite, scenario): (&Study, &Suite, Scenario),
-    watching: &[Watching],
-    only: Option<usize>,
-    workers: Workers,
-) -> Result<FlownEnvironments, CampaignError> {
-    let outcomes = unseen_faults::fly(study, suite, scenario, watching, only, workers)?;
-    let flown = FlownEnvironments { outcomes, environments: suite.environments, calibration: None };
-    if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(flown) }
-}
-
-fn watch_environments(
-    runner: &Runner,
-    watching: &[Watching],
-    environments: usize,
+    numbers: &[usize],
     workers: Workers,
     progress: &(dyn Fn(usize) + Sync),
-) -> Result<FlownEnvironments, CampaignError> {
-    let truth = |run: &Run| Truth::planned(runner.study(), run);
-    let outcomes = watch(runner, watching, &truth, &|_| None, |_, _| (), progress);
-    let calibration = runner.calibration;
+) -> Result<Flown, CampaignError> {
+    let mut calibration = None;
+    let outcomes = if suite.is_unseen {
+        unseen_faults::fly((study, suite, scenario), watching, numbers, workers, progress)?
+    } else {
+        let runs: Vec<Run> = numbers.iter().map(|&n| plan::run(study, suite, n)).collect();
+        if suite.is_closed_loop {
+            // The twin of a lane is recorded before any plant flies, but a reaction changes the twin, too.
+            let diagnoser = watching[0].session.diagnoser();
+            effects::fly((study, suite, scenario), diagnoser, &runs, workers)?
+        } else {
+            let others = OtherPlants::of(study, suite)?;
+            let runner = Runner::new(study, suite, (scenario, others.as_ref()), runs, workers)?;
+            calibration = runner.calibration;
+            let truth = |run: &Run| Truth::planned(study, run);
+            watch(&runner, watching, &truth, &|_| None, |_, _| (), progress)
+        }
+    };
     match workers.is_cancelled() {
         true => Err(CampaignError::Cancelled),
-        false => Ok(FlownEnvironments { outcomes, environments, calibration }),
+        false => Ok(Flown { outcomes, calibration }),
     }
 }
 

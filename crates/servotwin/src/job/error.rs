@@ -41,6 +41,9 @@ pub enum JobError {
         "{name}: the study has no such run for judging; a run is suite#number@scenario, such as judge#17@realistic"
     )]
     NoRun { name: String },
+    /// A name of no suite.
+    #[error("there is no suite '{name}'; there are {known}")]
+    NoSuite { name: String, known: String },
     /// The study has no flights.
     #[error("the study has no [flights]: docs/study-format.md describes this section")]
     NoFlights,

@@ -3,13 +3,13 @@
 use super::outcomes::{self, Basis, FlownSuite, SuiteSize};
 use super::sealed::{Opening, OpeningRecord, Openings, SealedSubject};
 use super::{Folder, JobError, held_out, pools};
-use crate::campaign::CampaignError;
+use crate::files::create_folder;
 use crate::evaluation::model_file;
 use crate::flight::boundaries::boundaries;
 use crate::flight::judge::{FlightGroup, FlightMetrics};
 use crate::flight::measure;
 use crate::flight::outcome::FlightOutcome;
-use crate::flight::training_windows::{self, LeftOut, TrainingWindows};
+use crate::flight::training_windows::{self, LeftOut, TrainingFlights, TrainingWindows};
 use crate::flight::unseen_faults::UnseenFaultMetrics;
 use crate::flight::windows::WindowDesign;
 use crate::flight::{spreads, train};
@@ -17,12 +17,15 @@ use crate::manifest::sha256_of_text;
 use crate::parallel::Workers;
 use crate::study::flights::Limits;
 use crate::study::suites::{
-    HEALTHY, HEALTHY_OTHER_STRUCTURE, JUDGE, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN,
+    HARD_NEGATIVES, HEALTHY, HEALTHY_OTHER_STRUCTURE, JUDGE, LEARN, OTHER_STRUCTURE,
+    OTHER_STRUCTURE_FITTED, UNSEEN,
 };
 use crate::study::{Flights, Purpose, Scenario, Study, Suite};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 /// The scenarios with flights. In the first, each specimen equals its twin, as after a perfect fit; in the second,
 /// specimens differ from it.
@@ -171,15 +174,6 @@ pub struct Crew<'c> {
     pub progress: &'c (dyn Fn(&str, f64) + Sync),
 }
 
-impl Crew<'_> {
-    fn check(&self) -> Result<(), JobError> {
-        match self.workers.is_cancelled() {
-            true => Err(CampaignError::Cancelled.into()),
-            false => Ok(()),
-        }
-    }
-}
-
 /// The scenarios in which a study can fly; the twins of tests on the ground are fitted.
 pub fn scenarios(study: &Study) -> Vec<Scenario> {
     let possible = |scenario: &Scenario| !scenario.has_noise() || study.realism.is_some();
@@ -187,64 +181,127 @@ pub fn scenarios(study: &Study) -> Vec<Scenario> {
     all.iter().copied().filter(possible).collect()
 }
 
-fn flights(study: &Study) -> Result<&Flights, JobError> {
+pub(super) fn flights(study: &Study) -> Result<&Flights, JobError> {
     study.flights.as_ref().ok_or(JobError::NoFlights)
 }
 
-/// Trains the diagnoser of a scenario in flights and writes it.
+/// Trains the diagnoser of a scenario in flights and writes it. Held-out healthy flights set the margin of a shutdown.
 ///
 /// # Errors
-/// A twin cannot be simulated; training fails; the file cannot be written.
+/// A twin cannot be simulated; training fails; the diagnoser is unsafe in health; the file cannot be written.
 pub fn learn(
     folder: &Folder,
     (study, is_full): (&Study, bool),
     scenario: Scenario,
     crew: &Crew,
 ) -> Result<Diagnoser, JobError> {
-    let design = design((study, is_full), scenario, crew.workers)?;
-    let taken = training_windows::learn(&design, is_full, crew.workers)?;
-    learn_from(folder, &design, is_full, taken, crew)
+    let (pools, workers) = (pools(study), crew.workers);
+    let design = design(folder, (study, is_full), scenario, workers)?;
+    let mut taken = TrainingWindows::default();
+    let taught = |taken: &mut TrainingWindows, name: &str, bands, [from, to]: [f64; 2]| {
+        let Some(suite) = study.suite(name, is_full) else { return Ok(()) };
+        let flights = TrainingFlights::new(folder.path(), &design, suite, bands);
+        let share = |share: f64| (crew.progress)("flights to learn from", from + (to - from) * share);
+        let told = |done: usize, all: usize| share(done as f64 / all as f64);
+        flights.fly(&flights.files.all(), workers, &told)?;
+        flights.add_to(taken)
+    };
+    taught(&mut taken, LEARN, vec![], [0.0, 0.5])?;
+    if let Some(bands) = taken.bands(&design, &pools) {
+        taught(&mut taken, HARD_NEGATIVES, bands, [0.5, 0.7])?;
+    }
+    (crew.progress)("training", 0.7);
+    let tables = training_windows::tables(&design, is_full, &taken, workers)?;
+    let environment = train::environment(study, is_full)?;
+    let trained = train::diagnoser(&design, tables, &pools, workers)?;
+    let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
+    let diagnoser = Diagnoser { boundaries, environment, ..trained };
+    let diagnoser = held_out::with_margin((study, is_full), scenario, diagnoser, workers)?;
+    model_file::write(folder.left_out(scenario), taken.left_out())?;
+    model_file::write_model(folder.diagnoser(scenario), &diagnoser)?;
+    Ok(diagnoser)
+}
+
+/// Flies some parts of a suite to learn from, which [`learn`] reads.
+///
+/// # Errors
+/// As [`learn`]; [`CampaignError::Unfinished`] for [`HARD_NEGATIVES`] before all flights of [`LEARN`].
+pub(super) fn fly_to_learn(
+    folder: &Folder,
+    (study, is_full): (&Study, bool),
+    (suite, scenario): (&Suite, Scenario),
+    parts: &[usize],
+    crew: &Crew,
+) -> Result<(), JobError> {
+    let design = design(folder, (study, is_full), scenario, crew.workers)?;
+    let mut bands = vec![];
+    if suite.name == HARD_NEGATIVES {
+        match learned_bands(folder, &design, is_full)? {
+            Some(learned) => bands = learned,
+            None => return Ok(()),
+        }
+    }
+    let what = format!("{}: suite {}", scenario.name(), suite.name);
+    let flights = TrainingFlights::new(folder.path(), &design, suite, bands);
+    let told = |done, all| (crew.progress)(&what, done as f64 / all as f64);
+    Ok(flights.fly(parts, crew.workers, &told)?)
+}
+
+/// The bands of all flights of [`LEARN`], kept in a file for the parts of [`HARD_NEGATIVES`]; `None` for too few windows.
+pub(super) fn learned_bands(
+    folder: &Folder,
+    design: &WindowDesign,
+    is_full: bool,
+) -> Result<Option<Vec<Vec<f64>>>, JobError> {
+    let (study, path) = (design.study, folder.bands(design.scenario));
+    let Some(suite) = study.suite(LEARN, is_full) else { return Ok(None) };
+    known(&path, (study, is_full), || {
+        let mut taken = TrainingWindows::default();
+        TrainingFlights::new(folder.path(), design, suite, vec![]).add_to(&mut taken)?;
+        Ok(taken.bands(design, &pools(study)))
+    })
 }
 
 /// The windows of a scenario's diagnosis, with the spreads of healthy flights.
 ///
 /// # Errors
 /// The study has no flights, or a twin cannot be simulated.
-pub fn design<'s>(
+pub(super) fn design<'s>(
+    folder: &Folder,
     (study, is_full): (&'s Study, bool),
     scenario: Scenario,
     workers: Workers,
 ) -> Result<WindowDesign<'s>, JobError> {
-    let with_flights = (study, flights(study)?);
-    Ok(spreads::learn(with_flights, is_full, scenario, &pools(study), workers)?)
+    let flights = flights(study)?;
+    let spreads = known(&folder.spreads(scenario), (study, is_full), || {
+        let flights = (study, flights);
+        Ok(spreads::learn(flights, is_full, scenario, &pools(study), workers)?.spreads)
+    })?;
+    Ok(WindowDesign { study, flights, scenario, spreads })
 }
 
-/// Trains the diagnoser of a scenario and writes it. The windows come from runs that may have been flown on other
-/// machines; hard negatives are added here. Held-out healthy flights set the margin of a shutdown.
-///
-/// # Errors
-/// Training fails; the diagnoser is unsafe in health; the file cannot be written.
-pub fn learn_from(
-    folder: &Folder,
-    design: &WindowDesign,
-    is_full: bool,
-    mut taken: TrainingWindows,
-    crew: &Crew,
-) -> Result<Diagnoser, JobError> {
-    let (study, scenario) = (design.study, design.scenario);
-    let (pools, workers) = (pools(study), crew.workers);
-    training_windows::add_hard_negatives(design, is_full, &mut taken, &pools, workers)?;
-    crew.check()?;
-    let left_out = taken.left_out();
-    let tables = training_windows::tables(design, is_full, taken, workers)?;
-    let environment = train::environment(study, is_full)?;
-    let trained = train::diagnoser(design, tables, &pools, workers)?;
-    let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
-    let diagnoser = Diagnoser { boundaries, environment, ..trained };
-    let diagnoser = held_out::with_margin((study, is_full), scenario, diagnoser, workers)?;
-    model_file::write(folder.left_out(scenario), &left_out)?;
-    model_file::write_model(folder.diagnoser(scenario), &diagnoser)?;
-    Ok(diagnoser)
+/// What all parts of the flights to learn from need, with the hash of the study that it comes from.
+#[derive(Serialize, Deserialize)]
+struct Known<T> {
+    of: String,
+    value: T,
+}
+
+/// Reads what a file knows of a study, or finds it and writes it there.
+fn known<T: Serialize + DeserializeOwned>(
+    path: &Path,
+    (study, is_full): (&Study, bool),
+    find: impl FnOnce() -> Result<T, JobError>,
+) -> Result<T, JobError> {
+    let of = sha256_of_text(&format!("{is_full}\n{}\n{}", study.text, study.system.text));
+    let stored = if path.exists() { model_file::read::<Known<T>>(path).ok() } else { None };
+    if let Some(stored) = stored.filter(|stored| stored.of == of) {
+        return Ok(stored.value);
+    }
+    let found = Known { of, value: find()? };
+    create_folder(path.parent().unwrap_or(Path::new("")))?;
+    model_file::write(path, &found)?;
+    Ok(found.value)
 }
 
 /// The training flights that taught nothing.
@@ -268,8 +325,11 @@ pub fn fly_all(
     let mut counted = None;
     for (place, &scenario) in scenarios.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / scenarios.len() as f64;
-        (crew.progress)(&format!("{}: flights to learn from", scenario.name()), part(0.0));
-        learn(folder, (study, is_full), scenario, crew)?;
+        let learning = |what: &str, share: f64| {
+            (crew.progress)(&format!("{}: {what}", scenario.name()), part(0.4 * share));
+        };
+        let learner = Crew { workers: crew.workers, progress: &learning };
+        learn(folder, (study, is_full), scenario, &learner)?;
         let part = |share: f64| part(0.4 + 0.6 * share);
         counted = Some(fly(folder, (study, is_full), &suites, &[scenario], (crew, &part))?);
     }
@@ -280,7 +340,7 @@ pub fn fly_all(
 }
 
 /// Whether a suite is flown without being named.
-fn is_usual(suite: &Suite) -> bool {
+pub(super) fn is_usual(suite: &Suite) -> bool {
     suite.purpose == Purpose::Test && !suite.is_on_request
 }
 

@@ -3,7 +3,8 @@
 //! | file | written by |
 //! |---|---|
 //! | `study.toml`, `system.toml` | campaign: the texts of the study and its system |
-//! | `dataset-<scenario>.parquet`, `parts/` | campaign: the operating cases of the evaluation |
+//! | `parts/` | every suite: its runs, see `crate::run::part`, and what the flights to learn from need |
+//! | `dataset-<scenario>.parquet` | campaign: the operating cases of the evaluation |
 //! | `dataset-<scenario>-training.parquet` | campaign: the training commands |
 //! | `data-card.md` | campaign: what the data sets are, see [`super::data_card`] |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
@@ -26,10 +27,11 @@
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
-use crate::campaign::{PARTS, calibration_file};
+use crate::campaign::calibration_file;
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
+use crate::run::part::PARTS;
 use crate::study::{Purpose, Scenario, Study};
 use std::path::{Path, PathBuf};
 
@@ -96,9 +98,19 @@ impl Folder {
         self.0.join(format!("outcomes-{suite}-{scenario}.parquet"))
     }
 
-    /// The folder of parts: shares of records and of suites of flights.
+    /// The folder of the parts of all suites.
     pub(crate) fn parts(&self) -> PathBuf {
         self.0.join(PARTS)
+    }
+
+    /// The file of the spreads of a scenario, which the parts of its flights to learn from need.
+    pub(super) fn spreads(&self, scenario: Scenario) -> PathBuf {
+        self.parts().join(format!("spreads-{}.json", scenario.name()))
+    }
+
+    /// The file of the bands of a scenario, which the parts of its hard negatives need.
+    pub(super) fn bands(&self, scenario: Scenario) -> PathBuf {
+        self.parts().join(format!("bands-{}.json", scenario.name()))
     }
 
     /// The file that names the training flights of a scenario that taught nothing.

@@ -5,7 +5,7 @@
 use super::JobError;
 use super::outcomes::watching;
 use crate::flight::outcome::FlightOutcome;
-use crate::flight::watched::fly_suite;
+use crate::flight::watched;
 use crate::parallel::Workers;
 use crate::study::suites::{HARD_NEGATIVES, HELD_OUT, LEARN};
 use crate::study::{Scenario, Study, Suite};
@@ -108,12 +108,12 @@ fn fly(
 ) -> Result<Vec<FlightOutcome>, JobError> {
     let watching = watching(suite, &Arc::new(diagnoser));
     let watching = watching.map_err(|error| JobError::Evaluation(error.into()))?;
+    let (place, parts) = ((study, suite, scenario), watched::parts(study, suite));
     let mut outcomes = vec![];
-    let all = 0..suite.environments;
-    fly_suite((study, suite, scenario), &watching, all, workers, &|_, _| (), |flown| {
-        outcomes.extend(flown.outcomes);
-        Ok::<_, JobError>(())
-    })?;
+    for round in watched::rounds(place, &parts, &(0..parts.len()).collect()) {
+        let numbers: Vec<usize> = round.iter().flat_map(|&part| parts[part].clone()).collect();
+        outcomes.extend(watched::fly(place, &watching, &numbers, workers, &|_| ())?.outcomes);
+    }
     Ok(outcomes)
 }
 

@@ -16,6 +16,7 @@ pub mod results;
 pub mod run;
 pub mod sealed;
 mod subject;
+pub mod tasks;
 
 pub use error::JobError;
 pub use folder::{Folder, Kept};
@@ -184,78 +185,17 @@ impl Prepared {
     }
 }
 
-/// Evaluates the trained model of a subject in a folder.
+/// Trains and evaluates some subjects, and writes the models. Subjects are processed in parallel, because much of the work
+/// on one of them uses a single thread. `progress` receives the task at hand and the share that is done, from 0 to 1.
 ///
 /// # Errors
-/// A file is missing or cannot be read; the evaluation fails.
-pub fn evaluate_subject(
-    folder: &Folder,
-    study: &Study,
-    subject: Subject,
-    workers: Workers,
-) -> Result<SubjectResult, JobError> {
-    let prepared = Prepared::read(folder, study, subject, workers)?;
-    prepared.evaluate(study, &trained(folder, subject)?, workers, &|_, _| ())
-}
-
-/// Trains every subject in a folder and writes the models. Subjects are processed in parallel, because much of
-/// the work on one of them uses a single thread.
-///
-/// # Errors
-/// A file cannot be read or written; training fails.
-pub fn train_all(
-    folder: &Folder,
-    study: &Study,
-    workers: Workers,
-) -> Result<Vec<(Subject, Trained)>, JobError> {
-    let subjects = subjects(folder, study)?;
-    let trained = parallel::map(&subjects, workers, |&subject| {
-        let prepared = Prepared::read(folder, study, subject, workers)?;
-        Ok((subject, prepared.train(folder, study, workers)?))
-    });
-    trained?.into_iter().collect()
-}
-
-/// Evaluates the trained model of every subject in a folder and writes the results. `progress` receives the task at
-/// hand and the share that is done, from 0 to 1.
-///
-/// # Errors
-/// A file is missing or cannot be read or written; the evaluation fails.
-pub fn evaluate_all(
-    folder: &Folder,
-    study: &Study,
-    workers: Workers,
-    progress: &(dyn Fn(&str, f64) + Sync),
-) -> Result<Results, JobError> {
-    let subjects = subjects(folder, study)?;
-    let stored = |prepared: &Prepared| trained(folder, prepared.subject);
-    let evaluated = evaluate_with(folder, study, &subjects, workers, progress, &stored)?;
-    write_results(folder, study, evaluated)
-}
-
-/// Trains and evaluates some subjects, to the same bytes as [`train_all`] and [`evaluate_all`]. The shared preparation
-/// runs once.
-///
-/// # Errors
-/// As [`train_all`] and [`evaluate_all`].
+/// A file is missing or cannot be read or written; training or evaluation fails.
 pub(crate) fn train_and_evaluate(
     folder: &Folder,
     study: &Study,
     subjects: &[Subject],
     workers: Workers,
     progress: &(dyn Fn(&str, f64) + Sync),
-) -> Result<Vec<SubjectResult>, JobError> {
-    let train = |prepared: &Prepared| prepared.train(folder, study, workers);
-    evaluate_with(folder, study, subjects, workers, progress, &train)
-}
-
-fn evaluate_with(
-    folder: &Folder,
-    study: &Study,
-    subjects: &[Subject],
-    workers: Workers,
-    progress: &(dyn Fn(&str, f64) + Sync),
-    trained: &(dyn Fn(&Prepared) -> Result<Trained, JobError> + Sync),
 ) -> Result<Vec<SubjectResult>, JobError> {
     let shares = Mutex::new(vec![0.0; subjects.len()]);
     let numbered: Vec<(usize, Subject)> = subjects.iter().copied().enumerate().collect();
@@ -267,7 +207,7 @@ fn evaluate_with(
             progress(&format!("{}: {what}", subject.name()), done);
         };
         let prepared = Prepared::read(folder, study, subject, workers)?;
-        let trained = trained(&prepared)?;
+        let trained = prepared.train(folder, study, workers)?;
         prepared.evaluate(study, &trained, workers, &told).inspect(|_| told("done", 1.0))
     });
     evaluated?.into_iter().collect()
@@ -277,7 +217,7 @@ fn evaluate_with(
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_results(
+fn write_results(
     folder: &Folder,
     study: &Study,
     subjects: Vec<SubjectResult>,
@@ -336,14 +276,6 @@ fn moving<'w>(
         draws,
         seed,
     })
-}
-
-/// Reads the models trained for a subject.
-fn trained(folder: &Folder, subject: Subject) -> Result<Trained, JobError> {
-    let panel = panel(folder, subject)?;
-    let committee =
-        Committee { hierarchy: panel.committee, least_confidence: panel.least_confidence };
-    Ok(Trained { bands: None, trees: panel.trees, committee })
 }
 
 /// Reads the bands, trees and committee trained for a subject.

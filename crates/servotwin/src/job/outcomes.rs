@@ -1,30 +1,27 @@
-//! The outcomes of a suite in a scenario, as a folder holds them. An interrupted suite goes on where it was last stored.
+//! The outcomes of a suite in a scenario: flown in parts, and joined to a table. An interrupted suite goes on with the parts
+//! that are missing.
 
 use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
-use crate::campaign::Share;
 use crate::files::create_folder;
 use crate::flight::judge::HealthyMetrics;
 use crate::flight::outcome::{self, FlightOutcome};
-use crate::flight::watched::{self, FlownEnvironments, Watching, fly_suite};
+use crate::flight::watched::{self, Watching};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
-use crate::run::{RunName, plan};
+use crate::run::part::PartFiles;
+use crate::run::{CampaignError, RunName, plan};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
 use crate::study::{Purpose, Scenario, Study, Suite};
-use crate::table::{self, TableError};
+use crate::table::{self, Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::error::Error;
+use servotwin_model::hash::Fingerprint;
 use std::collections::BTreeMap;
-use std::fs;
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-
-/// A suite is stored whenever it has grown by this fraction: every part at first, and rarely once its file is large.
-const STORED_EVERY: f64 = 0.05;
 
 /// The numbers of runs of a suite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -96,10 +93,6 @@ pub struct FlownSuite {
     pub runs: String,
     /// What it was flown with.
     pub basis: Basis,
-    /// The first environment that was flown; above 0 in a share.
-    pub first: usize,
-    /// The environment behind the last one that was flown.
-    pub environments: usize,
     /// What became of the calibration flights, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
     /// One outcome for each run and diagnosis, by run.
@@ -119,8 +112,6 @@ impl FlownSuite {
             seed: suite.seed,
             runs: in_words(suite),
             basis: Basis::of(folder, (study, is_full), scenario)?,
-            first: 0,
-            environments: 0,
             calibration: None,
             outcomes: vec![],
         })
@@ -170,83 +161,40 @@ impl FlownSuite {
         let calibration = self.calibration.map(|records| {
             ("calibration", serde_json::to_string(&records).expect("three numbers"))
         });
-        let environments = [("environments", self.environments.to_string())];
-        let first = (self.first > 0).then(|| ("first", self.first.to_string()));
-        let all = self.origin().into_iter().chain(environments).chain(first).chain(calibration);
+        let all = self.origin().into_iter().chain(calibration);
         all.map(|(key, value)| (key.to_owned(), value)).collect()
     }
 
-    /// Writes the file.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    fn write(&self, path: &Path) -> Result<(), JobError> {
+    fn to_table(&self) -> Table {
         let mut rows = outcome::table(&self.outcomes);
         rows.metadata.extend(self.metadata());
-        table::write(path, &rows).map_err(|error| JobError::Outcomes { path: path.into(), error })
+        rows
     }
 
-    /// Takes what became of some environments.
-    fn take(&mut self, flown: FlownEnvironments) {
-        self.outcomes.extend(flown.outcomes);
-        self.environments = flown.environments;
-        if let Some(more) = flown.calibration {
+    fn from_table(rows: &Table) -> Result<Self, TableError> {
+        let text = |key: &str| rows.metadata.get(key).cloned().unwrap_or_default();
+        Ok(FlownSuite {
+            suite: text("suite"),
+            scenario: text("scenario"),
+            seed: text("seed").parse().unwrap_or_default(),
+            runs: text("runs"),
+            basis: Basis {
+                is_full: text("size") == "full",
+                diagnoser_sha256: text("diagnoser_sha256"),
+                study_sha256: text("study_sha256"),
+                system_sha256: text("system_sha256"),
+            },
+            calibration: serde_json::from_str(&text("calibration")).ok(),
+            outcomes: outcome::from_table(rows)?,
+        })
+    }
+
+    /// Takes what became of other runs.
+    fn take(&mut self, outcomes: Vec<FlightOutcome>, calibration: Option<CalibrationRecords>) {
+        self.outcomes.extend(outcomes);
+        if let Some(more) = calibration {
             self.calibration.get_or_insert_default().add(more);
         }
-    }
-}
-
-/// A flown part with its file, which is written whenever it has grown.
-struct Growing {
-    path: PathBuf,
-    flown: FlownSuite,
-    /// [`FlownSuite::environments`] of the file.
-    written: usize,
-}
-
-impl Growing {
-    /// What a file holds of the same runs; none of a file of other runs.
-    fn begun(path: PathBuf, stored: Option<FlownSuite>, new: FlownSuite) -> Self {
-        let is_same = |own: &FlownSuite| own.origin() == new.origin() && own.first == new.first;
-        let flown = stored.filter(is_same).unwrap_or(new);
-        Growing { path, written: flown.environments, flown }
-    }
-
-    fn take(&mut self, own: FlownEnvironments, end: usize) -> Result<(), JobError> {
-        self.flown.take(own);
-        let FlownSuite { first, environments, .. } = self.flown;
-        let has_grown =
-            (environments - self.written) as f64 > STORED_EVERY * (self.written - first) as f64;
-        if has_grown || environments == end { self.write() } else { Ok(()) }
-    }
-
-    fn write(&mut self) -> Result<(), JobError> {
-        self.flown.outcomes.sort_by_key(|outcome| outcome.number);
-        self.flown.write(&self.path)?;
-        self.written = self.flown.environments;
-        Ok(())
-    }
-
-    /// Flies the environments up to `end`.
-    fn fly(
-        &mut self,
-        place: (&Study, &Suite, Scenario),
-        watching: &[Watching],
-        end: usize,
-        crew: &Crew,
-    ) -> Result<(), JobError> {
-        let (_, suite, scenario) = place;
-        let what = format!("{}: suite {}", scenario.name(), suite.name);
-        let from = self.flown.environments;
-        let share = |environments: f64| environments / suite.environments as f64;
-        let told = |done: usize, of: usize| {
-            let flown = end.saturating_sub(from) as f64 * done as f64 / of.max(1) as f64;
-            (crew.progress)(&what, share(from as f64 + flown));
-        };
-        (crew.progress)(&what, share(from as f64));
-        fly_suite(place, watching, from..end.max(from), crew.workers, &told, |own| {
-            self.take(own, end)
-        })
     }
 }
 
@@ -277,11 +225,92 @@ pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watchin
     })
 }
 
-/// Flies a suite in a scenario with the stored diagnoser, and writes its outcomes. What the folder's file and its
-/// shares hold of the same runs stays; a file of other runs is replaced. Nothing is learned.
+/// A suite in a scenario that is flown with the stored diagnoser, part by part.
+struct FlownParts<'f> {
+    place: (&'f Study, &'f Suite, Scenario),
+    watching: Vec<Watching>,
+    /// The suite without outcomes.
+    empty: FlownSuite,
+    files: PartFiles,
+}
+
+impl<'f> FlownParts<'f> {
+    fn new(
+        folder: &Folder,
+        (study, is_full): (&'f Study, bool),
+        suite: &'f Suite,
+        scenario: Scenario,
+    ) -> Result<Self, JobError> {
+        let model = Arc::new(diagnoser(folder, scenario)?);
+        let watching = watching(suite, &model);
+        let empty = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
+        let mut mark = Fingerprint::default();
+        empty.origin().into_iter().for_each(|(key, value)| _ = mark.add(key).add(&value));
+        create_folder(folder.parts())?;
+        Ok(FlownParts {
+            place: (study, suite, scenario),
+            watching: watching.map_err(|error| JobError::Evaluation(error.into()))?,
+            empty,
+            files: PartFiles::new(folder.path(), stem(suite, scenario), mark, watched::parts(study, suite)),
+        })
+    }
+
+    /// Flies some parts whose files are absent or unusable.
+    fn fly(&self, parts: &[usize], crew: &Crew) -> Result<(), JobError> {
+        let (_, suite, scenario) = self.place;
+        let what = format!("{}: suite {}", scenario.name(), suite.name);
+        let missing = self.files.missing(parts.iter().copied());
+        let all = self.files.runs_of(parts);
+        let mut done = all - self.files.runs_of(&missing);
+        let told = |ended: usize| (crew.progress)(&what, ended as f64 / all.max(1) as f64);
+        told(done);
+        for round in watched::rounds(self.place, &self.files.parts, &missing) {
+            let numbers = || round.iter().flat_map(|&part| &self.files.parts[part]);
+            let (list, workers): (Vec<usize>, _) = (numbers().copied().collect(), crew.workers);
+            let flown =
+                watched::fly(self.place, &self.watching, &list, workers, &|n| told(done + n))?;
+            let part_of = round.iter().flat_map(|&part| {
+                self.files.parts[part].iter().map(move |&number| (number as u64, part))
+            });
+            let part_of: BTreeMap<u64, usize> = part_of.collect();
+            let mut rows: BTreeMap<usize, Vec<FlightOutcome>> = BTreeMap::new();
+            for outcome in flown.outcomes {
+                rows.entry(part_of[&outcome.number]).or_default().push(outcome);
+            }
+            for &part in &round {
+                let mut own = self.empty.clone();
+                own.take(rows.remove(&part).unwrap_or_default(), flown.calibration);
+                self.files.write(part, own.to_table()).map_err(CampaignError::from)?;
+            }
+            done += list.len();
+        }
+        Ok(())
+    }
+
+    /// Joins all parts, by run.
+    fn joined(&self) -> Result<FlownSuite, JobError> {
+        let mut all = self.empty.clone();
+        for part in 0..self.files.parts.len() {
+            if let Some(table) = self.files.read(part)? {
+                let own = FlownSuite::from_table(&table).map_err(CampaignError::from)?;
+                all.take(own.outcomes, own.calibration);
+            }
+        }
+        all.outcomes.sort_by_key(|outcome| outcome.number);
+        Ok(all)
+    }
+}
+
+/// How the names of the files of a suite's parts begin.
+pub(super) fn stem(suite: &Suite, scenario: Scenario) -> String {
+    format!("outcomes-{}-{}", suite.name, scenario.name())
+}
+
+/// Flies the missing parts of a suite in a scenario with the stored diagnoser, and writes the outcomes of all. Nothing is
+/// learned.
 ///
 /// # Errors
-/// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written.
+/// The diagnoser is missing; a twin cannot be simulated; a file cannot be read or written.
 pub fn fly(
     folder: &Folder,
     (study, is_full): (&Study, bool),
@@ -289,88 +318,27 @@ pub fn fly(
     scenario: Scenario,
     crew: &Crew,
 ) -> Result<FlownSuite, JobError> {
-    let model = Arc::new(diagnoser(folder, scenario)?);
-    let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
-    let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
-    let shares = shares(folder, &new);
-    let (place, path) = ((study, suite, scenario), folder.outcomes(&suite.name, scenario.name()));
-    let stored = read(&path)?.filter(|own| own.environments <= suite.environments);
-    let mut growing = Growing::begun(path, stored, new);
-    for share in shares.into_iter().filter(|share| share.environments <= suite.environments) {
-        // Shares of several divisions may overlap.
-        if share.first >= growing.flown.environments {
-            growing.fly(place, &watching, share.first, crew)?;
-            let FlownSuite { outcomes, environments, calibration, .. } = share;
-            growing.flown.take(FlownEnvironments { outcomes, environments, calibration });
-        }
-    }
-    growing.fly(place, &watching, suite.environments, crew)?;
-    if growing.written < growing.flown.environments {
-        growing.write()?;
-    }
-    Ok(growing.flown)
+    let parts = FlownParts::new(folder, (study, is_full), suite, scenario)?;
+    parts.fly(&parts.files.all(), crew)?;
+    let joined = parts.joined()?;
+    let path = folder.outcomes(&suite.name, scenario.name());
+    table::write(&path, &joined.to_table()).map_err(|error| JobError::Outcomes { path, error })?;
+    Ok(joined)
 }
 
-/// Flies a share of the environments of a suite in a scenario, as [`fly`], into a file of its own, and returns these
-/// environments. [`fly`] joins it to the bytes of an undivided suite.
+/// Flies some parts of a suite in a scenario with the stored diagnoser. [`fly`] joins all parts to the bytes of an undivided
+/// suite.
 ///
 /// # Errors
 /// As [`fly`].
-pub fn fly_share(
+pub(super) fn fly_parts(
     folder: &Folder,
     (study, is_full): (&Study, bool),
-    suite: &Suite,
-    scenario: Scenario,
-    (share, crew): (Share, &Crew),
-) -> Result<Range<usize>, JobError> {
-    let block = share.block(suite.environments);
-    let model = Arc::new(diagnoser(folder, scenario)?);
-    let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
-    let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
-    let new = FlownSuite { first: block.start, environments: block.start, ..new };
-    create_folder(folder.parts())?;
-    let path = folder.parts().join(share_name(&new, &block.start.to_string()));
-    // A damaged share counts as missing.
-    let stored = read(&path).ok().flatten();
-    let mut growing = Growing::begun(path, stored, new);
-    growing.fly((study, suite, scenario), &watching, block.end, crew)?;
-    Ok(block)
-}
-
-/// The name of a share's file.
-fn share_name(FlownSuite { suite, scenario, .. }: &FlownSuite, first: &str) -> String {
-    format!("outcomes-{suite}-{scenario}-{first}.parquet")
-}
-
-/// The stored shares of a suite of which nothing is flown yet, by their first environments.
-fn shares(folder: &Folder, new: &FlownSuite) -> Vec<FlownSuite> {
-    let name = share_name(new, "");
-    let prefix = name.trim_end_matches(".parquet");
-    let mut shares = vec![];
-    for entry in fs::read_dir(folder.parts()).into_iter().flatten().flatten() {
-        let is_share = entry.file_name().to_string_lossy().starts_with(prefix);
-        let stored = if is_share { read(&entry.path()).ok().flatten() } else { None };
-        shares.extend(stored.filter(|own| own.origin() == new.origin()));
-    }
-    shares.sort_by_key(|share| share.first);
-    shares
-}
-
-/// Flies one environment of a suite in a scenario, watched by a diagnoser; of unseen faults all runs.
-///
-/// # Errors
-/// A twin cannot be simulated, or the diagnoser does not fit.
-pub fn fly_environment(
-    (study, suite, scenario): (&Study, &Suite, Scenario),
-    environment: usize,
-    diagnoser: &Arc<Diagnoser>,
-    workers: Workers,
-) -> Result<Vec<FlightOutcome>, JobError> {
-    let watching =
-        watching(suite, diagnoser).map_err(|error| JobError::Evaluation(error.into()))?;
-    let place = (study, suite, scenario);
-    let flown = watched::fly_environments(place, &watching, environment..environment + 1, workers)?;
-    Ok(flown.outcomes)
+    (suite, scenario): (&Suite, Scenario),
+    parts: &[usize],
+    crew: &Crew,
+) -> Result<(), JobError> {
+    FlownParts::new(folder, (study, is_full), suite, scenario)?.fly(parts, crew)
 }
 
 /// Flies one run of a suite for judging with the stored diagnoser, to the bit as among all others. Returns one outcome for
@@ -393,25 +361,8 @@ pub fn fly_run(
     let model = Arc::new(diagnoser(folder, name.scenario)?);
     let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
     let place = (study, suite, name.scenario);
-    let outcomes = watched::fly_run(place, &watching, name.number, workers)?.outcomes;
-    if outcomes.is_empty() { Err(none()) } else { Ok(outcomes) }
-}
-
-/// Writes the outcomes of all runs of a suite in a scenario.
-///
-/// # Errors
-/// The diagnoser's file cannot be read, or the file cannot be written.
-pub fn write(
-    folder: &Folder,
-    (study, is_full): (&Study, bool),
-    suite: &Suite,
-    scenario: Scenario,
-    mut outcomes: Vec<FlightOutcome>,
-) -> Result<(), JobError> {
-    outcomes.sort_by_key(|outcome| outcome.number);
-    let new = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
-    let path = folder.outcomes(&suite.name, scenario.name());
-    FlownSuite { environments: suite.environments, outcomes, ..new }.write(&path)
+    let flown = watched::fly(place, &watching, &[name.number], workers, &|_| ())?;
+    if flown.outcomes.is_empty() { Err(none()) } else { Ok(flown.outcomes) }
 }
 
 /// Reads the healthy flights in environments of their own, in all scenarios.
@@ -440,24 +391,6 @@ fn read(path: &Path) -> Result<Option<FlownSuite>, JobError> {
     if !path.exists() {
         return Ok(None);
     }
-    let wrong = |error: TableError| JobError::Outcomes { path: path.into(), error };
-    let rows = table::read(path).map_err(wrong)?;
-    let text = |key: &str| rows.metadata.get(key).cloned().unwrap_or_default();
-    let number = |key: &str| text(key).parse().unwrap_or_default();
-    Ok(Some(FlownSuite {
-        suite: text("suite"),
-        scenario: text("scenario"),
-        seed: number("seed"),
-        runs: text("runs"),
-        basis: Basis {
-            is_full: text("size") == "full",
-            diagnoser_sha256: text("diagnoser_sha256"),
-            study_sha256: text("study_sha256"),
-            system_sha256: text("system_sha256"),
-        },
-        first: number("first") as usize,
-        environments: number("environments") as usize,
-        calibration: serde_json::from_str(&text("calibration")).ok(),
-        outcomes: outcome::from_table(&rows).map_err(wrong)?,
-    }))
+    let read = table::read(path).and_then(|rows| FlownSuite::from_table(&rows));
+    read.map(Some).map_err(|error| JobError::Outcomes { path: path.into(), error })
 }

@@ -18,6 +18,7 @@ mod calibration;
 mod error;
 pub mod fitted_twins;
 pub mod other_plant;
+pub mod part;
 pub mod plan;
 pub(crate) mod runner;
 mod sensors;

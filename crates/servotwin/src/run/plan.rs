@@ -117,17 +117,6 @@ fn takes_turns(study: &Study, suite: &Suite) -> bool {
     suite.purpose == Purpose::Train && study.has_like_units()
 }
 
-/// The numbers of the runs of each environment of a suite of records: those with a fault, then healthy ones.
-pub(crate) fn of_environments(study: &Study, suite: &Suite) -> Vec<Range<usize>> {
-    let (faulty, each) = (faulty(study, suite), of_a_repeat(study, suite));
-    let with_fault = (0..suite.repeats).map(|repeat| repeat * each..(repeat + 1) * each);
-    let healthy = (0..suite.environments).map(|environment| {
-        let first = faulty + environment * suite.healthy;
-        first..first + suite.healthy
-    });
-    with_fault.chain(healthy).filter(|numbers| !numbers.is_empty()).collect()
-}
-
 /// The number of runs of a suite with a fault.
 pub(crate) fn faulty(study: &Study, suite: &Suite) -> usize {
     suite.repeats * of_a_repeat(study, suite)

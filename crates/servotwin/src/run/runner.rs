@@ -10,7 +10,7 @@
 
 use super::fitted_twins::{self, CalibrationRecords};
 use super::other_plant::OtherPlants;
-use super::plan::{self, Run};
+use super::plan::Run;
 use super::specimen::fitted_specimen;
 use super::{
     CampaignError, Observer, Overrides, RecordedRun, SensorChain, SpecimenDraw, Twins, Watch,
@@ -25,11 +25,7 @@ use crate::study::{Plants, Scenario, Seed, Stream, Study, Suite};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{SolverFailure, SolverSettings, Statistics};
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::sync::atomic::AtomicBool;
-
-/// The twins of this many samples are in memory at a time: about 200 MB.
-const TWIN_SAMPLES: f64 = 1e6;
 
 /// What is chosen rather than drawn.
 #[derive(Clone, Debug, Default)]
@@ -73,45 +69,9 @@ pub struct Runner<'s> {
     fitted: BTreeMap<usize, Overrides>,
 }
 
-/// Flies environments of a suite in a scenario, some at a time, so that memory does not grow with their number. `fly`
-/// takes the runner of the environments at hand, and the numbers of these.
-///
-/// # Errors
-/// A command cannot be flown, a twin cannot be simulated, the error of `fly`, or [`CampaignError::Cancelled`].
-pub(crate) fn in_batches<'s, E: From<CampaignError>>(
-    study: &'s Study,
-    suite: &'s Suite,
-    scenario: Scenario,
-    environments: Range<usize>,
-    workers: Workers,
-    mut fly: impl FnMut(&Runner, Range<usize>) -> Result<(), E>,
-) -> Result<(), E> {
-    let others = OtherPlants::of(study, suite)?;
-    for environments in batches(study, suite, environments) {
-        let runner =
-            Runner::new(study, suite, (scenario, others.as_ref()), environments.clone(), workers)?;
-        fly(&runner, environments)?;
-        if workers.is_cancelled() {
-            return Err(CampaignError::Cancelled.into());
-        }
-    }
-    Ok(())
-}
-
-/// Environments of a suite in parts of one size.
-pub(crate) fn batches(
-    study: &Study,
-    suite: &Suite,
-    Range { start, end }: Range<usize>,
-) -> Vec<Range<usize>> {
-    let samples = suite.longest_s() / study.sample_period_s;
-    let size = ((TWIN_SAMPLES / samples) as usize).max(1);
-    (start..end).step_by(size).map(|first| first..end.min(first + size)).collect()
-}
-
 impl<'s> Runner<'s> {
-    /// The runs of a suite in some of its environments. The study's extra sensor is not observed. The plants are
-    /// [`OtherPlants::of`] the suite.
+    /// Some runs of a suite, and the twins of all environments between theirs. The study's extra sensor is not observed. The
+    /// plants are [`OtherPlants::of`] the suite.
     ///
     /// # Errors
     /// A command cannot be flown, or a twin cannot be simulated.
@@ -119,26 +79,12 @@ impl<'s> Runner<'s> {
         study: &'s Study,
         suite: &'s Suite,
         (scenario, others): (Scenario, Option<&'s OtherPlants>),
-        environments: Range<usize>,
+        runs: Vec<Run>,
         workers: Workers<'s>,
     ) -> Result<Self, CampaignError> {
-        let runs = plan::runs(study, suite, &environments);
-        Runner::of_runs(study, suite, (scenario, others), (environments, runs), workers)
-    }
-
-    /// Some runs of a suite in some of its environments.
-    ///
-    /// # Errors
-    /// As [`Runner::new`].
-    pub fn of_runs(
-        study: &'s Study,
-        suite: &'s Suite,
-        (scenario, others): (Scenario, Option<&'s OtherPlants>),
-        (environments, runs): (Range<usize>, Vec<Run>),
-        workers: Workers<'s>,
-    ) -> Result<Self, CampaignError> {
-        let first = environments.start;
-        let drawn = study.environments(suite, environments)?;
+        let of = || runs.iter().map(|run| run.environment);
+        let first = of().min().unwrap_or(0);
+        let drawn = study.environments(suite, first..of().max().map_or(0, |last| last + 1))?;
         let mut runner =
             Runner { first, ..Runner::of(study, suite, scenario, (drawn, runs), workers) };
         if let Some(plants) = others {

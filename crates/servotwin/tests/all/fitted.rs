@@ -144,13 +144,14 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     let other = campaign(&study, Scenario::Fitted, &parts, 1);
     other.calibrate().unwrap();
     assert!(file(&parts, pool) == file(&whole, pool));
-    for share in ["2/2", "1/2"] {
-        other.run_share(share.parse().unwrap(), 0, |_, _| ()).unwrap();
+    let prepared = other.prepared().unwrap();
+    for part in (0..prepared.part_count()).rev() {
+        other.run_parts(&prepared, &[part], |_, _| ()).unwrap();
     }
     assert!(!parts.file(data_set).exists());
     // Only the parts may have been copied together.
     std::fs::remove_file(parts.file(pool)).unwrap();
-    other.merge().unwrap();
+    other.run(|_, _| ()).unwrap();
     assert!(file(&parts, pool) == file(&whole, pool));
     assert!(file(&parts, data_set) == file(&whole, data_set));
 

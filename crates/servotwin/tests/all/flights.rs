@@ -1,27 +1,35 @@
 //! The twin at work, on a study small enough for a test: flights, what is learned in them, and what
 //! is said and done.
 
+use crate::folder::Folder as Scratch;
+use servotwin::evaluation::model_file::write_model;
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::judge::{FlightGroup, FlightMetrics};
 use servotwin::flight::measure;
 use servotwin::flight::outcome::{FlightOutcome, Needed};
-use servotwin::flight::training_windows::{self, LeftOut, TrainingWindows};
+use servotwin::flight::training_windows::LeftOut;
 use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
-use servotwin::flight::watched::fly_suite;
-use servotwin::job::Folder;
-use servotwin::job::flights::{Crew, design, fly_all, learn, learn_from};
-use servotwin::job::outcomes::{fly_environment, watching};
+use servotwin::flight::watched;
+use servotwin::job::flights::{Crew, fly_all, learn};
+use servotwin::job::outcomes::{self, watching};
+use servotwin::job::tasks::{Place, run_all, tasks};
+use servotwin::job::{Folder, JobError};
 use servotwin::parallel::Workers;
 use servotwin::run::other_plant::OtherPlants;
+use servotwin::run::part::PARTS;
 use servotwin::run::{CampaignError, Observer, Runner, plan};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
-use servotwin::study::suites::{JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN};
+use servotwin::study::suites::{
+    HARD_NEGATIVES, HEALTHY, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN,
+};
 use servotwin::study::{Scenario, Study, Suite};
+use servotwin::table;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 /// What follows the beginning that all tiny studies have.
@@ -62,19 +70,14 @@ pub fn study() -> &'static Study {
     MADE.get_or_init(|| Study::parse(&format!("{head}{STUDY}"), "tiny.toml").unwrap())
 }
 
-fn learned(scenario: Scenario, threads: usize) -> Diagnoser {
-    let path = std::env::temp_dir()
-        .join(format!("servotwin-{scenario:?}-{}-{threads}", std::process::id()));
-    std::fs::create_dir_all(&path).unwrap();
+fn learned(folder: &Scratch, scenario: Scenario, threads: usize) -> Diagnoser {
     let crew = Crew { workers: Workers::new(threads), progress: &|_, _| () };
-    let learned = learn(&Folder::new(&path), (study(), false), scenario, &crew).unwrap();
-    std::fs::remove_dir_all(&path).unwrap();
-    learned
+    learn(&Folder::new(&folder.0), (study(), false), scenario, &crew).unwrap()
 }
 
 pub fn diagnoser() -> &'static Arc<Diagnoser> {
     static MADE: OnceLock<Arc<Diagnoser>> = OnceLock::new();
-    MADE.get_or_init(|| Arc::new(learned(Scenario::Noise, 2)))
+    MADE.get_or_init(|| Arc::new(learned(&Scratch::new("learned"), Scenario::Noise, 2)))
 }
 
 fn suite(name: &str) -> &'static Suite {
@@ -85,13 +88,8 @@ fn suite(name: &str) -> &'static Suite {
 fn outcomes(name: &str, threads: usize) -> Vec<FlightOutcome> {
     let (place, own) = ((study(), suite(name), Scenario::Noise), Workers::new(threads));
     let watching = watching(suite(name), diagnoser()).unwrap();
-    let mut outcomes = vec![];
-    let flown = fly_suite(place, &watching, 0..place.1.environments, own, &|_, _| (), |flown| {
-        outcomes.extend(flown.outcomes);
-        Ok::<_, CampaignError>(())
-    });
-    flown.unwrap();
-    outcomes
+    let count = if name == UNSEEN { 1000 } else { plan::count(study(), place.1) };
+    watched::fly(place, &watching, &(0..count).collect::<Vec<_>>(), own, &|_| ()).unwrap().outcomes
 }
 
 fn measured(rows: &[FlightOutcome]) -> FlightMetrics {
@@ -126,7 +124,7 @@ fn text(value: &impl serde::Serialize) -> String {
 
 #[test]
 fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
-    assert!(text(&learned(Scenario::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
+    assert!(text(&learned(&Scratch::new("alone"), Scenario::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
     let [one, two] = [1, 2].map(|threads| text(&measured(&outcomes(JUDGE, threads))));
     assert_eq!(one, two);
     assert_eq!(text(&outcomes(UNSEEN, 1)), text(&outcomes(UNSEEN, 2)));
@@ -176,11 +174,11 @@ impl Observer for Seen {
 #[test]
 fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
     for scenario in [Scenario::Noise, Scenario::Realistic] {
-        let diagnoser = Arc::new(learned(scenario, 2));
-        let design = design((study(), false), scenario, Workers::new(1)).unwrap();
+        let folder = Scratch::new("seen");
+        let diagnoser = Arc::new(learned(&folder, scenario, 2));
         let (suite, plants) = (suite(LEARN), (scenario, None));
-        let all = 0..suite.environments;
-        let flown = Runner::new(study(), suite, plants, all, Workers::new(2)).unwrap();
+        let runs = plan::runs(study(), suite, &(0..suite.environments));
+        let flown = Runner::new(study(), suite, plants, runs, Workers::new(2)).unwrap();
         let mut seen = BTreeMap::new();
         flown.fly(
             |flight| Seen {
@@ -189,17 +187,22 @@ fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
                 onset: (flight.onset_s / study().sample_period_s) as usize,
             },
             |flight, own, _| {
-                seen.insert(flight.number as u64, own.windows);
+                seen.insert(flight.number as u32, own.windows);
             },
         );
-        let taken = serde_json::to_value(training_windows::of_runs(&design, &flown)).unwrap();
+        let part = format!("{PARTS}/windows-learn-{}-0000.parquet", scenario.name());
+        let taken = table::read(folder.0.join(part)).unwrap();
+        let whole = |name: &str| taken.u32(name).unwrap();
+        let (flights, kinds, at) = (whole("flight"), whole("kind"), whole("at_samples"));
+        let values = |row: usize| -> Vec<u64> {
+            let columns = taken.columns().iter().filter(|column| column.name.starts_with("w:"));
+            columns.map(|column| column.numbers().unwrap()[row].to_bits()).collect()
+        };
         let mut compared = vec![0; diagnoser.lengths.len()];
-        for window in taken["list"].as_array().unwrap() {
-            let number = |field: &str| window[field].as_u64().unwrap();
-            let place = (number("at") as usize, number("kind") as usize);
-            let Some(own) = seen[&number("flight")].get(&place) else { continue };
-            let bits = window["bits"].as_array().unwrap().iter().map(|bits| bits.as_u64().unwrap());
-            assert_eq!(bits.collect::<Vec<u64>>(), *own, "{scenario:?} {place:?}");
+        for row in 0..taken.row_count() {
+            let place = (at[row] as usize, kinds[row] as usize);
+            let Some(own) = seen[&flights[row]].get(&place) else { continue };
+            assert_eq!(values(row), *own, "{scenario:?} {place:?}");
             compared[place.1] += 1;
         }
         assert!(compared.iter().all(|&count| count > 10), "{scenario:?} {compared:?}");
@@ -223,36 +226,67 @@ fn hard_negatives_change_what_health_looks_like_and_no_band() {
     assert!(with.committee != without.committee);
 }
 
-#[test]
-fn environments_that_are_flown_apart_are_learned_from_and_judged_as_all_together() {
-    let workers = Workers::new(1);
-    // Through a text, as it comes from another machine.
-    let design = design((study(), false), Scenario::Noise, workers).unwrap();
-    let mut taken = TrainingWindows::default();
-    for environment in (0..suite(LEARN).environments).rev() {
-        let (plants, own) = ((Scenario::Noise, None), environment..environment + 1);
-        let flown = Runner::new(study(), suite(LEARN), plants, own, workers).unwrap();
-        let sent = text(&training_windows::of_runs(&design, &flown));
-        taken.add(serde_json::from_str(&sent).unwrap());
-    }
-    let folder =
-        Folder::new(std::env::temp_dir().join(format!("servotwin-apart-{}", std::process::id())));
-    std::fs::create_dir_all(folder.path()).unwrap();
-    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let found = learn_from(&folder, &design, false, taken, &crew).unwrap();
-    let left_out = std::fs::read_to_string(folder.left_out(Scenario::Noise)).unwrap();
-    assert_eq!(serde_json::from_str::<LeftOut>(&left_out).unwrap(), LeftOut::default());
-    assert!(text(&found) == text(&**diagnoser()));
-    std::fs::remove_dir_all(folder.path()).unwrap();
+/// The content of the parts of a suite in a folder.
+fn parts_of(folder: &Folder, suite: &str) -> BTreeMap<PathBuf, Vec<u8>> {
+    let entries = std::fs::read_dir(folder.path().join(PARTS)).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let is_own = |path: &PathBuf| path.to_string_lossy().contains(suite);
+    paths.filter(is_own).map(|path| (path.clone(), std::fs::read(path).unwrap())).collect()
+}
 
-    let mut watched: Vec<FlightOutcome> = vec![];
-    for environment in 0..suite(JUDGE).environments {
-        let place = (study(), suite(JUDGE), Scenario::Noise);
-        let sent = text(&fly_environment(place, environment, diagnoser(), workers).unwrap());
-        watched.extend(serde_json::from_str::<Vec<FlightOutcome>>(&sent).unwrap());
+#[test]
+fn parts_that_are_lost_or_damaged_are_flown_again_to_the_same_bytes() {
+    let folder = Scratch::new("parts");
+    let results = Folder::new(&folder.0);
+    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
+    let (place, scenario) = ((study(), false), Scenario::Noise);
+    // Hard negatives need the windows of all flights to learn from.
+    let of = Place { study: study(), is_full: false, changed: &[], folder: &results };
+    let fly = |name: &str| {
+        let tasks = tasks(of, &[name.into()], |own| own == scenario).unwrap();
+        assert_eq!(tasks.len(), 1);
+        run_all(of, &tasks, &crew)
+    };
+    let unfinished = fly(HARD_NEGATIVES);
+    assert!(matches!(unfinished, Err(JobError::Campaign(CampaignError::Unfinished { .. }))));
+    fly(LEARN).unwrap();
+    let found = learn(&results, place, scenario, &crew).unwrap();
+    assert!(text(&found) == text(&**diagnoser()));
+    let left_out = std::fs::read_to_string(results.left_out(scenario)).unwrap();
+    assert_eq!(serde_json::from_str::<LeftOut>(&left_out).unwrap(), LeftOut::default());
+    outcomes::fly(&results, place, suite(JUDGE), scenario, &crew).unwrap();
+    let joined = || std::fs::read(results.outcomes(JUDGE, "noise")).unwrap();
+    let (before, whole) = (joined(), parts_of(&results, "-noise-"));
+    assert_eq!(whole.len(), 3, "learn, hard negatives, judge");
+    for (path, content) in &whole {
+        std::fs::write(path, &content[..content.len() / 2]).unwrap();
     }
-    watched.sort_by_key(|row| row.number);
-    assert_eq!(text(&measured(&watched)), text(&measured(&outcomes(JUDGE, 2))));
+    learn(&results, place, scenario, &crew).unwrap();
+    outcomes::fly(&results, place, suite(JUDGE), scenario, &crew).unwrap();
+    assert!(parts_of(&results, "-noise-") == whole && joined() == before);
+}
+
+#[test]
+#[ignore = "slow: ./check --all"]
+fn shares_of_a_suite_join_to_the_bytes_of_an_undivided_one() {
+    let (alone, shared) = (Scratch::new("alone"), Scratch::new("shared"));
+    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
+    let (place, scenario) = ((study(), false), Scenario::Noise);
+    let many = suite(HEALTHY).clone().with_environments(300);
+    let [alone, shared] = [&alone, &shared].map(|folder| Folder::new(&folder.0));
+    for folder in [&alone, &shared] {
+        write_model(folder.diagnoser(scenario), &**diagnoser()).unwrap();
+    }
+    outcomes::fly(&alone, place, &many, scenario, &crew).unwrap();
+    let changed = [many.clone()];
+    let of = Place { study: study(), is_full: false, changed: &changed, folder: &shared };
+    let mut tasks = tasks(of, &[HEALTHY.into()], |own| own == scenario).unwrap();
+    tasks.reverse();
+    run_all(of, &tasks, &crew).unwrap();
+    assert!(tasks.len() > 1 && parts_of(&shared, "healthy").len() == tasks.len());
+    outcomes::fly(&shared, place, &many, scenario, &crew).unwrap();
+    let joined = |folder: &Folder| std::fs::read(folder.outcomes(HEALTHY, "noise")).unwrap();
+    assert!(joined(&alone) == joined(&shared));
 }
 
 #[test]
@@ -341,7 +375,7 @@ fn samples(section: Option<&str>) -> Vec<Samples> {
     let last = runs.len() - 1;
     runs.retain(|run| [0, last].contains(&run.number));
     let (plants, workers) = ((Scenario::Realistic, plants.as_ref()), Workers::new(2));
-    let flown = Runner::of_runs(&study, suite, plants, (all, runs), workers).unwrap();
+    let flown = Runner::new(&study, suite, plants, runs, workers).unwrap();
     let mut found = vec![];
     flown.fly(
         |_| Samples::default(),
@@ -409,7 +443,7 @@ fn left_beside(is_fitted: bool) -> f64 {
     let healthy = runs.iter().rposition(|run| run.fault.is_none()).unwrap();
     runs.retain(|run| run.number == healthy);
     let (plants, workers) = ((Scenario::Realistic, plants.as_ref()), Workers::new(2));
-    let flown = Runner::of_runs(&study, suite, plants, (all, runs), workers).unwrap();
+    let flown = Runner::new(&study, suite, plants, runs, workers).unwrap();
     if let Some(records) = flown.calibration {
         assert_eq!((records.flown, records.rejected), (2, 0));
     }

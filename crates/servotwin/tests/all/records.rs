@@ -4,7 +4,7 @@
 use crate::folder::Folder;
 use servotwin::campaign::columns::{largest_column, view_column};
 use servotwin::evaluation::model_file::read_diagnoser;
-use servotwin::job::{self, Folder as Results, StudyRun, Subject};
+use servotwin::job::{Folder as Results, StudyRun, Subject};
 use servotwin::parallel::Workers;
 use servotwin::run::{Observer, Runner, plan};
 use servotwin::study::{Purpose, Scenario, Study};
@@ -58,9 +58,9 @@ fn of_row(table: &Table, panel: &Panel, row: usize) -> (PanelVerdict, Vec<Vec<f6
 fn a_session_that_watches_a_record_answers_as_the_data_set() {
     let study = Study::parse(&(include_str!("../tiny.toml").to_owned() + TAIL), "tiny.toml");
     let (study, folder) = (study.unwrap(), Folder::new("records"));
-    StudyRun::new(&study, &folder.0).data_sets(Scenario::Noise).unwrap();
+    let run = StudyRun { only: Some(Scenario::Noise), ..StudyRun::new(&study, &folder.0) };
+    drop(run.run().unwrap());
     let results = Results::new(&folder.0);
-    job::train_all(&results, &study, Workers::new(2)).unwrap();
     let diagnoser = Arc::new(read_diagnoser(results.records(Subject::Noise)).unwrap());
     assert!(diagnoser.record_s().is_some() && crate::flights::diagnoser().record_s().is_none());
     let table = table::read(results.data_set(Scenario::Noise, Purpose::Test)).unwrap();
@@ -72,7 +72,7 @@ fn a_session_that_watches_a_record_answers_as_the_data_set() {
         (0..plan::count(&study, &suite)).map(|number| plan::run(&study, &suite, number)).collect();
     assert_eq!(runs.len(), table.row_count());
     let (plants, workers) = ((Scenario::Noise, None), Workers::new(2));
-    let flown = Runner::of_runs(&study, &suite, plants, (0..1, runs), workers).unwrap();
+    let flown = Runner::new(&study, &suite, plants, runs, workers).unwrap();
     let (mut healthy, mut isolated) = (0, 0);
     flown.fly(
         |_| Watched(session.clone(), inputs.clone()),

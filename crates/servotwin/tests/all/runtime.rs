@@ -41,7 +41,7 @@ fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
     let last = runs.len() - 1;
     runs.retain(|run| [0, 5, last].contains(&run.number));
     let (plants, workers) = ((Scenario::Realistic, None), Workers::new(2));
-    let flown = Runner::of_runs(study(), suite, plants, (all, runs), workers).unwrap();
+    let flown = Runner::new(study(), suite, plants, runs, workers).unwrap();
     let mut logs: Vec<(Run, Log)> = vec![];
     flown.fly(
         |_| Log::default(),

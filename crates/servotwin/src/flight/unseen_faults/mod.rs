@@ -275,20 +275,33 @@ impl Plan {
     }
 }
 
-/// Flies the unseen faults of a suite, or one of its runs, watched by diagnoses. Returns the outcomes.
+/// The number of runs of a suite of unseen faults.
+pub(super) fn count(study: &Study, suite: &Suite) -> usize {
+    let is_possible = |fault: &UnseenFault, strength: f64, unit: usize| {
+        Changes::new(study, unit, &(fault.effects)(strength)).is_some()
+    };
+    let units = |fault: &UnseenFault, strength: f64| {
+        (0..study.units.len()).filter(|&unit| is_possible(fault, strength, unit)).count()
+    };
+    let of = |fault: &UnseenFault| -> usize {
+        fault.strengths.iter().map(|&strength| units(fault, strength)).sum()
+    };
+    suite.repeats * ALL.iter().map(of).sum::<usize>()
+}
+
+/// Flies runs with unseen faults of a suite, watched by diagnoses. Returns the outcomes.
 ///
 /// # Errors
 /// A command cannot be flown, or a twin cannot be simulated.
 pub(super) fn fly(
-    study: &Study,
-    suite: &Suite,
-    scenario: Scenario,
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
-    only: Option<usize>,
+    numbers: &[usize],
     workers: Workers,
+    progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<FlightOutcome>, CampaignError> {
     let Plan { cases, mut runs, told } = Plan::new(study, suite)?;
-    runs.retain(|run| only.is_none_or(|number| run.number == number));
+    runs.retain(|run| numbers.contains(&run.number));
     let case = |run: &Run| &cases[run.number];
     let chosen = Chosen::default();
     let flown = Runner::chosen(study, suite, scenario, (told, runs), chosen, workers)?;
@@ -309,7 +322,7 @@ pub(super) fn fly(
             }
             variant.later = case.changes.later(study, run, &variant.overrides);
         },
-        &|_| (),
+        progress,
     ))
 }
 

@@ -1,0 +1,182 @@
+//! Suites of a study, whole or in tasks that are computed by themselves, be it on other machines.
+
+use crate::errors::Failure;
+use crate::long::{Watch, long};
+use crate::study::Study;
+use pyo3::prelude::*;
+use servotwin::campaign::CampaignError;
+use servotwin::job::flights::Crew;
+use servotwin::job::tasks::{self, Place, Task};
+use servotwin::job::{Among, Folder, Hold, JobError};
+use servotwin::run::part::Share;
+use servotwin::study::Scenario;
+use std::path::PathBuf;
+
+/// Suite, scenarios, number of the part, files, runs, and the files that are needed before.
+type Told = (String, Vec<String>, usize, Vec<String>, usize, Vec<String>);
+
+/// The wanted scenarios; by default the usual ones, or those of tests on the ground.
+fn wanted(
+    study: &Study,
+    names: Option<Vec<String>>,
+) -> Result<impl Fn(Scenario) -> bool, Failure> {
+    let known = |name: &String| Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
+    for name in names.iter().flatten() {
+        if known(name).is_none() {
+            let known = Scenario::ALL.map(Scenario::name).join(", ");
+            return Err(Failure::value(format!("there is no scenario '{name}'; there are {known}")));
+        }
+    }
+    let is_on_ground = study.inner.is_on_ground();
+    Ok(move |scenario: Scenario| match &names {
+        Some(names) => names.iter().any(|name| name == scenario.name()),
+        None => scenario.is_usual() || is_on_ground,
+    })
+}
+
+/// A study in a size, and its output folder.
+struct At<'s> {
+    study: &'s Study,
+    folder: Folder,
+    full: bool,
+}
+
+impl At<'_> {
+    fn place(&self) -> Place<'_> {
+        let At { study, folder, full } = self;
+        Place { study: &study.inner, is_full: *full, changed: &[], folder }
+    }
+
+    /// Does work that holds the folder.
+    fn work(
+        &self,
+        py: Python<'_>,
+        (threads, progress): (Option<usize>, Option<Py<PyAny>>),
+        hold: impl FnOnce(&Folder) -> Result<Hold, JobError> + Send,
+        work: impl FnOnce(Place, &Crew) -> Result<(), Failure> + Send,
+    ) -> PyResult<()> {
+        let result = long(py, progress.as_ref(), |watch: &Watch| -> Result<(), Failure> {
+            let _hold = hold(&self.folder)?;
+            let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
+            work(self.place(), &Crew { workers: watch.workers(threads), progress: &told })?;
+            match watch.workers(None).is_cancelled() {
+                true => Err(CampaignError::Cancelled.into()),
+                false => Ok(()),
+            }
+        })?;
+        Ok(result?)
+    }
+}
+
+/// Runs suites into a folder, or a share of their parts.
+#[pyfunction]
+#[pyo3(signature = (study, out, suites, scenarios = None, full = false, share = None, threads = None, progress = None))]
+#[expect(clippy::too_many_arguments, reason = "they are Python's")]
+pub fn run_suites(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    suites: Vec<String>,
+    scenarios: Option<Vec<String>>,
+    full: bool,
+    share: Option<&str>,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<()> {
+    let wanted = wanted(study, scenarios)?;
+    let share: Option<Share> = share.map(str::parse).transpose().map_err(Failure::value)?;
+    let at = At { study, folder: Folder::new(out), full };
+    let inner = &study.inner;
+    let hold = |folder: &Folder| match share {
+        Some(_) => folder.join_study(inner),
+        None => Ok(folder.keep_study(inner, false)?.hold),
+    };
+    at.work(py, (threads, progress), hold, |place, crew| {
+        let tasks = tasks::tasks(place, &suites, &wanted)?;
+        if tasks.is_empty() {
+            return Err(Failure::value("none of these suites has runs in these scenarios"));
+        }
+        let Some(share) = share else {
+            return Ok(tasks::run_suites(place, &suites, &wanted, crew)?);
+        };
+        let own = tasks.into_iter().enumerate().filter(|(number, _)| share.holds(*number));
+        let own: Vec<Task> = own.map(|(_, task)| task).collect();
+        Ok(tasks::run_all(place, &own, crew)?)
+    })
+}
+
+/// The tasks of suites.
+#[pyfunction]
+#[pyo3(signature = (study, suites, scenarios = None, full = false))]
+pub fn tasks_of(
+    py: Python<'_>,
+    study: &Study,
+    suites: Vec<String>,
+    scenarios: Option<Vec<String>>,
+    full: bool,
+) -> PyResult<Vec<Told>> {
+    let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new(""), full });
+    let tasks = py.detach(|| tasks::tasks(at.place(), &suites, wanted)).map_err(Failure::from)?;
+    let told = |Task { suite, scenarios, part, files, runs, needs }: Task| {
+        let names = scenarios.iter().map(|scenario| scenario.name().into()).collect();
+        (suite, names, part, files, runs, needs)
+    };
+    Ok(tasks.into_iter().map(told).collect())
+}
+
+/// Computes the files of a task in a folder that may hold nothing but what it needs.
+#[pyfunction]
+#[pyo3(signature = (study, out, full, task, threads = None))]
+pub fn run_task(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    full: bool,
+    task: Told,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
+) -> PyResult<()> {
+    let (suite, names, part, files, runs, needs) = task;
+    let scenarios = names.iter().filter_map(|name| Scenario::named(name)).collect();
+    let task = Task { suite, scenarios, part, files, runs, needs };
+    let at = At { study, folder: Folder::new(out), full };
+    at.work(py, (threads, None), |folder| folder.hold(Among::Parts), |place, crew| {
+        Ok(tasks::run(place, &task, crew)?)
+    })
+}
+
+/// Writes a file that tasks need.
+#[pyfunction]
+#[pyo3(signature = (study, out, full, file, threads = None))]
+pub fn prepare_file(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    full: bool,
+    file: &str,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
+) -> PyResult<()> {
+    let at = At { study, folder: Folder::new(out), full };
+    at.work(py, (threads, None), |folder| folder.hold(Among::Parts), |place, crew| {
+        Ok(tasks::prepare(place, file, crew)?)
+    })
+}
+
+/// Joins the parts of suites in a folder.
+#[pyfunction]
+#[pyo3(signature = (study, out, suites, scenarios = None, full = false, threads = None))]
+pub fn join_suites(
+    py: Python<'_>,
+    study: &Study,
+    out: PathBuf,
+    suites: Vec<String>,
+    scenarios: Option<Vec<String>>,
+    full: bool,
+    #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
+) -> PyResult<()> {
+    let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new(out), full });
+    let inner = &study.inner;
+    let hold = |folder: &Folder| Ok(folder.keep_study(inner, false)?.hold);
+    at.work(py, (threads, None), hold, |place, crew| {
+        Ok(tasks::join(place, &suites, &wanted, crew)?)
+    })
+}
