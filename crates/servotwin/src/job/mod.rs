@@ -26,7 +26,6 @@ pub use run::{RunStudy, StudyEvent, StudyResults, StudyRun};
 pub use subject::Subject;
 
 use crate::campaign::{Campaign, data_features};
-use crate::evaluation::committee::Committee;
 use crate::evaluation::flips::Moving;
 use crate::evaluation::{
     self, Context, DataSet, EvaluationError, FeatureInfo, Trained, model_file,
