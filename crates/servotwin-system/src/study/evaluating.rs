@@ -15,9 +15,8 @@
 
 use super::Scenario;
 use super::keys::{SCENARIOS, SEED, SOME_SPECIMENS};
-use super::reader::{Noted, Reader};
-use crate::document::KeyPath;
-use crate::format::{Value, section};
+use super::reader::{Noted, OF_SYSTEM, Reader};
+use crate::format::{At, Names, Value, section};
 use servotwin_learning::classifiers::boosted_trees::{MAX_DEPTH, MAX_TREES};
 use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
@@ -28,26 +27,22 @@ const CRITERIA: [(&str, Criterion); 2] =
 
 section! {
     /// The section of a study file.
-    #[derive(Default)]
-    #[serde(default)]
     pub(super) struct Text {
         may seed: Option<u64> = SEED, "seed of the splits into training and test";
         may random_thirds: Option<usize> = ROUNDS, "number of repeats that hold out a random third";
         may folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
-        may learned_bands: Option<Vec<String>> = SCENARIOS,
+        may learned_bands: Option<At<Vec<At<String>>>> = SCENARIOS,
             "scenarios with learned bands; the others use 3 %";
-        may classifiers: Option<Vec<String>> = SCENARIOS,
+        may classifiers: Option<Vec<At<String>>> = SCENARIOS,
             "scenarios in which classifiers are compared";
         may comparison: Rounds, "how the comparison of classifiers holds out rows";
-        may ablation: Option<Vec<String>> = SCENARIOS, "scenarios in which the ablation runs";
+        may ablation: Option<Vec<At<String>>> = SCENARIOS, "scenarios in which the ablation runs";
         may committee: Boosting, "committee of boosted trees";
-        may trees: BTreeMap<String, TreesText>, "the nine trees of each scenario";
+        may trees: Names<TreesText>, "the nine trees of each scenario";
     }
 }
 
 section! {
-    #[derive(Default)]
-    #[serde(default)]
     struct TreesText {
         may criterion: Option<String> = Value::Word(criteria), "measure of impurity";
         may depth: Option<usize> = Value::Whole(1.0, 100.0),
@@ -83,7 +78,6 @@ pub struct Evaluating {
 section! {
     /// How often rows are held out.
     #[derive(Copy, Default, PartialEq)]
-    #[serde(default)]
     pub struct Rounds {
         may pub random_thirds: Option<usize> = ROUNDS,
             "number of repeats that hold out a random third";
@@ -94,7 +88,6 @@ section! {
 section! {
     /// How the committee's boosted trees are grown.
     #[derive(Copy, Default, PartialEq)]
-    #[serde(default)]
     pub struct Boosting {
         may pub trees: Option<usize> = Value::Whole(1.0, MAX_TREES as f64),
             "number of trees at each stage of the hierarchy";
@@ -130,22 +123,21 @@ pub(super) fn scenarios() -> Vec<&'static str> {
 
 impl Evaluating {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        let listed = |key: &str, names: &Option<Vec<String>>| {
-            let list = KeyPath::of(&["evaluation", key]);
-            let one = |(n, name): (usize, &String)| scenario(reader, &list.element(n), name);
-            let of = |names: &Vec<String>| all(names.iter().enumerate().map(one));
-            names.as_ref().map(of).transpose()
+        let listed = |names: Option<&Vec<At<String>>>| {
+            names.map(|names| all(names.iter().map(|name| scenario(reader, name)))).transpose()
         };
-        let learned_bands = listed("learned_bands", &text.learned_bands);
-        let classifiers = listed("classifiers", &text.classifiers);
-        let ablation = listed("ablation", &text.ablation);
-        let trees = all(text.trees.iter().map(|(name, text)| {
-            let at = KeyPath::of(&["evaluation", "trees", name]);
-            Ok((scenario(reader, &at.name(), name)?, text.growing(&at, reader)?))
-        }));
+        let learned_bands = listed(text.learned_bands.as_deref());
+        let classifiers = listed(text.classifiers.as_ref());
+        let ablation = listed(text.ablation.as_ref());
+        let trees =
+            text.trees.iter().map(|(name, text)| Ok((scenario(reader, name)?, text.growing())));
+        let trees = all(trees);
         let learned_bands = learned_bands?;
-        if learned_bands.as_ref().is_some_and(|bands| !bands.is_empty()) {
-            needs_healthy(reader)?;
+        if let Some(bands) = text.learned_bands.as_ref().filter(|bands| !bands.is_empty())
+            && reader.text.training.as_ref().is_none_or(|training| training.healthy == 0)
+        {
+            // Bands are learned from healthy specimens in training.
+            return Err(reader.empty(&bands.at, "training.healthy"));
         }
         Ok(Evaluating {
             seed: text.seed,
@@ -161,19 +153,16 @@ impl Evaluating {
 }
 
 impl TreesText {
-    fn growing(&self, at: &KeyPath, reader: &Reader) -> Result<Growing, Noted> {
-        let of = |word: &String| {
-            let known = CRITERIA.iter().find(|(known, _)| known == word);
-            let unknown = || reader.unknown(&at.key("criterion"), "criterion", word, criteria());
-            known.map(|(_, criterion)| *criterion).ok_or_else(unknown)
-        };
-        let criterion = self.criterion.as_ref().map(of).transpose()?;
-        Ok(Growing { criterion, depth: self.depth, leaf_rows: self.leaf_rows })
+    fn growing(&self) -> Growing {
+        let word = self.criterion.as_ref();
+        let known = word.and_then(|word| CRITERIA.iter().find(|(known, _)| known == word));
+        let criterion = known.map(|(_, criterion)| *criterion);
+        Growing { criterion, depth: self.depth, leaf_rows: self.leaf_rows }
     }
 }
 
 /// Finds a scenario by name among those that the study can have.
-fn scenario(reader: &Reader, at: &KeyPath, name: &str) -> Result<Scenario, Noted> {
+fn scenario(reader: &Reader, name: &At<String>) -> Result<Scenario, Noted> {
     let text = reader.text;
     let is_there = |scenario: &Scenario| match scenario {
         Scenario::Ideal => true,
@@ -181,19 +170,10 @@ fn scenario(reader: &Reader, at: &KeyPath, name: &str) -> Result<Scenario, Noted
         Scenario::Fitted => text.realistic.is_some() && text.fitted.is_some(),
     };
     let known: Vec<Scenario> = Scenario::ALL.into_iter().filter(is_there).collect();
-    let found = known.iter().find(|scenario| scenario.name() == name).copied();
+    let found = known.iter().find(|scenario| scenario.name() == **name).copied();
     let names = known.iter().map(|scenario| scenario.name());
-    found.ok_or_else(|| reader.unknown(at, "scenario in this study", name, names))
-}
-
-/// Reports learned bands without healthy specimens in training, from which they are learned.
-fn needs_healthy(reader: &Reader) -> Result<(), Noted> {
-    match reader.text.training.as_ref().is_some_and(|training| training.has_healthy()) {
-        true => Ok(()),
-        false => {
-            Err(reader.empty(&KeyPath::of(&["evaluation", "learned_bands"]), "training.healthy"))
-        }
-    }
+    let what = ("scenario in this study", name.as_str());
+    found.ok_or_else(|| reader.unknown(OF_SYSTEM, &name.at, what, names))
 }
 
 /// Evaluates all results, so that every mistake is noted, and then collects them.

@@ -1,7 +1,7 @@
 //! Ranges and word lists shared by several sections of a study file.
 
 use super::evaluating;
-use crate::format::{Described, Value};
+use crate::format::{Read, Value};
 use servotwin_diagnosis::features::Quantity;
 
 /// Upper limit on specimens, to catch typing errors.
@@ -28,7 +28,7 @@ pub(super) const SCENARIOS: Value = Value::List(0, &Value::Word(evaluating::scen
 pub(super) const QUANTITY: Value = Value::Word(quantities);
 
 /// The same list with at least one element.
-pub(super) const fn some<T: Described>() -> Value {
+pub(super) const fn some<T: Read>() -> Value {
     match T::VALUE {
         Value::List(_, of) => Value::List(1, of),
         Value::Names(_, of) => Value::Names(1, of),

@@ -37,7 +37,8 @@ impl super::Text {
         let Some(quick) = self.quick.filter(|_| !self.full) else { return self };
         at_most(&mut self.duration_s, quick.duration_s);
         if let Some(training) = &mut self.training {
-            at_most(&mut training.duration_s, quick.duration_s);
+            let training = &mut training.value;
+            at_most(&mut training.duration_s.value, quick.duration_s);
             at_most(&mut training.healthy, quick.healthy);
             training.draws.iter_mut().for_each(|draws| at_most(&mut draws.count, quick.draws));
         }

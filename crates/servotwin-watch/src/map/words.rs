@@ -27,110 +27,22 @@ pub(super) struct Parts {
     pub surface: bool,
 }
 
-const PRESSURE: &[&str] = &["p", "press", "pres", "prs", "pressure", "druck"];
-const POSITION: &[&str] = &[
-    "x",
-    "pos",
-    "position",
-    "stroke",
-    "displacement",
-    "travel",
-    "lvdt",
-    "weg",
-    "hub",
-    "stellung",
-    "lage",
-    "auslenkung",
-];
-const COMMAND: &[&str] = &[
-    "cmd",
-    "command",
-    "comm",
-    "demand",
-    "dmd",
-    "setpoint",
-    "setpt",
-    "reference",
-    "soll",
-    "sollwert",
-    "sollwinkel",
-    "sollweg",
-    "vorgabe",
-    "befehl",
-    "stellbefehl",
-];
-const CHAMBER_A: &[&str] =
-    &["a", "cha", "extend", "extension", "kolbenseite", "boreside", "capside"];
-const CHAMBER_B: &[&str] = &["b", "chb", "retract", "retraction", "stangenseite", "rodside"];
-const RAM: &[&str] =
-    &["ram", "rod", "piston", "pist", "cylinder", "cyl", "kolben", "zylinder", "kolbenstange"];
-const SPOOL: &[&str] = &[
-    "v",
-    "spool",
-    "spl",
-    "valve",
-    "vlv",
-    "servovalve",
-    "sv",
-    "ventil",
-    "schieber",
-    "steuerschieber",
-];
-const SUPPLY: &[&str] =
-    &["s", "supply", "sup", "suppl", "sply", "pump", "versorgung", "vorlauf", "zulauf", "speise"];
-const BACK: &[&str] = &["t", "return", "ret", "rtn", "tank", "drain", "ruecklauf"];
-const SURFACE: &[&str] = &[
-    "surface",
-    "surf",
-    "srf",
-    "aileron",
-    "ail",
-    "rudder",
-    "rud",
-    "elevator",
-    "elev",
-    "flap",
-    "ruder",
-    "querruder",
-    "klappe",
-    "steuerflaeche",
-];
-const OTHER: &[&str] = &[
-    "status",
-    "stat",
-    "valid",
-    "validity",
-    "flag",
-    "error",
-    "err",
-    "fault",
-    "alarm",
-    "limit",
-    "twin",
-    "residual",
-    "band",
-    "temp",
-    "temperature",
-    "temperatur",
-    "rate",
-    "speed",
-    "velocity",
-    "geschwindigkeit",
-    "acc",
-    "acceleration",
-    "current",
-    "strom",
-    "force",
-    "kraft",
-    "diff",
-    "delta",
-    "min",
-    "max",
-    "std",
-    "sigma",
-    "count",
-    "counter",
-];
+const PRESSURE: &str = "p press pres prs pressure druck";
+const POSITION: &str =
+    "x pos position stroke displacement travel lvdt weg hub stellung lage auslenkung";
+const COMMAND: &str = "cmd command comm demand dmd setpoint setpt reference soll sollwert sollwinkel sollweg \
+    vorgabe befehl stellbefehl";
+const CHAMBER_A: &str = "a cha extend extension kolbenseite boreside capside";
+const CHAMBER_B: &str = "b chb retract retraction stangenseite rodside";
+const RAM: &str = "ram rod piston pist cylinder cyl kolben zylinder kolbenstange";
+const SPOOL: &str = "v spool spl valve vlv servovalve sv ventil schieber steuerschieber";
+const SUPPLY: &str = "s supply sup suppl sply pump versorgung vorlauf zulauf speise";
+const BACK: &str = "t return ret rtn tank drain ruecklauf";
+const SURFACE: &str = "surface surf srf aileron ail rudder rud elevator elev flap ruder querruder klappe \
+    steuerflaeche";
+const OTHER: &str = "status stat valid validity flag error err fault alarm limit twin residual band temp \
+    temperature temperatur rate speed velocity geschwindigkeit acc acceleration current strom \
+    force kraft diff delta min max std sigma count counter";
 
 impl ColumnMeaning {
     /// Interprets the words of a name.
@@ -143,14 +55,14 @@ impl ColumnMeaning {
     fn add(&mut self, word: &str) {
         // A quantity's letter before the word of a part: PSUP, XRAM.
         let quantity = match word.split_at_checked(1) {
-            Some(("p", rest)) if is_part(rest) => Some((PRESSURE, rest)),
-            Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => Some((POSITION, rest)),
+            Some(("p", rest)) if is_part(rest) => Some(("p", rest)),
+            Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => Some(("x", rest)),
             _ => None,
         };
-        let whole = all().iter().any(|list| list.contains(&word));
+        let whole = all().iter().any(|list| list.split(' ').any(|known| known == word));
         match quantity {
             Some((quantity, part)) if !whole => {
-                self.add(quantity[0]);
+                self.mark(quantity);
                 self.add(part);
             }
             _ => self.mark(word),
@@ -158,7 +70,7 @@ impl ColumnMeaning {
     }
 
     fn mark(&mut self, word: &str) {
-        let is = |list: &[&str]| list.iter().any(|known| speaks_of(word, known));
+        let is = |list: &str| list.split(' ').any(|known| speaks_of(word, known));
         self.pressure |= is(PRESSURE);
         self.position |= is(POSITION);
         self.command |= is(COMMAND);
@@ -174,13 +86,13 @@ impl ColumnMeaning {
     }
 }
 
-fn all() -> [&'static [&'static str]; 11] {
+fn all() -> [&'static str; 11] {
     [PRESSURE, POSITION, COMMAND, CHAMBER_A, CHAMBER_B, RAM, SPOOL, SUPPLY, BACK, SURFACE, OTHER]
 }
 
 fn is_part(word: &str) -> bool {
     let parts = [CHAMBER_A, CHAMBER_B, RAM, SPOOL, SUPPLY, BACK, SURFACE];
-    parts.iter().any(|list| list.contains(&word))
+    parts.iter().any(|list| list.split(' ').any(|known| known == word))
 }
 
 /// Whether a word is a known one or a compound with it: Versorgungsdruck, Kolbenweg.

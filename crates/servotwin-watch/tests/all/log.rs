@@ -181,7 +181,7 @@ wait_s = -1
 ";
     let error = Map::parse(text, "map.toml", &system).unwrap_err().to_string();
     for expected in [
-        "map.toml:3:1: [time] needs either 'column' or 'rate_hz'",
+        "map.toml:2:2: [time] needs either 'column' or 'rate_hz'",
         "map.toml:4:9: the system has no input 'comand'",
         "= nearest: 'command'",
         "map.toml:6:10: 'p_a' needs either 'column' or 'value'",
