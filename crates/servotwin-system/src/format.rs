@@ -505,6 +505,30 @@ macro_rules! section {
 }
 pub use section;
 
+/// Declares the words of a type in files, as an iterator over the words with their values.
+macro_rules! words {
+    ($type:ty, $pairs:expr) => {
+        impl $crate::format::Read for $type {
+            const VALUE: $crate::format::Value =
+                $crate::format::Value::Word(|| $pairs.map(|(word, _): (_, $type)| word).collect());
+
+            fn read(
+                entry: &$crate::format::Entry,
+                key: $crate::format::Key,
+                mistakes: &mut $crate::format::Collector,
+            ) -> Option<Self> {
+                let word = String::read(entry, key, mistakes)?;
+                $pairs.find(|(known, _)| *known == word).map(|(_, value)| value)
+            }
+
+            fn stand_in(_value: $crate::format::Value) -> Self {
+                $pairs.next().expect("a word").1
+            }
+        }
+    };
+}
+pub(crate) use words;
+
 /// The name of a field as a key: `r#return` is written `return`.
 pub const fn name(field: &'static str) -> &'static str {
     match field.as_bytes() {

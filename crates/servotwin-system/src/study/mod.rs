@@ -42,7 +42,7 @@ use crate::kind::{FileType, named_system};
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
-use keys::{QUANTITY, RUN_S, some};
+use keys::{RUN_S, some};
 use reader::{Noted, OF_SENSORS, OF_SYSTEM, Reader};
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
 use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Sensor, Sensors};
@@ -81,7 +81,7 @@ section! {
         may fitted: Option<At<calibration::Text>>,
             "scenario in which each specimen has a twin fitted to it";
         may training: Option<At<training::Text>>, "commands from which the diagnosis learns";
-        may evaluation: Option<evaluating::Text>, "training and evaluation, where not the defaults";
+        may evaluation: Evaluating, "training and evaluation, where not the defaults";
         may flights: Option<At<flights::Text>>, "flights in which a fault begins";
         may suites: Names<suites::Texts>, "how many flights there are, and what for";
         may ground_test: Option<At<ground_test::Text>>,
@@ -113,7 +113,7 @@ section! {
 
 section! {
     struct SensorText {
-        must quantity: String = QUANTITY, "role of the sensor in the diagnosis";
+        must quantity: Quantity, "role of the sensor in the diagnosis";
         must unit: At<usize> = Value::Whole(0.0, 1e6),
             "position of its channel in `units`, from 1; 0 for none";
         may follows_controller: At<bool>,
@@ -279,14 +279,15 @@ impl Study {
         let cases = reader.cases();
         let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader));
         let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
-        let evaluating = text.evaluation.as_ref().map(|text| Evaluating::new(text, reader));
+        let evaluating = text.evaluation.check(reader);
         let flown = reader.flown();
         let reactions = Reactions::new(&text.reactions, reader);
         reader.check_ground_test();
         let (measured, sensors) = sensors?;
         let (calibration, flights, suites) = flown?;
         let (cases, command_input, training) = (cases?, command_input?, training?);
-        let (evaluating, reactions) = (evaluating.transpose()?.unwrap_or_default(), reactions?);
+        let reactions = reactions?;
+        evaluating?;
         let (path, source) = (reader.path.to_owned(), reader.source.to_owned());
         Ok(move |parsed: Text, system| Self {
             name: parsed.name.clone(),
@@ -308,7 +309,7 @@ impl Study {
             realism,
             calibration,
             training,
-            evaluating,
+            evaluating: parsed.evaluation.clone(),
             reactions,
             suites,
             is_full: parsed.is_full(),
@@ -616,8 +617,7 @@ impl Reader<'_> {
     }
 
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
-        let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
-        let (quantity, _) = *found.expect("one of its words");
+        let quantity = text.quantity;
         let (units, At { value: unit, at }) = (self.text.units.len(), &text.unit);
         let allowed = format!("0 … {units}, as there are units");
         self.range(("unit", at), *unit as f64, *unit <= units, allowed)?;

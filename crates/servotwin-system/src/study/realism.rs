@@ -5,7 +5,7 @@ use super::faults::full_name;
 use super::keys::{SPECIMENS, some};
 use super::reader::{Noted, OF_SYSTEM, Reader};
 use super::{Seed, Stream, Study};
-use crate::format::{At, Value, section};
+use crate::format::{At, Value, section, words};
 use servotwin_model::hash::{Canonical, Fingerprint};
 
 section! {
@@ -57,6 +57,8 @@ pub enum Scenario {
     /// Noise, quantization and tolerances; the twin has nominal parameters.
     Realistic,
 }
+
+words!(Scenario, Scenario::ALL.into_iter().map(|scenario| (scenario.name(), scenario)));
 
 /// The plants in a scenario, and their twins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -26,7 +26,7 @@
 
 use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
 pub use super::keys::MAX_ENVIRONMENTS;
-use super::keys::{FLIGHT_COUNT, FLIGHT_S, SCENARIOS};
+use super::keys::{FLIGHT_COUNT, FLIGHT_S};
 use super::reader::{Noted, OF_SYSTEM, Reader};
 use super::seed::Seed;
 use super::{Scenario, Study, StudyError};
@@ -55,7 +55,7 @@ section! {
             "length of a healthy flight; default: duration_s";
         may onset_s: Option<At<[f64; 2]>>, "range of the onset, s; default: that of [flights]";
         may from_start: Option<bool>, "true: faults are present before the first sample";
-        may scenarios: Option<Vec<String>> = SCENARIOS, "scenarios; default: noise and realistic";
+        may scenarios: Option<Vec<Scenario>>, "scenarios; default: noise and realistic";
         may plants: Option<String> = Value::Word(plants),
             "specimens with tolerances and draws (the default), or plants of another structure";
         may fitted: bool, "true: the twin of every plant is fitted to its calibration flight";
@@ -373,10 +373,8 @@ impl Suite {
             false => vec![Scenario::Noise, Scenario::Realistic],
         };
         let of_plants = move |scenario: &Scenario| !is_other || scenario.has_tolerances();
-        let scenarios = match &text.scenarios {
-            Some(names) => names.iter().filter_map(|name| Scenario::named(name)).collect(),
-            None => flown.into_iter().filter(of_plants).collect(),
-        };
+        let usual_scenarios = || flown.into_iter().filter(of_plants).collect();
+        let scenarios = text.scenarios.clone().unwrap_or_else(usual_scenarios);
         let repeats = text.repeats.as_ref().map(|repeats| repeats.value);
         let healthy = usual(text.healthy, |suite| suite.healthy).unwrap_or(0);
         let suite = Suite {
