@@ -26,7 +26,6 @@ use crate::document::TextSpan;
 use crate::format::{At, Names, Value, not_in_order, section};
 use crate::signal::{Signal, SignalError};
 use servotwin_model::math::{exp, ln};
-use std::cell::Cell;
 
 section! {
     /// The section of a study file.
@@ -231,12 +230,7 @@ pub(super) fn filled_at(pattern: &str, draw: usize, at: impl Fn(usize) -> f64) -
 
 /// The number of ranges in a pattern.
 pub(super) fn count_ranges(pattern: &str) -> usize {
-    let count = Cell::new(0);
-    filled_at(pattern, 0, |place| {
-        count.set(place + 1);
-        0.0
-    });
-    count.get()
+    ranges(pattern).len()
 }
 
 fn range(text: &str) -> Option<(f64, f64)> {

@@ -189,7 +189,7 @@ wait_s = -1
         "map.toml:12:8: unknown unit 'furlong'",
         "map.toml:13:1: unknown key 'facter' in 'x_p'",
         "= nearest: 'factor'",
-        "map.toml:15:10: wait_s = -1 is out of range: allowed are 0 … 10",
+        "map.toml:15:10: wait_s = -1 s is out of range: allowed are 0 … 10 s",
         "map.toml: 7 mistakes",
     ] {
         assert!(error.contains(expected), "{expected}\n---\n{error}");
