@@ -153,7 +153,7 @@ impl<'a> Setup<'a> {
         let settled = |fault: &&FaultCase| {
             let inputs = self.inputs.clone();
             let variant = Variant { faults: vec![fault.at], inputs, ..Variant::default() };
-            ensemble.settle(&variant).expect("a start")
+            ensemble.settle(&variant).expect("a start").0
         };
         Task {
             program,

@@ -1,7 +1,7 @@
 //! Hand-written TOML files: values with their places, and mistakes shown at their places.
 //!
-//! A reader walks through [`entries`] in the order of the file, collects every mistake in a [`Collector`] and
-//! continues. At the end the mistakes are sorted by place and shown as
+//! A reader walks through the [`Entry`]s of a file, collects every mistake in a [`Collector`] and continues. At the end
+//! the mistakes are sorted by place and shown as
 //!
 //! ```text
 //! systems/x.toml:7:1: unknown kind of component 'orifise'
@@ -11,9 +11,8 @@
 //!    = nearest: 'orifice'
 //! ```
 
+use crate::nearest::nearest;
 use crate::sanitize;
-use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
 use toml::Spanned;
@@ -22,112 +21,16 @@ use toml::de::{DeInteger, DeTable, DeValue};
 /// A range of bytes in the text.
 pub type TextSpan = Range<usize>;
 
-/// The display of a mistake in a file, in one line, and advice.
-pub trait Explained: fmt::Display {
-    /// The advice, in one line.
-    fn help(&self) -> Option<String> {
-        None
-    }
+/// Longer lists of known names are left out of messages.
+const MAX_LISTED: usize = 50;
 
-    /// For a number out of range, the smallest and largest allowed values, SI.
-    fn range(&self) -> Option<(f64, f64)> {
-        None
-    }
-
-    /// The allowed values in words, if two numbers cannot express them.
-    fn allowed(&self) -> Option<String> {
-        None
-    }
-}
-
-/// Mistakes that any TOML file can contain.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[expect(missing_docs, reason = "the message of a kind names its fields")]
-pub enum TomlMistake {
-    /// The text is not TOML.
-    #[error("not valid TOML: {message}")]
-    Syntax { message: String },
-    /// This version does not know the file's format version.
-    #[error("format {found} is not known: this version reads format {supported}")]
-    Format { found: f64, supported: u32 },
-    /// The file has another purpose.
-    #[error("this is {is}, not {wanted}")]
-    OtherKind { is: &'static str, wanted: &'static str, help: String },
-    /// The value must have another type.
-    #[error("'{key}' must be {wanted}, not {found}")]
-    WrongType { key: String, wanted: &'static str, found: &'static str },
-    /// A number is infinite, not a number, or too large.
-    #[error("'{key}' must be a finite number")]
-    NotFinite { key: String },
-    /// A number is outside its range; `summary` explains its meaning.
-    #[error(
-        "{key} = {} is out of range: allowed are {}",
-        NumberWithUnit(*.value, .unit), Quantities(*.min, *.max, .unit)
-    )]
-    OutOfRange {
-        key: String,
-        value: f64,
-        min: f64,
-        max: f64,
-        unit: &'static str,
-        summary: &'static str,
-    },
-    /// A number must be whole.
-    #[error("{key} = {value} must be a whole number")]
-    NotWhole { key: String, value: f64 },
-    /// A list or a table has fewer entries than `least`.
-    #[error("{}", too_few(.key, *.least))]
-    TooFew { key: String, least: usize },
-    /// The two numbers of a range are in the wrong order.
-    #[error("'{key}' goes from {low} to {high}: the lower number comes first")]
-    NotInOrder { key: String, low: f64, high: f64 },
-    /// A signal cannot be read.
-    #[error("{message}")]
-    Signal { message: String },
-    /// A word is none of the allowed ones.
-    #[error("'{key}' cannot be '{word}'")]
-    UnknownWord { key: String, word: String, nearest: Option<String>, known: Vec<String> },
-    /// A required key is missing.
-    #[error("{place} lacks '{key}'")]
-    Missing { place: String, key: &'static str, write: String },
-    /// No reader knows the key.
-    #[error("unknown key '{key}' in {place}")]
-    UnknownKey { key: String, place: String, nearest: Option<String>, known: Vec<String> },
-}
-
-fn too_few(key: &str, least: usize) -> String {
-    match least {
-        1 => format!("'{key}' is empty"),
-        _ => format!("'{key}' needs at least {least} entries"),
-    }
-}
-
-impl Explained for TomlMistake {
-    fn help(&self) -> Option<String> {
-        match self {
-            TomlMistake::OutOfRange { key, summary, .. } => Some(format!("{key}: {summary}")),
-            TomlMistake::OtherKind { help, .. } => Some(help.clone()),
-            TomlMistake::Missing { write, .. } => Some(format!("write: {write}")),
-            TomlMistake::UnknownKey { nearest, known, .. }
-            | TomlMistake::UnknownWord { nearest, known, .. } => Some(suggest(nearest, known)),
-            _ => None,
-        }
-    }
-
-    fn range(&self) -> Option<(f64, f64)> {
-        match self {
-            TomlMistake::OutOfRange { min, max, .. } => Some((*min, *max)),
-            _ => None,
-        }
-    }
-}
-
-/// The nearest known name, or all of them if none is near.
-pub fn suggest(nearest: &Option<String>, known: &[String]) -> String {
-    match nearest {
-        Some(name) => format!("nearest: '{name}'"),
-        None if known.is_empty() => "nothing may stand here".into(),
-        None => format!("known: {}", known.join(", ")),
+/// The known name nearest to a word, or all of them if none is near and they are few.
+pub fn suggest<'n>(word: &str, known: impl IntoIterator<Item = &'n str>) -> Option<String> {
+    let known: Vec<&str> = known.into_iter().collect();
+    match nearest(word, known.iter().copied()) {
+        Some(name) => Some(format!("nearest: '{name}'")),
+        None if known.is_empty() || known.len() > MAX_LISTED => None,
+        None => Some(format!("known: {}", known.join(", "))),
     }
 }
 
@@ -166,8 +69,8 @@ fn write_number(out: &mut fmt::Formatter<'_>, value: f64) -> fmt::Result {
     }
 }
 
-/// A mistake at its place in a file, as text.
-#[derive(Clone, Debug, PartialEq)]
+/// A mistake in a file. Its place is known after [`Collector::locate`].
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Diagnostic {
     /// The line, from 1.
     pub line: usize,
@@ -190,8 +93,63 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
-    /// `breaks` are the byte positions of all line ends.
-    fn new(text: &str, breaks: &[usize], span: &TextSpan, mistake: &impl Explained) -> Self {
+    /// A mistake, in one line.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into(), ..Self::default() }
+    }
+
+    /// The same with advice.
+    #[must_use]
+    pub fn with_help(self, help: impl Into<String>) -> Self {
+        Self { help: Some(help.into()), ..self }
+    }
+
+    /// A mistake about a word, with the known ones that are near.
+    pub fn unknown<'n>(
+        message: impl Into<String>,
+        word: &str,
+        known: impl IntoIterator<Item = &'n str>,
+    ) -> Self {
+        Self { help: suggest(word, known), ..Self::new(message) }
+    }
+
+    /// A key that its table does not have.
+    pub fn unknown_key<'n>(
+        key: &str,
+        place: &str,
+        known: impl IntoIterator<Item = &'n str>,
+    ) -> Self {
+        Self::unknown(format!("unknown key '{key}' in {place}"), key, known)
+    }
+
+    /// A required key that is missing, and how to write it.
+    pub fn missing(place: &str, key: &str, write: impl fmt::Display) -> Self {
+        Self::new(format!("{place} lacks '{key}'")).with_help(format!("write: {write}"))
+    }
+
+    /// A number outside its range, in SI; `summary` explains its meaning.
+    pub fn out_of_range(
+        key: &str,
+        value: f64,
+        (min, max): (f64, f64),
+        unit: &str,
+        summary: &str,
+    ) -> Self {
+        let (value, allowed) = (NumberWithUnit(value, unit), Quantities(min, max, unit));
+        let message = format!("{key} = {value} is out of range: allowed are {allowed}");
+        let help = Some(format!("{key}: {summary}"));
+        Self { help, range: Some((min, max)), ..Self::new(message) }
+    }
+
+    /// A value outside what words allow.
+    pub fn not_allowed(key: &str, value: impl fmt::Display, allowed: impl Into<String>) -> Self {
+        let allowed = allowed.into();
+        let message = format!("{key} = {value} is out of range: allowed are {allowed}");
+        Self { allowed: Some(allowed), ..Self::new(message) }
+    }
+
+    /// The mistake at its place; `breaks` are the byte positions of all line ends.
+    fn at(self, text: &str, breaks: &[usize], span: &TextSpan) -> Self {
         let start = floor(text, span.start);
         let before = breaks.partition_point(|&at| at < start);
         let begin = before.checked_sub(1).map_or(0, |last| breaks[last] + 1);
@@ -206,10 +164,9 @@ impl Diagnostic {
             width: text[start..stop].chars().count().max(1),
             source: line.skip(skipped).take(MAX_EXCERPT).collect(),
             skipped,
-            message: sanitize::clip(mistake.to_string()),
-            help: mistake.help().map(sanitize::clip),
-            range: mistake.range(),
-            allowed: mistake.allowed(),
+            message: sanitize::clip(self.message),
+            help: self.help.map(sanitize::clip),
+            ..self
         }
     }
 }
@@ -269,45 +226,43 @@ pub fn write_mistakes(
 const MAX_FOUND: usize = 100;
 
 /// The first mistakes found.
-#[derive(Clone, Debug)]
-pub struct Collector<M> {
-    found: Vec<(TextSpan, M)>,
-    /// For each place, the indices of its mistakes in `found`.
-    at: BTreeMap<(usize, usize), Vec<usize>>,
+#[derive(Clone, Debug, Default)]
+pub struct Collector {
+    found: Vec<(TextSpan, Diagnostic)>,
+    /// The key at the root of the file whose value is being read.
+    pub section: Option<&'static str>,
+    /// Keys at the root with a mistake that made a substitute necessary.
+    pub doubtful: Vec<&'static str>,
 }
 
-impl<M: PartialEq> Collector<M> {
-    /// An empty collector.
-    pub fn new() -> Self {
-        Self { found: Vec::new(), at: BTreeMap::new() }
+impl Collector {
+    /// Adds a mistake; the same one at the same place only once.
+    pub fn note(&mut self, span: &TextSpan, mistake: Diagnostic) {
+        self.doubtful.extend(self.section);
+        self.note_harmless(span, mistake);
     }
 
-    /// Adds a mistake; the same one at the same place only once.
-    pub fn note(&mut self, span: &TextSpan, mistake: impl Into<M>) {
-        if self.found.len() == MAX_FOUND {
-            return;
-        }
-        let mistake = mistake.into();
-        let here = self.at.entry((span.start, span.end)).or_default();
-        if here.iter().all(|&known| self.found[known].1 != mistake) {
-            here.push(self.found.len());
+    /// Adds a mistake on which nothing else in the file depends.
+    pub fn note_harmless(&mut self, span: &TextSpan, mistake: Diagnostic) {
+        let is_same = |(at, known): &(TextSpan, Diagnostic)| at == span && *known == mistake;
+        if !self.is_full() && !self.found.iter().any(is_same) {
             self.found.push((span.clone(), mistake));
         }
     }
 
-    /// Whether a condition holds for all mistakes.
-    pub fn all(&self, holds: impl Fn(&M) -> bool) -> bool {
-        self.found.iter().all(|(_, mistake)| holds(mistake))
+    /// The number of mistakes.
+    pub fn count(&self) -> usize {
+        self.found.len()
+    }
+
+    /// Whether further mistakes are dropped.
+    pub fn is_full(&self) -> bool {
+        self.found.len() == MAX_FOUND
     }
 
     /// Whether a place has a mistake.
     pub fn knows(&self, span: &TextSpan) -> bool {
-        self.at.contains_key(&(span.start, span.end))
-    }
-
-    /// Number of mistakes.
-    pub fn len(&self) -> usize {
-        self.found.len()
+        self.found.iter().any(|(at, _)| at == span)
     }
 
     /// Whether there are no mistakes.
@@ -316,33 +271,79 @@ impl<M: PartialEq> Collector<M> {
     }
 
     /// Returns all mistakes in the order of the file.
-    pub fn locate(mut self, text: &str) -> Vec<Diagnostic>
-    where
-        M: Explained,
-    {
+    pub fn locate(mut self, text: &str) -> Vec<Diagnostic> {
         self.found.sort_by_key(|(span, _)| span.start);
         let breaks: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
-        self.found.iter().map(|(span, m)| Diagnostic::new(text, &breaks, span, m)).collect()
+        self.found.into_iter().map(|(span, mistake)| mistake.at(text, &breaks, &span)).collect()
+    }
+
+    /// What was found under a key; notes that another type is needed if that is nothing.
+    pub fn wanted<T>(&mut self, entry: &Entry, found: Option<T>, wanted: &str) -> Option<T> {
+        if found.is_none() {
+            let type_name = type_name(entry.value.get_ref());
+            let mistake = format!("'{}' must be {wanted}, not {type_name}", entry.key);
+            // The value of a section is its whole text, so its key is the better place.
+            let at = if wanted == TABLE { entry.at.clone() } else { entry.value_at() };
+            self.note(&at, Diagnostic::new(mistake));
+        }
+        found
+    }
+
+    /// The value as a text.
+    pub fn text<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a str> {
+        self.wanted(entry, entry.text(), "a text in quotes")
+    }
+
+    /// The value as a table.
+    pub fn table<'a>(&mut self, entry: &Entry<'a>) -> Option<Vec<Entry<'a>>> {
+        self.wanted(entry, entry.table(), TABLE)
+    }
+
+    /// The value as a list of elements under the list's key.
+    pub fn list<'a>(&mut self, entry: &Entry<'a>) -> Option<Vec<Entry<'a>>> {
+        self.wanted(entry, entry.list(), "a list")
+    }
+
+    /// The value as a finite number.
+    pub fn number(&mut self, entry: &Entry) -> Option<f64> {
+        let number = self.wanted(entry, entry.number(), "a number")?;
+        let is_finite = number.is_finite();
+        if !is_finite {
+            let mistake = format!("'{}' must be a finite number", entry.key);
+            self.note(&entry.value_at(), Diagnostic::new(mistake));
+        }
+        is_finite.then_some(number)
     }
 }
 
-impl<M: PartialEq> Default for Collector<M> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
+/// A parsed file.
+pub struct Document<'t>(Spanned<DeTable<'t>>);
 
-/// Parses a text as far as it is TOML, and notes where it is not.
-pub fn parse<'t, M>(text: &'t str, mistakes: &mut Collector<M>) -> Spanned<DeTable<'t>>
-where
-    M: PartialEq + From<TomlMistake>,
-{
-    let (root, errors) = DeTable::parse_recoverable(text);
-    for error in errors.iter().take(MAX_FOUND) {
-        let message = error.message().trim().replace('\n', ", ");
-        mistakes.note(&error.span().unwrap_or(0..0), TomlMistake::Syntax { message });
+impl<'t> Document<'t> {
+    /// Parses a text; `None` if it is not TOML or has another format, so that nothing else in it can be judged.
+    pub fn parse(text: &'t str, format: u32, mistakes: &mut Collector) -> Option<Self> {
+        let (root, errors) = DeTable::parse_recoverable(text);
+        for error in errors.iter().take(MAX_FOUND) {
+            let message = error.message().trim().replace('\n', ", ");
+            let mistake = Diagnostic::new(format!("not valid TOML: {message}"));
+            mistakes.note(&error.span().unwrap_or(0..0), mistake);
+        }
+        let all = entries(root.get_ref());
+        if let Some(entry) = get(&all, "format")
+            && let Some(found) = entry.number().filter(|found| *found != f64::from(format))
+        {
+            let mistake =
+                format!("format {found} is not known: this version reads format {format}");
+            mistakes.note(&entry.value_at(), Diagnostic::new(mistake));
+        }
+        drop(all);
+        mistakes.is_empty().then_some(Document(root))
     }
-    root
+
+    /// The entries of its root.
+    pub fn root(&self) -> Vec<Entry<'_>> {
+        entries(self.0.get_ref())
+    }
 }
 
 /// A key with its value.
@@ -365,99 +366,6 @@ pub fn entries<'a>(table: &'a DeTable<'a>) -> Vec<Entry<'a>> {
     entries
 }
 
-/// The path of keys and list positions by which a reader reached a value.
-///
-/// A reader builds it as it descends, and [`KeyPath::find`] follows it through the parsed file. No text is
-/// searched, so a place is right even if the same text stands elsewhere in the file.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct KeyPath<'p> {
-    steps: Vec<Step<'p>>,
-    /// Whether the place means the last key instead of its value.
-    marks_key: bool,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-enum Step<'p> {
-    Key(Cow<'p, str>),
-    Element(usize),
-}
-
-impl<'p> KeyPath<'p> {
-    /// A value below the file's root, by its keys.
-    pub fn of(keys: &[&'p str]) -> Self {
-        let steps = keys.iter().map(|&key| Step::Key(key.into())).collect();
-        Self { steps, marks_key: false }
-    }
-
-    /// The value under a key of the table at this place.
-    pub fn key(&self, key: impl Into<Cow<'p, str>>) -> Self {
-        self.then(Step::Key(key.into()))
-    }
-
-    /// An element of the list at this place, counted from 0.
-    pub fn element(&self, position: usize) -> Self {
-        self.then(Step::Element(position))
-    }
-
-    /// The last key itself instead of its value.
-    pub fn name(&self) -> Self {
-        Self { marks_key: true, ..self.clone() }
-    }
-
-    fn then(&self, step: Step<'p>) -> Self {
-        let mut steps = self.steps.clone();
-        steps.push(step);
-        Self { steps, marks_key: false }
-    }
-
-    /// The key at the file's root with which the path begins, or an empty text.
-    pub fn section(&self) -> &str {
-        match self.steps.first() {
-            Some(Step::Key(key)) => key,
-            _ => "",
-        }
-    }
-
-    /// Finds the byte range at the end of the path in the parsed file. A table under a key is marked at the key. If the
-    /// path leaves the file, the range is that of the last step inside it.
-    pub fn find(&self, root: &DeTable) -> TextSpan {
-        let mut found = 0..0;
-        let mut table = Some(root);
-        let mut list = None;
-        for (position, step) in self.steps.iter().enumerate() {
-            let (key, value) = match step {
-                Step::Key(key) => match table.and_then(|table| table.get_key_value(key.as_ref())) {
-                    Some((key, value)) => (Some(key.span()), value),
-                    None => break,
-                },
-                Step::Element(at) => {
-                    match list.and_then(|list: &toml::de::DeArray| list.get(*at)) {
-                        Some(value) => (None, value),
-                        None => break,
-                    }
-                }
-            };
-            table = value.get_ref().as_table();
-            list = value.get_ref().as_array();
-            let is_last = position + 1 == self.steps.len();
-            let at_key = table.is_some() || (is_last && self.marks_key);
-            found = key.filter(|_| at_key).unwrap_or_else(|| value.span());
-        }
-        found
-    }
-}
-
-impl fmt::Display for KeyPath<'_> {
-    /// The keys separated by dots, without list positions.
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let keys = self.steps.iter().filter_map(|step| match step {
-            Step::Key(key) => Some(key.as_ref()),
-            Step::Element(_) => None,
-        });
-        write!(out, "{}", keys.collect::<Vec<_>>().join("."))
-    }
-}
-
 /// A whole number of any size as the nearest `f64`; infinite beyond its range.
 fn rounded_integer(integer: &DeInteger) -> f64 {
     let digits = integer.as_str();
@@ -470,105 +378,63 @@ fn rounded_integer(integer: &DeInteger) -> f64 {
     digits.parse().unwrap_or_else(|_| by_digit())
 }
 
-/// The plain form of a parsed value. An integer beyond 64 bits becomes a float, so that the rest of the file stays
-/// readable.
-pub(crate) fn plain_value(value: &DeValue) -> toml::Value {
-    use toml::Value;
-    match value {
-        DeValue::String(text) => Value::String(text.to_string()),
-        DeValue::Integer(integer) => {
-            let whole = i64::from_str_radix(integer.as_str(), integer.radix());
-            whole.map_or_else(|_| Value::Float(rounded_integer(integer)), Value::Integer)
-        }
-        DeValue::Float(number) => Value::Float(number.as_str().parse().unwrap_or(f64::NAN)),
-        DeValue::Boolean(flag) => Value::Boolean(*flag),
-        DeValue::Datetime(moment) => Value::Datetime(*moment),
-        DeValue::Array(list) => {
-            Value::Array(list.iter().map(|one| plain_value(one.get_ref())).collect())
-        }
-        DeValue::Table(table) => Value::Table(plain_table(table)),
-    }
-}
-
-/// The plain form of a parsed table.
-pub fn plain_table(table: &DeTable) -> toml::Table {
-    let all = table.iter();
-    all.map(|(key, value)| (key.get_ref().to_string(), plain_value(value.get_ref()))).collect()
-}
+const TABLE: &str = "a table";
 
 /// The type of a value, in words.
-pub(crate) fn type_name(value: &DeValue<'_>) -> &'static str {
+fn type_name(value: &DeValue<'_>) -> &'static str {
     match value {
         DeValue::String(_) => "a text",
         DeValue::Integer(_) | DeValue::Float(_) => "a number",
         DeValue::Boolean(_) => "true or false",
         DeValue::Datetime(_) => "a date",
         DeValue::Array(_) => "a list",
-        DeValue::Table(_) => "a table",
+        DeValue::Table(_) => TABLE,
     }
 }
 
 impl<'a> Entry<'a> {
-    /// An element of a list, under the list's key.
-    pub fn element(key: &'a str, value: &'a Spanned<DeValue<'a>>) -> Self {
-        Self { key, at: value.span(), value }
-    }
-
     /// Byte range of the value.
     pub fn value_at(&self) -> TextSpan {
         self.value.span()
     }
 
-    /// The mistake that another type is needed.
-    pub fn wrong_type(&self, wanted: &'static str) -> TomlMistake {
-        let found = type_name(self.value.get_ref());
-        TomlMistake::WrongType { key: self.key.into(), wanted, found }
+    /// The place for messages: the key of a section, whose value is its whole text, and any other value itself.
+    pub fn place(&self) -> TextSpan {
+        if self.value.get_ref().is_table() { self.at.clone() } else { self.value_at() }
     }
 
     /// The value as a text.
-    ///
-    /// # Errors
-    /// [`TomlMistake::WrongType`] for another type.
-    pub fn text(&self) -> Result<&'a str, TomlMistake> {
-        match self.value.get_ref() {
-            DeValue::String(text) => Ok(text),
-            _ => Err(self.wrong_type("a text in quotes")),
-        }
+    pub fn text(&self) -> Option<&'a str> {
+        self.value.get_ref().as_str()
     }
 
-    /// The value as a finite number.
-    ///
-    /// # Errors
-    /// [`TomlMistake::WrongType`] for another type, [`TomlMistake::NotFinite`] for an infinite number or NaN.
-    pub fn number(&self) -> Result<f64, TomlMistake> {
-        let value = match self.value.get_ref() {
-            DeValue::Float(value) => value.as_str().parse().ok(),
+    /// The value as a number, which need not be finite.
+    pub fn number(&self) -> Option<f64> {
+        match self.value.get_ref() {
+            DeValue::Float(value) => Some(value.as_str().parse().unwrap_or(f64::NAN)),
             DeValue::Integer(value) => Some(rounded_integer(value)),
-            _ => return Err(self.wrong_type("a number")),
-        };
-        let finite = value.filter(|value: &f64| value.is_finite());
-        finite.ok_or_else(|| TomlMistake::NotFinite { key: self.key.into() })
-    }
-
-    /// The value as a table.
-    ///
-    /// # Errors
-    /// [`TomlMistake::WrongType`] for another type.
-    pub fn table(&self) -> Result<&'a DeTable<'a>, TomlMistake> {
-        match self.value.get_ref() {
-            DeValue::Table(table) => Ok(table),
-            _ => Err(self.wrong_type("a table")),
+            _ => None,
         }
     }
 
-    /// The value as a list.
-    ///
-    /// # Errors
-    /// [`TomlMistake::WrongType`] for another type.
-    pub fn list(&self) -> Result<&'a [Spanned<DeValue<'a>>], TomlMistake> {
-        match self.value.get_ref() {
-            DeValue::Array(list) => Ok(list),
-            _ => Err(self.wrong_type("a list")),
-        }
+    /// Whether the value is a whole number, written as one.
+    pub fn is_whole(&self) -> bool {
+        self.value.get_ref().is_integer()
     }
+
+    /// The entries of a table in the order of the file.
+    pub fn table(&self) -> Option<Vec<Entry<'a>>> {
+        self.value.get_ref().as_table().map(entries)
+    }
+
+    /// The elements of a list, under its key.
+    pub fn list(&self) -> Option<Vec<Entry<'a>>> {
+        let element = |value: &'a Spanned<DeValue<'a>>| Entry { at: value.span(), value, ..*self };
+        Some(self.value.get_ref().as_array()?.iter().map(element).collect())
+    }
+}
+
+/// The entry of a key.
+pub fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
+    entries.iter().find(|entry| entry.key == key)
 }

@@ -64,7 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         let parameters = program.parameters(&faults);
         let variant = Variant { faults, inputs: inputs.iter().collect(), ..Default::default() };
-        let start = Ensemble::new(program).settle(&variant).map_err(|f| format!("{f:?}"))?;
+        let (start, _) = Ensemble::new(program).settle(&variant).map_err(|f| format!("{f:?}"))?;
         writeln!(text, "{name}")?;
         numbers(&mut text, parameters.into_iter().flatten());
         numbers(&mut text, start);

@@ -32,7 +32,7 @@ use std::iter;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
@@ -182,17 +182,15 @@ pub enum Policy {
     Only,
 }
 
-static POLICY: AtomicU8 = AtomicU8::new(Policy::Auto as u8);
+static POLICY: OnceLock<Policy> = OnceLock::new();
 
-/// Sets when this process compiles steps, before it simulates anything.
+/// Sets when this process compiles steps, before it simulates anything. Only the first call counts.
 pub fn set_policy(policy: Policy) {
-    POLICY.store(policy as u8, Ordering::Relaxed);
+    let _ = POLICY.set(policy);
 }
 
 fn policy() -> Policy {
-    let stored = POLICY.load(Ordering::Relaxed);
-    let all = [Policy::Auto, Policy::Never, Policy::Only];
-    all.into_iter().find(|policy| *policy as u8 == stored).unwrap_or(Policy::Auto)
+    POLICY.get().copied().unwrap_or(Policy::Auto)
 }
 
 /// The origin of compiled steps.
@@ -250,83 +248,32 @@ fn program_and_arguments(compiler: &str) -> (&str, Vec<&str>) {
     (&compiler[..end], compiler[end..].split_whitespace().collect())
 }
 
-/// Why steps are not compiled.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum CompileProblem {
-    /// Temporary files cannot be written.
-    Folder {
-        /// The folder for temporary files.
-        folder: PathBuf,
-        /// The message of the operating system.
-        cause: String,
-    },
-    /// The compiler cannot be started.
-    Start {
-        /// The compiler command.
-        program: String,
-        /// The message of the operating system.
-        cause: String,
-    },
-    /// The compiler ends with an error.
-    Failed {
-        /// The compiler command.
-        program: String,
-        /// The first error it prints, or its exit status.
-        cause: String,
-    },
-    /// The compiler exceeds its time limit.
-    Hangs {
-        /// The compiler command.
-        program: String,
-    },
-    /// The compiled library cannot be loaded.
-    Load {
-        /// The folder for temporary files.
-        folder: PathBuf,
-        /// The message of the operating system.
-        cause: String,
-    },
-    /// The compiled step returns other numbers than the lists.
-    OtherNumbers {
-        /// The compiler command.
-        program: String,
-    },
+/// Why steps are not compiled, and how to change that.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error(
+    "the solver runs uncompiled, which takes half as long again: {cause}; {remedy}, or set SERVOTWIN_CC to an empty \
+     text to accept this"
+)]
+pub struct CompileProblem {
+    cause: String,
+    remedy: &'static str,
+    /// Whether the compiler ended with an error, so that other flags may help.
+    is_failure: bool,
 }
 
-impl fmt::Display for CompileProblem {
-    /// One line with cause and remedy.
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const OTHER: &str = "set SERVOTWIN_CC to a C compiler";
-        const FOLDER: &str =
+impl CompileProblem {
+    /// A problem of the compiler; its whole command shows a wrong path with spaces.
+    fn of_compiler(compiler: &str, cause: &str) -> Self {
+        let cause = format!("the C compiler '{}' {cause}", compiler.trim());
+        Self { cause, remedy: "set SERVOTWIN_CC to a C compiler", is_failure: false }
+    }
+
+    /// A problem of the folder for temporary files.
+    fn of_folder(cause: impl FnOnce(&str) -> String) -> Self {
+        let remedy =
             "set TMPDIR to a folder on a file system that is writable and not mounted noexec";
-        write!(out, "the solver runs uncompiled, which takes half as long again: ")?;
-        let remedy = match self {
-            Self::Folder { folder, cause } => {
-                write!(out, "no temporary file can be written in {}: {cause}", folder.display())?;
-                FOLDER
-            }
-            Self::Start { program, cause } => {
-                write!(out, "the C compiler '{program}' does not start: {cause}")?;
-                OTHER
-            }
-            Self::Failed { program, cause } => {
-                write!(out, "the C compiler '{program}' fails: {cause}")?;
-                OTHER
-            }
-            Self::Hangs { program } => {
-                write!(out, "the C compiler '{program}' takes over {} s", LONGEST.as_secs())?;
-                OTHER
-            }
-            Self::Load { folder, cause } => {
-                write!(out, "compiled code in {} cannot be loaded: {cause}", folder.display())?;
-                FOLDER
-            }
-            Self::OtherNumbers { program } => {
-                write!(out, "code of the C compiler '{program}' gives other numbers")?;
-                OTHER
-            }
-        };
-        write!(out, "; {remedy}, or set SERVOTWIN_CC to an empty text to accept this")
+        let cause = cause(&env::temp_dir().display().to_string());
+        Self { cause, remedy, is_failure: false }
     }
 }
 
@@ -367,14 +314,14 @@ impl Loaded {
         fs::write(&source, text).map_err(|cause| folder_problem(&cause))?;
         let with = |flags| libraries(compiler, flags, &levels, (&source, &folder), patience);
         let libraries = with(SCHEDULING).or_else(|problem| match problem {
-            // Other flags can only help if the compiler failed.
-            Some(CompileProblem::Failed { .. }) => with(&[]),
+            Some(CompileProblem { is_failure: true, .. }) => with(&[]),
             other => Err(other),
         })?;
         let seconds = begin.elapsed().as_secs_f64();
-        let origin = Origin::Compiled { program: named(compiler), seconds };
-        let loaded = Self::checked(program, &levels, libraries, origin)
-            .ok_or_else(|| CompileProblem::OtherNumbers { program: named(compiler) })?;
+        let origin = Origin::Compiled { program: compiler.trim().to_owned(), seconds };
+        let other_numbers = || CompileProblem::of_compiler(compiler, "gives other numbers");
+        let loaded =
+            Self::checked(program, &levels, libraries, origin).ok_or_else(other_numbers)?;
         if let Some(entry) = &entry {
             levels.iter().for_each(|level| entry.keep(*level, &folder.library(*level)));
         }
@@ -431,42 +378,36 @@ fn libraries(
         .map(|(started, level)| match started {
             Ok(child) => ended(child, compiler, &folder.messages(*level), patience),
             Err(cause) => {
-                let (program, cause) = (named(compiler), cause.to_string());
-                Err(Some(CompileProblem::Start { program, cause }))
+                let cause = format!("does not start: {cause}");
+                Err(Some(CompileProblem::of_compiler(compiler, &cause)))
             }
         })
         .collect();
     ended.into_iter().collect::<Result<Vec<()>, _>>()?;
     let load = |level: &Level| {
-        load(&folder.library(*level)).map_err(|cause| {
-            let (folder, cause) = (env::temp_dir(), loader_message(&cause));
-            Some(CompileProblem::Load { folder, cause })
+        load(&folder.library(*level)).map_err(|error| {
+            let cause = error.source().map_or_else(|| error.to_string(), ToString::to_string);
+            Some(load_problem(&cause))
         })
     };
     levels.iter().map(load).collect()
 }
 
-/// The compiler's name in messages: the whole command, so that a wrong path with spaces is visible.
-fn named(compiler: &str) -> String {
-    compiler.trim().to_owned()
-}
-
-/// The message of the loader.
-fn loader_message(error: &libloading::Error) -> String {
-    without_path(&error.source().map_or_else(|| error.to_string(), ToString::to_string))
-}
-
-/// The message without the path of the temporary file, which no longer exists.
-fn without_path(cause: &str) -> String {
-    let cause = cause.rsplit_once(".so: ").map_or(cause, |(_, behind)| behind);
-    cause.replace('\n', " ")
+fn load_problem(cause: &str) -> CompileProblem {
+    // The temporary file no longer exists.
+    let cause = cause.rsplit_once(".so: ").map_or(cause, |(_, behind)| behind).replace('\n', " ");
+    CompileProblem::of_folder(|folder| {
+        format!("compiled code in {folder} cannot be loaded: {cause}")
+    })
 }
 
 fn folder_problem(cause: &io::Error) -> CompileProblem {
     // The path with a random name does not help users.
     let cause = cause.to_string();
-    let cause = cause.split(" at path ").next().unwrap_or_default().to_owned();
-    CompileProblem::Folder { folder: env::temp_dir(), cause }
+    let cause = cause.split(" at path ").next().unwrap_or_default();
+    CompileProblem::of_folder(|folder| {
+        format!("no temporary file can be written in {folder}: {cause}")
+    })
 }
 
 /// Enables iteration for every second root.
@@ -537,7 +478,8 @@ impl Patience<'_> {
     /// The problem of a compiler that exceeds its time limit; `None` if the work was given up.
     fn problem(&self, compiler: &str) -> Option<CompileProblem> {
         let is_late = Instant::now() >= self.until;
-        is_late.then(|| CompileProblem::Hangs { program: named(compiler) })
+        let cause = || format!("takes over {} s", LONGEST.as_secs());
+        is_late.then(|| CompileProblem::of_compiler(compiler, &cause()))
     }
 }
 
@@ -548,7 +490,10 @@ fn ended(
     messages: &Path,
     patience: &Patience,
 ) -> Result<(), Option<CompileProblem>> {
-    let failed = |cause: String| CompileProblem::Failed { program: named(compiler), cause };
+    let failed = |cause: String| CompileProblem {
+        is_failure: true,
+        ..CompileProblem::of_compiler(compiler, &format!("fails: {cause}"))
+    };
     while !patience.is_over() {
         match compiling.try_wait().map_err(|cause| failed(cause.to_string()))? {
             Some(status) if status.success() => return Ok(()),
@@ -753,9 +698,9 @@ mod tests {
 
     #[test]
     fn a_folder_from_which_nothing_is_loaded_is_named_with_the_remedy() {
-        let cause = without_path("/tmp/x/avx2.so: failed to map segment from shared object");
-        let told = CompileProblem::Load { folder: "/tmp".into(), cause }.to_string();
-        assert!(told.contains("code in /tmp cannot be loaded: failed to map segment"), "{told}");
+        let cause = "/tmp/x/avx2.so: failed to map segment from shared object";
+        let told = load_problem(cause).to_string();
+        assert!(told.contains(" cannot be loaded: failed to map segment"), "{told}");
         assert!(told.contains("set TMPDIR"), "{told}");
     }
 

@@ -198,22 +198,12 @@ impl<'p> Ensemble<'p> {
         result.expect("one variant ends once")
     }
 
-    /// The steady state of a variant at its initial inputs.
+    /// The steady state of a variant at its initial inputs, with the solver's statistics, which show whether it was
+    /// found.
     ///
     /// # Errors
     /// The search met numbers that are not finite.
-    pub fn settle(&self, variant: &Variant) -> Result<Vec<f64>, SolverFailure> {
-        settle(self.program, self.job(0, variant))
-    }
-
-    /// As [`Ensemble::settle`], with the solver's statistics, which show whether a steady state was found.
-    ///
-    /// # Errors
-    /// The search met numbers that are not finite.
-    pub fn settle_counted(
-        &self,
-        variant: &Variant,
-    ) -> Result<(Vec<f64>, Statistics), SolverFailure> {
+    pub fn settle(&self, variant: &Variant) -> Result<(Vec<f64>, Statistics), SolverFailure> {
         settle_counted(self.program, self.job(0, variant))
     }
 

@@ -1,15 +1,22 @@
-//! File formats as data. Checks, the JSON Schema and the book's table of keys are derived from it.
+//! File formats as data: one declaration of a section gives the struct that a file fills, its reader with the places of
+//! all mistakes, its JSON Schema and its table in the book.
 
-use crate::document::{self, Entry, TextSpan, entries};
-use crate::nearest::nearest;
-use crate::signal::Signal;
-use serde::Deserialize;
+/// What the declaration of a section names.
+pub use crate::document::{Collector, Entry, TextSpan};
+use crate::document::{Diagnostic, Quantities, get};
+use crate::units;
 use serde_json::{Value as Json, json};
+use servotwin_model::spec::Unit;
+use std::borrow::Borrow;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
-use toml::Spanned;
-use toml::de::{DeValue, ValueDeserializer};
+use std::ops::Deref;
+
+/// The pattern of names in a system.
+pub(crate) const ID: &str = "^[a-z0-9_]+$";
 
 /// A key of a table.
+#[derive(Clone, Copy)]
 pub struct Key {
     /// Name of the key.
     pub name: &'static str,
@@ -22,6 +29,7 @@ pub struct Key {
 }
 
 /// Kind of a key's value.
+#[derive(Clone, Copy)]
 pub enum Value {
     /// A number from the first to the second, with its unit.
     Number(f64, f64, &'static str),
@@ -33,82 +41,409 @@ pub enum Value {
     Flag,
     /// A text.
     Text,
+    /// The name of a part of a system: small letters, digits and `_`.
+    Id,
     /// One of a list of words.
     Word(fn() -> Vec<&'static str>),
+    /// A unit of SI.
+    Unit,
     /// A signal: a text, a number, a table with `kind`, or a list of them.
     Signal,
     /// A list with at least this many elements.
     List(usize, &'static Value),
     /// A table of freely named entries, with at least this many.
     Names(usize, &'static Value),
+    /// A table of entries that are named as parts of a system.
+    Ids(&'static Value),
     /// A table with known keys.
     Table(&'static [Key]),
+    /// What its reader alone understands: its JSON Schema, and its description.
+    Other(fn() -> Json, &'static str),
 }
 
 /// A required key.
-pub(crate) const fn must(name: &'static str, value: Value, summary: &'static str) -> Key {
+pub const fn must(name: &'static str, value: Value, summary: &'static str) -> Key {
     Key { name, value, obligatory: true, summary }
 }
 
 /// An optional key.
-pub(crate) const fn may(name: &'static str, value: Value, summary: &'static str) -> Key {
+pub const fn may(name: &'static str, value: Value, summary: &'static str) -> Key {
     Key { name, value, obligatory: false, summary }
 }
 
-/// The kind of value that a field's type implies, unless a range or a list of words narrows it.
-pub(crate) trait Described {
-    /// The kind of value.
+/// A value with its place in the file. It compares and sorts by the value alone.
+#[derive(Clone, Debug, Default)]
+pub struct At<T> {
+    /// The value.
+    pub value: T,
+    /// Its place: the key of a table or of a name, otherwise the value.
+    pub at: TextSpan,
+}
+
+impl<T> At<T> {
+    /// A value that stands for that of another place.
+    pub fn new(value: T, at: TextSpan) -> Self {
+        Self { value, at }
+    }
+}
+
+impl<T> Deref for At<T> {
+    type Target = T;
+    fn deref(&self) -> &T {
+        &self.value
+    }
+}
+
+impl<T: PartialEq> PartialEq for At<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.value == other.value
+    }
+}
+
+impl Eq for At<String> {}
+
+impl PartialOrd for At<String> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for At<String> {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.value.cmp(&other.value)
+    }
+}
+
+impl Borrow<str> for At<String> {
+    fn borrow(&self) -> &str {
+        &self.value
+    }
+}
+
+/// Entries with names of their own, sorted by name.
+pub type Names<T> = BTreeMap<At<String>, T>;
+
+/// Parts of a system by their ids, in the order of the file.
+#[derive(Clone, Debug)]
+pub(crate) struct Ids<T>(pub Vec<(At<String>, T)>);
+
+impl<T> Default for Ids<T> {
+    fn default() -> Self {
+        Self(vec![])
+    }
+}
+
+/// A table that another reader understands.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Raw;
+
+/// A value that can be read from a file.
+pub trait Read: Sized {
+    /// The kind of value that the type implies, unless a range or a list of words narrows it.
     const VALUE: Value;
+
+    /// Reads the value of a key and notes its mistakes; `None` if nothing remains of it.
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self>;
+
+    /// A possible value where the file has none, so that reading can continue.
+    fn stand_in(value: Value) -> Self;
 }
 
-impl Described for f64 {
+impl Key {
+    /// The key as that of the elements of its value.
+    fn of(self, value: &Value) -> Self {
+        Key { value: *value, ..self }
+    }
+
+    /// A number within the range of this key.
+    fn within(self, entry: &Entry, value: f64, mistakes: &mut Collector) -> Option<f64> {
+        let (min, max, unit) = self.value.range();
+        if (min..=max).contains(&value) {
+            return Some(value);
+        }
+        let mistake = Diagnostic::out_of_range(entry.key, value, (min, max), unit, self.summary);
+        mistakes.note(&entry.value_at(), mistake);
+        None
+    }
+
+    /// Notes a list or a table with too few entries.
+    fn enough(self, entry: &Entry, count: usize, mistakes: &mut Collector) {
+        let (Value::List(least, _) | Value::Names(least, _)) = self.value else { return };
+        if count < least {
+            let mistake = match least {
+                1 => format!("'{}' is empty", entry.key),
+                _ => format!("'{}' needs at least {least} entries", entry.key),
+            };
+            let is_list = matches!(self.value, Value::List(..));
+            let at = if is_list { entry.value_at() } else { entry.at.clone() };
+            mistakes.note(&at, Diagnostic::new(mistake));
+        }
+    }
+}
+
+impl Read for f64 {
     const VALUE: Value = Value::Number(f64::NEG_INFINITY, f64::INFINITY, "");
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let number = mistakes.number(entry)?;
+        key.within(entry, number, mistakes)
+    }
+
+    fn stand_in(value: Value) -> Self {
+        let (min, max, _) = value.range();
+        1.0_f64.clamp(min, max)
+    }
 }
 
-impl Described for [f64; 2] {
+/// Whole numbers up to 2⁵³ are exact as f64.
+macro_rules! whole {
+    ($($type:ty)*) => {$(
+        impl Read for $type {
+            const VALUE: Value = Value::Whole(0.0, 9_007_199_254_740_992.0);
+
+            fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+                let number = mistakes.number(entry)?;
+                if !entry.is_whole() {
+                    let mistake = format!("{} = {number} must be a whole number", entry.key);
+                    mistakes.note(&entry.value_at(), Diagnostic::new(mistake));
+                    return None;
+                }
+                key.within(entry, number, mistakes).map(|number| number as $type)
+            }
+
+            fn stand_in(value: Value) -> Self {
+                f64::stand_in(value) as $type
+            }
+        }
+    )*};
+}
+whole!(u32 u64 usize);
+
+impl Read for [f64; 2] {
     const VALUE: Value = Value::Range;
+
+    fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let list = mistakes.list(entry)?;
+        let [low, high] = &list[..] else {
+            return mistakes.wanted(entry, None, "two numbers");
+        };
+        let [low, high] = [mistakes.number(low)?, mistakes.number(high)?];
+        if low > high {
+            mistakes.note(&entry.value_at(), not_in_order(entry.key, low, high));
+            return None;
+        }
+        Some([low, high])
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        [0.0, 1.0]
+    }
 }
 
-impl Described for bool {
+/// The mistake of two numbers in the wrong order.
+pub(crate) fn not_in_order(key: &str, low: f64, high: f64) -> Diagnostic {
+    Diagnostic::new(format!("'{key}' goes from {low} to {high}: the lower number comes first"))
+}
+
+impl Read for bool {
     const VALUE: Value = Value::Flag;
+
+    fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
+        mistakes.wanted(entry, entry.value.get_ref().as_bool(), "true or false")
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        false
+    }
 }
 
-impl Described for String {
+impl Read for String {
     const VALUE: Value = Value::Text;
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let word = mistakes.text(entry)?;
+        match key.value {
+            Value::Word(words) if !words().contains(&word) => {
+                let message = format!("'{}' cannot be '{word}'", entry.key);
+                let mistake = Diagnostic::unknown(message, word, words());
+                mistakes.note_harmless(&entry.value_at(), mistake);
+                return None;
+            }
+            Value::Id => check_id(word, &entry.value_at(), mistakes),
+            _ => {}
+        }
+        Some(word.to_owned())
+    }
+
+    fn stand_in(value: Value) -> Self {
+        match value {
+            Value::Word(words) => words()[0].to_owned(),
+            _ => String::new(),
+        }
+    }
 }
 
-impl Described for Signal {
-    const VALUE: Value = Value::Signal;
+impl Read for Unit {
+    const VALUE: Value = Value::Unit;
+
+    fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let word = mistakes.text(entry)?;
+        let unit = units::find_si(word);
+        if unit.is_none() {
+            let help = match units::meant(word) {
+                Some(unit) => format!("files are in SI: \"{}\"", units::word(unit)),
+                None => {
+                    let known: Vec<&str> = Unit::ALL.into_iter().map(units::word).collect();
+                    format!("known: {} (1: a pure number)", known.join(", "))
+                }
+            };
+            let mistake = Diagnostic::new(format!("unknown unit '{word}'")).with_help(help);
+            mistakes.note(&entry.value_at(), mistake);
+        }
+        unit
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        Unit::None
+    }
 }
 
-impl<T: Described> Described for Option<T> {
+impl Read for Raw {
+    const VALUE: Value = Value::Other(|| json!({ "type": "object" }), "a table");
+
+    fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
+        mistakes.table(entry).map(|_| Raw)
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        Raw
+    }
+}
+
+impl<T: Read> Read for Option<T> {
     const VALUE: Value = T::VALUE;
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        T::read(entry, key, mistakes).map(Some)
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        None
+    }
 }
 
-impl<T: Described> Described for Vec<T> {
+impl<T: Read> Read for At<T> {
+    const VALUE: Value = T::VALUE;
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        Some(At { value: T::read(entry, key, mistakes)?, at: entry.place() })
+    }
+
+    fn stand_in(value: Value) -> Self {
+        At { value: T::stand_in(value), at: 0..0 }
+    }
+}
+
+impl<T: Read> Read for Vec<T> {
     const VALUE: Value = Value::List(0, &T::VALUE);
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let Value::List(_, of) = key.value else { panic!("'{}' is no list", key.name) };
+        let list = mistakes.list(entry)?;
+        key.enough(entry, list.len(), mistakes);
+        let mut read = Self::stand_in(key.value);
+        let all: Vec<T> =
+            list.iter().filter_map(|one| T::read(one, key.of(of), mistakes)).collect();
+        if all.len() >= read.len() {
+            read = all;
+        }
+        Some(read)
+    }
+
+    fn stand_in(value: Value) -> Self {
+        match value {
+            Value::List(least, of) => (0..least).map(|_| T::stand_in(*of)).collect(),
+            _ => vec![],
+        }
+    }
 }
 
-impl<T: Described> Described for BTreeMap<String, T> {
+/// The entries of a table with names of their own.
+fn named<T: Read>(
+    entry: &Entry,
+    (key, of): (Key, &Value),
+    mistakes: &mut Collector,
+) -> Option<Vec<(At<String>, T)>> {
+    let all = mistakes.table(entry)?;
+    key.enough(entry, all.len(), mistakes);
+    let read = |named: &Entry| {
+        let value = T::read(named, key.of(of), mistakes)?;
+        Some((At::new(named.key.to_owned(), named.at.clone()), value))
+    };
+    Some(all.iter().filter_map(read).collect())
+}
+
+impl<T: Read> Read for Names<T> {
     const VALUE: Value = Value::Names(0, &T::VALUE);
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let Value::Names(_, of) = key.value else { panic!("'{}' has no names", key.name) };
+        named(entry, (key, of), mistakes).map(Self::from_iter)
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        Names::new()
+    }
 }
 
-/// Declares a section of a file once: the struct that serde fills, and its keys as data. Checks, JSON Schema, the
-/// book's table and the fields' documentation all come from this declaration.
+impl<T: Read> Read for Ids<T> {
+    const VALUE: Value = Value::Ids(&T::VALUE);
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let Value::Ids(of) = key.value else { panic!("'{}' has no ids", key.name) };
+        let all = named(entry, (key, of), mistakes)?;
+        all.iter().for_each(|(id, _)| check_id(id, &id.at, mistakes));
+        Some(Ids(all))
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        Ids::default()
+    }
+}
+
+/// Keys of a component that cannot be names.
+const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
+
+/// Notes that a name cannot be that of a part of a system.
+pub(crate) fn check_id(name: &str, at: &TextSpan, mistakes: &mut Collector) {
+    let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    let (message, help) = if RESERVED.contains(&name) {
+        (format!("the name '{name}' has a meaning of its own"), "choose another")
+    } else if name.is_empty() || !name.chars().all(good) {
+        (format!("'{name}' cannot be a name"), "names have small letters, digits and '_'")
+    } else {
+        return;
+    };
+    mistakes.note(at, Diagnostic::new(message).with_help(help));
+}
+
+/// Declares a section of a file once: the struct that a file fills, and its keys as data. The reader, the JSON Schema,
+/// the book's table and the fields' documentation all come from this declaration.
 ///
-/// A field has `must` or `may`, a name, a type, the kind of value unless the type implies it, and a summary.
+/// A field has `must` or `may`, a name, a type, the kind of value unless the type implies it, behind `=>` the default
+/// unless the type implies it, and a summary.
+#[macro_export]
 macro_rules! section {
     (
         $(#[$attribute:meta])*
         $vis:vis struct $Name:ident {
             $(
                 $(#[$on_field:meta])*
-                $need:ident $field_vis:vis $field:ident: $type:ty $(= $value:expr)?, $summary:literal;
+                $need:ident $field_vis:vis $field:ident: $type:ty $(= $value:expr)? $(=> $default:expr)?, $summary:literal;
             )*
         }
     ) => {
-        #[derive(Clone, Debug, serde::Deserialize)]
-        #[serde(deny_unknown_fields)]
+        #[derive(Clone, Debug)]
         $(#[$attribute])*
         $vis struct $Name {
             $(
@@ -122,192 +457,145 @@ macro_rules! section {
             /// The keys of this section.
             pub(crate) const KEYS: &'static [$crate::format::Key] = &[
                 $($crate::format::$need(
-                    stringify!($field),
-                    $crate::format::section!(@value $type $(, $value)?),
+                    $crate::format::name(stringify!($field)),
+                    $crate::section!(@value $type $(, $value)?),
                     $summary,
                 )),*
             ];
-        }
 
-        impl $crate::format::Described for $Name {
-            const VALUE: $crate::format::Value = $crate::format::Value::Table(Self::KEYS);
-        }
-    };
-    (@value $type:ty) => { <$type as $crate::format::Described>::VALUE };
-    (@value $type:ty, $value:expr) => { $value };
-}
-pub(crate) use section;
-
-/// Receives mistakes with their places.
-pub(crate) type Note<'n> = &'n mut dyn FnMut(&TextSpan, document::TomlMistake);
-
-/// Checks the keys of a table; `at` and `place` locate it in messages.
-pub(crate) fn check_table(keys: &[Key], at: &TextSpan, place: &str, all: &[Entry], note: Note) {
-    for entry in all {
-        match keys.iter().find(|key| key.name == entry.key) {
-            Some(key) => key.value.check(key.summary, entry, note),
-            None => {
-                let known: Vec<String> = keys.iter().map(|key| key.name.to_owned()).collect();
-                let nearest = nearest(entry.key, known.iter().map(String::as_str));
-                let (key, place) = (entry.key.into(), place.into());
-                let nearest = nearest.map(str::to_owned);
-                note(&entry.at, document::TomlMistake::UnknownKey { key, place, nearest, known });
+            /// Reads the entries of a table; `at` and `place` locate it in messages.
+            pub(crate) fn of(
+                all: &[$crate::format::Entry],
+                (at, place): (&$crate::format::TextSpan, &str),
+                mistakes: &mut $crate::format::Collector,
+            ) -> Self {
+                let mut keys = Self::KEYS.iter();
+                $crate::format::only(Self::KEYS, all, place, mistakes);
+                $(
+                    let key = *keys.next().expect("one key for each field");
+                    let $field: $type = $crate::format::field(key, all, (at, place), mistakes)
+                        .unwrap_or_else(|| $crate::section!(@default $need key $(, $default)?));
+                )*
+                Self { $($field),* }
             }
         }
-    }
-    for key in keys.iter().filter(|key| key.obligatory) {
-        if all.iter().all(|entry| entry.key != key.name) {
-            let write = format!("{} ({})", key.value.example(key.name), key.summary);
-            note(at, document::TomlMistake::Missing { place: place.into(), key: key.name, write });
+
+        impl $crate::format::Read for $Name {
+            const VALUE: $crate::format::Value = $crate::format::Value::Table(Self::KEYS);
+
+            fn read(
+                entry: &$crate::format::Entry,
+                _key: $crate::format::Key,
+                mistakes: &mut $crate::format::Collector,
+            ) -> Option<Self> {
+                let place = format!("'{}'", entry.key);
+                mistakes.table(entry).map(|all| Self::of(&all, (&entry.at, &place), mistakes))
+            }
+
+            fn stand_in(_value: $crate::format::Value) -> Self {
+                Self::of(&[], (&(0..0), ""), &mut $crate::format::Collector::default())
+            }
         }
+    };
+    (@value $type:ty) => { <$type as $crate::format::Read>::VALUE };
+    (@value $type:ty, $value:expr) => { $value };
+    (@default must $key:ident) => { $crate::format::Read::stand_in($key.value) };
+    (@default may $key:ident) => { Default::default() };
+    (@default may $key:ident, $default:expr) => { $default };
+}
+pub use section;
+
+/// Declares the words of a type in files, as an iterator over the words with their values.
+macro_rules! words {
+    ($type:ty, $pairs:expr) => {
+        impl $crate::format::Read for $type {
+            const VALUE: $crate::format::Value =
+                $crate::format::Value::Word(|| $pairs.map(|(word, _): (_, $type)| word).collect());
+
+            fn read(
+                entry: &$crate::format::Entry,
+                key: $crate::format::Key,
+                mistakes: &mut $crate::format::Collector,
+            ) -> Option<Self> {
+                let word = String::read(entry, key, mistakes)?;
+                $pairs.find(|(known, _)| *known == word).map(|(_, value)| value)
+            }
+
+            fn stand_in(_value: $crate::format::Value) -> Self {
+                $pairs.next().expect("a word").1
+            }
+        }
+    };
+}
+pub(crate) use words;
+
+/// The name of a field as a key: `r#return` is written `return`.
+pub const fn name(field: &'static str) -> &'static str {
+    match field.as_bytes() {
+        [b'r', b'#', ..] => field.split_at(2).1,
+        _ => field,
     }
+}
+
+/// Notes the entries of a table that no key declares.
+pub fn only(keys: &[Key], all: &[Entry], place: &str, mistakes: &mut Collector) {
+    for entry in all.iter().filter(|entry| keys.iter().all(|key| key.name != entry.key)) {
+        let known = keys.iter().map(|key| key.name);
+        mistakes.note_harmless(&entry.at, Diagnostic::unknown_key(entry.key, place, known));
+    }
+}
+
+/// Reads the value of a key; notes a required one that is missing.
+pub fn field<T: Read>(
+    key: Key,
+    all: &[Entry],
+    (at, place): (&TextSpan, &str),
+    mistakes: &mut Collector,
+) -> Option<T> {
+    let outer = mistakes.section;
+    mistakes.section = outer.or(Some(key.name));
+    let read = match get(all, key.name) {
+        Some(entry) => T::read(entry, key, mistakes),
+        None => {
+            if key.obligatory {
+                let write = format!("{} ({})", key.value.example(key.name), key.summary);
+                mistakes.note(at, Diagnostic::missing(place, key.name, write));
+            }
+            None
+        }
+    };
+    mistakes.section = outer;
+    read
 }
 
 impl Value {
-    fn check(&self, summary: &'static str, entry: &Entry, note: Note) {
-        if let Err(mistake) = self.checked(summary, entry, note) {
-            // The value of a section is its whole text, so its key is the better place.
-            let is_section = matches!(self, Value::Table(_) | Value::Names(..));
-            let at = if is_section { entry.at.clone() } else { entry.value_at() };
-            note(&at, mistake);
-        }
-    }
-
-    fn checked(
-        &self,
-        summary: &'static str,
-        entry: &Entry,
-        note: Note,
-    ) -> Result<(), document::TomlMistake> {
-        let key = || entry.key.to_owned();
-        let within = |value: f64, min: f64, max: f64, unit: &'static str| {
-            if (min..=max).contains(&value) {
-                return Ok(());
-            }
-            Err(document::TomlMistake::OutOfRange { key: key(), value, min, max, unit, summary })
-        };
-        match *self {
-            Value::Number(min, max, unit) => within(entry.number()?, min, max, unit),
-            Value::Whole(min, max) => {
-                let value = entry.number()?;
-                if value.fract() != 0.0 || !matches!(entry.value.get_ref(), DeValue::Integer(_)) {
-                    return Err(document::TomlMistake::NotWhole { key: key(), value });
-                }
-                within(value, min, max, "")
-            }
-            Value::Range => {
-                let list = entry.list()?;
-                let [low, high] = list else { return Err(entry.wrong_type("two numbers")) };
-                let [low, high] = [low, high].map(|of| Entry::element(entry.key, of).number());
-                let (low, high) = (low?, high?);
-                if low <= high {
-                    return Ok(());
-                }
-                Err(document::TomlMistake::NotInOrder { key: key(), low, high })
-            }
-            Value::Flag => match entry.value.get_ref() {
-                DeValue::Boolean(_) => Ok(()),
-                _ => Err(entry.wrong_type("true or false")),
-            },
-            Value::Text => entry.text().map(drop),
-            Value::Word(words) => {
-                let word = entry.text()?.to_owned();
-                let known = words();
-                if known.contains(&word.as_str()) {
-                    return Ok(());
-                }
-                let nearest = nearest(&word, known.iter().copied()).map(str::to_owned);
-                let known = known.into_iter().map(str::to_owned).collect();
-                Err(document::TomlMistake::UnknownWord { key: key(), word, nearest, known })
-            }
-            Value::Signal => signal(entry.value).map(drop),
-            Value::List(least, of) => {
-                let list = entry.list()?;
-                for element in list {
-                    of.check(summary, &Entry::element(entry.key, element), note);
-                }
-                enough(list.len(), least, entry)
-            }
-            Value::Names(least, of) => {
-                let all = entries(entry.table()?);
-                all.iter().for_each(|named| of.check(summary, named, note));
-                enough(all.len(), least, entry)
-            }
-            Value::Table(keys) => {
-                let all = entries(entry.table()?);
-                check_table(keys, &entry.at, &format!("'{}'", entry.key), &all, note);
-                Ok(())
-            }
-        }
-    }
-
-    /// A corrected copy of a value: without unknown keys, and with stand-ins for missing or invalid values. It lets the
-    /// reader continue and report the mistakes elsewhere.
-    fn mended(&self, value: Option<toml::Value>) -> toml::Value {
-        use toml::Value as Toml;
-        match (self, value) {
-            (Value::Number(min, max, _), value) => {
-                let number = value.as_ref().and_then(as_number);
-                let number = number.filter(|number| (*min..=*max).contains(number));
-                Toml::Float(number.unwrap_or(1.0_f64.clamp(*min, *max)))
-            }
-            (Value::Whole(min, max), value) => {
-                let number = value.and_then(|value| value.as_integer());
-                let number = number.filter(|number| (*min..=*max).contains(&(*number as f64)));
-                Toml::Integer(number.unwrap_or(1.0_f64.clamp(*min, *max) as i64))
-            }
-            (Value::Range, value) => {
-                let ends: Vec<f64> =
-                    value.iter().flat_map(elements).filter_map(as_number).collect();
-                match ends[..] {
-                    [low, high] if low <= high => value.unwrap_or_else(|| list([low, high])),
-                    _ => list([0.0, 1.0]),
-                }
-            }
-            (Value::Flag, value) => {
-                Toml::Boolean(value.and_then(|value| value.as_bool()).unwrap_or_default())
-            }
-            (Value::Text, Some(Toml::String(text))) => Toml::String(text),
-            (Value::Text, _) => Toml::String(String::new()),
-            (Value::Word(words), value) => {
-                let words = words();
-                let word = value.as_ref().and_then(Toml::as_str);
-                let word = word.filter(|word| words.contains(word)).unwrap_or(words[0]);
-                Toml::String(word.into())
-            }
-            (Value::Signal, Some(value)) if Signal::deserialize(value.clone()).is_ok() => value,
-            (Value::Signal, _) => Toml::Float(0.0),
-            (Value::List(least, of), value) => {
-                let there = value.iter().flat_map(elements);
-                let mut all: Vec<Toml> = there.map(|one| of.mended(Some(one.clone()))).collect();
-                all.resize_with(all.len().max(*least), || of.mended(None));
-                Toml::Array(all)
-            }
-            (Value::Names(_, of), Some(Toml::Table(table))) => {
-                let all = table.into_iter().map(|(name, one)| (name, of.mended(Some(one))));
-                Toml::Table(all.collect())
-            }
-            (Value::Names(..), _) => Toml::Table(toml::Table::new()),
-            (Value::Table(keys), Some(Toml::Table(table))) => Toml::Table(mended(keys, table)),
-            (Value::Table(keys), _) => Toml::Table(mended(keys, toml::Table::new())),
+    /// The range of a number, and its unit.
+    fn range(self) -> (f64, f64, &'static str) {
+        match self {
+            Value::Number(min, max, unit) => (min, max, unit),
+            Value::Whole(min, max) => (min, max, ""),
+            _ => (f64::NEG_INFINITY, f64::INFINITY, ""),
         }
     }
 
     /// An example of a key with such a value.
     fn example(&self, name: &str) -> String {
         match self {
-            Value::Number(min, max, unit) => {
-                format!("{name} = …, {}", document::Quantities(*min, *max, unit))
+            Value::Number(min, max, unit) if max.is_finite() => {
+                format!("{name} = …, {}", Quantities(*min, *max, unit))
             }
+            Value::Number(..) => format!("{name} = 0.0"),
             Value::Whole(..) => format!("{name} = 1"),
             Value::Range => format!("{name} = [0, 1]"),
             Value::Flag => format!("{name} = true"),
             Value::Text => format!("{name} = \"…\""),
+            Value::Id => format!("{name} = \"my_actuator\""),
             Value::Word(words) => format!("{name} = \"{}\"", words().join("\" or \"")),
+            Value::Unit => format!("{name} = \"Pa\", or \"1\" for a pure number"),
             Value::Signal => format!("{name} = \"step:size=…\""),
             Value::List(..) => format!("{name} = […]"),
-            Value::Names(..) => format!("{name}.… = …"),
-            Value::Table(_) => format!("{name} = {{ … }}"),
+            Value::Names(..) | Value::Ids(_) => format!("{name}.… = …"),
+            Value::Table(_) | Value::Other(..) => format!("{name} = {{ … }}"),
         }
     }
 
@@ -321,7 +609,9 @@ impl Value {
             }),
             Value::Flag => json!({ "type": "boolean" }),
             Value::Text => json!({ "type": "string" }),
+            Value::Id => json!({ "type": "string", "pattern": ID }),
             Value::Word(words) => json!({ "type": "string", "enum": words() }),
+            Value::Unit => json!({ "type": "string", "enum": units::spellings_of_si() }),
             Value::Signal => json!({ "$ref": "#/$defs/signal" }),
             Value::List(least, of) => {
                 json!({ "type": "array", "items": of.schema(), "minItems": least })
@@ -329,7 +619,12 @@ impl Value {
             Value::Names(least, of) => json!({
                 "type": "object", "additionalProperties": of.schema(), "minProperties": least,
             }),
+            Value::Ids(of) => json!({
+                "type": "object", "propertyNames": { "pattern": ID },
+                "additionalProperties": of.schema(),
+            }),
             Value::Table(keys) => object(keys),
+            Value::Other(schema, _) => schema(),
         }
     }
 
@@ -337,76 +632,25 @@ impl Value {
     pub(crate) fn words(&self) -> String {
         match self {
             Value::Number(min, max, unit) if max.is_finite() => {
-                document::Quantities(*min, *max, unit).to_string()
+                Quantities(*min, *max, unit).to_string()
             }
             Value::Number(..) => "a number".into(),
-            Value::Whole(min, max) => {
-                format!("whole number, {}", document::Quantities(*min, *max, ""))
-            }
+            Value::Whole(min, max) => format!("whole number, {}", Quantities(*min, *max, "")),
             Value::Range => "two numbers, the lower one first".into(),
             Value::Flag => "true or false".into(),
             Value::Text => "a text".into(),
+            Value::Id => "small letters, digits and `_`".into(),
             Value::Word(words) => words().join(", "),
+            Value::Unit => "an SI unit, or `1` for a pure number".into(),
             Value::Signal => "a signal".into(),
             Value::List(_, of) => format!("a list: {}", of.words()),
-            Value::Names(_, of) => format!("your own names, each with {}", of.words()),
+            Value::Names(_, of) | Value::Ids(of) => {
+                format!("your own names, each with {}", of.words())
+            }
             Value::Table(_) => "a table".into(),
+            Value::Other(_, words) => (*words).into(),
         }
     }
-}
-
-/// A table as it should be: see `Value::mended`.
-pub(crate) fn mended(keys: &[Key], mut table: toml::Table) -> toml::Table {
-    let there = keys.iter().filter_map(|key| {
-        let value = table.remove(key.name);
-        let wanted = key.obligatory || value.is_some();
-        wanted.then(|| (key.name.to_owned(), key.value.mended(value)))
-    });
-    there.collect()
-}
-
-/// The keys with missing or invalid values. Unknown keys and unknown words do not count, because nothing else depends
-/// on them.
-pub(crate) fn doubtful(keys: &[Key], all: &[Entry]) -> Vec<&'static str> {
-    use document::TomlMistake::{UnknownKey, UnknownWord};
-    let is_doubtful = |key: &&Key| {
-        let Some(entry) = all.iter().find(|entry| entry.key == key.name) else {
-            return key.obligatory;
-        };
-        let mut wrong = false;
-        key.value.check(key.summary, entry, &mut |_, mistake| {
-            wrong |= !matches!(mistake, UnknownKey { .. } | UnknownWord { .. });
-        });
-        wrong
-    };
-    keys.iter().filter(is_doubtful).map(|key| key.name).collect()
-}
-
-fn as_number(value: &toml::Value) -> Option<f64> {
-    value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
-}
-
-fn elements(value: &toml::Value) -> &[toml::Value] {
-    value.as_array().map_or(&[], Vec::as_slice)
-}
-
-fn list<const N: usize>(numbers: [f64; N]) -> toml::Value {
-    toml::Value::Array(numbers.map(toml::Value::Float).to_vec())
-}
-
-fn enough(count: usize, least: usize, entry: &Entry) -> Result<(), document::TomlMistake> {
-    if count >= least {
-        return Ok(());
-    }
-    Err(document::TomlMistake::TooFew { key: entry.key.into(), least })
-}
-
-/// Parses a signal.
-fn signal(value: &Spanned<DeValue>) -> Result<Signal, document::TomlMistake> {
-    Signal::deserialize(ValueDeserializer::from(value.clone())).map_err(|error| {
-        let message = error.message().trim().to_owned();
-        document::TomlMistake::Signal { message }
-    })
 }
 
 /// A number within a range, as JSON Schema.
@@ -440,6 +684,15 @@ pub(crate) fn object(keys: &[Key]) -> Json {
     })
 }
 
+/// The JSON Schema of a file with these keys; their kinds refer to the definitions.
+pub fn schema(title: &str, keys: &[Key], definitions: serde_json::Map<String, Json>) -> Json {
+    let mut schema = object(keys);
+    schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    schema["title"] = json!(title);
+    schema["$defs"] = Json::Object(definitions);
+    schema
+}
+
 /// All keys as a Markdown table; keys of inner tables have dots. A table whose keys were listed before refers to them.
 pub fn markdown(keys: &[Key]) -> String {
     let mut text = String::from("| key | value | meaning |\n|---|---|---|\n");
@@ -454,7 +707,9 @@ fn rows(keys: &[Key], before: &str, listed: &mut Vec<(&'static [Key], String)>, 
         let (inner, dots) = match &key.value {
             Value::Table(keys) => (Some(*keys), ""),
             Value::List(_, Value::Table(keys)) => (Some(*keys), "[]"),
-            Value::Names(_, Value::Table(keys)) => (Some(*keys), ".NAME"),
+            Value::Names(_, Value::Table(keys)) | Value::Ids(Value::Table(keys)) => {
+                (Some(*keys), ".NAME")
+            }
             _ => (None, ""),
         };
         let first = inner.and_then(|inner| listed.iter().find(|(keys, _)| are_alike(keys, inner)));

@@ -2,7 +2,7 @@
 //! the text of a path or a built-in name.
 
 use crate::built_in;
-use crate::document::{Collector, Diagnostic, TomlMistake};
+use crate::document::{Collector, Diagnostic};
 use crate::files::{self, FileError};
 use crate::nearest::nearest;
 use std::borrow::Cow;
@@ -104,9 +104,9 @@ impl FileType {
                 "a study names a system, its commands, sensors and faults; 'servotwin init' writes one".into()
             }
         };
-        let mistake = TomlMistake::OtherKind { is: is.words(), wanted: self.words(), help };
-        let mut mistakes = Collector::<TomlMistake>::new();
-        mistakes.note(&(0..0), mistake);
+        let message = format!("this is {}, not {}", is.words(), self.words());
+        let mut mistakes = Collector::default();
+        mistakes.note(&(0..0), Diagnostic::new(message).with_help(help));
         Some(mistakes.locate(text))
     }
 }

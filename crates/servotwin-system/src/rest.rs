@@ -58,7 +58,7 @@ pub fn of(system: &System) -> Result<Rest, RestError> {
     let program = &system.program;
     let inputs = system.default_inputs();
     let variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
-    let found = Ensemble::new(program).settle_counted(&variant);
+    let found = Ensemble::new(program).settle(&variant);
     let (states, work) =
         found.map_err(|failure| RestError::Stopped(Stopped::new(system, failure)))?;
     let values: Vec<f64> = inputs.iter().map(|input| input.value(0.0)).collect();

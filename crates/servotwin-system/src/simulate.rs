@@ -27,15 +27,14 @@ use crate::nearest::UnknownName;
 use crate::recording::{self, Recorded, with_suffix};
 use crate::rest::Stopped;
 use crate::shown::shown;
-use crate::signal::bus::Bus;
-use crate::signal::{Signal, SignalError};
+use crate::signal::{Signal, SignalError, bus};
 use crate::system::System;
 use crate::table::{Column, Table, TableError};
 use crate::validity::{ValidityFinding, ValidityMonitor};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::{CurveError, Piecewise};
-use servotwin_model::solver::{self, Control, Knot, Method, SolverSettings, Statistics};
+use servotwin_model::solver::{self, Control, Method, SolverSettings, Statistics};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -497,7 +496,7 @@ impl Resolver<'_, '_> {
         Ok(match signal {
             InputSignal::Constant(value) => admit(Piecewise::constant(*value))?,
             InputSignal::Samples(values) => {
-                admit(bus_curve(values, self.simulation.sample_period_s))?
+                admit(bus::curve(values, self.simulation.sample_period_s))?
             }
             InputSignal::Parsed(signal) => build(signal)?,
             InputSignal::Text(text) => {
@@ -512,15 +511,6 @@ impl Resolver<'_, '_> {
             }
         })
     }
-}
-
-/// The samples, with the curve between them that a bus reconstructs.
-fn bus_curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
-    let times_s: Vec<f64> = (0..values.len()).map(|k| k as f64 * period_s).collect();
-    let mut bus = Bus::default();
-    let knots: Vec<Knot> = values.iter().map(|&value| bus.next(value, period_s)).collect();
-    let slopes: Vec<f64> = knots.iter().map(|knot| knot.slope_per_s).collect();
-    Piecewise::hermite(&times_s, values, &slopes)
 }
 
 /// A run with resolved names.

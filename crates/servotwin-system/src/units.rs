@@ -301,6 +301,11 @@ pub(crate) fn find_si(text: &str) -> Option<Unit> {
     exactly(text).filter(|row| row.is_si()).map(|row| row.unit)
 }
 
+/// All words that [`find_si`] knows.
+pub(crate) fn spellings_of_si() -> Vec<&'static str> {
+    SPELLED.iter().filter(|(_, row)| row.is_si()).map(|(word, _)| word.as_str()).collect()
+}
+
 /// The SI unit of the dimension of any unit; an empty text means a pure number.
 pub(crate) fn meant(text: &str) -> Option<Unit> {
     if matches!(text.trim(), "" | "-") {

@@ -5,7 +5,7 @@
 //! `UPDATE=1 cargo test -p servotwin-cli --test all book` writes these tables anew.
 
 use super::{Folder, stderr, stdout};
-use servotwin::{catalogue, format, signal, study};
+use servotwin::{catalogue, format, signal, study, system};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::{
     BASELINE_CORRECTED, Constant, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
@@ -473,7 +473,9 @@ fn with(page: &str, generated: &str) -> String {
 fn tables_of_the_book_are_what_is_declared() {
     let pages = [
         ("components.md", catalogue::book()),
+        ("system-format.md", format::markdown(system::keys())),
         ("study-format.md", format::markdown(study::keys())),
+        ("watch.md", format::markdown(servotwin_watch::map::keys())),
         ("signals.md", format!("```text\n{}```", signal::help())),
         (SHIPPED, FILES.map(shipped_section).concat()),
         ("tuning.md", constants_table()),

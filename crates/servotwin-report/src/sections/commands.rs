@@ -4,7 +4,6 @@ use crate::Material;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{chosen, number};
 use servotwin::shown::Shown;
-use servotwin::signal::Signal;
 use servotwin::study::{Environment, Study, Training};
 use servotwin_plot::SemanticColor;
 use servotwin_plot::time_series::{Panel, Series, TimeSeries};
@@ -54,11 +53,9 @@ pub fn write(material: &Material, page: &mut Page) {
         ),
     );
     let mut grid = HtmlTable::new([("command", Alignment::Left), ("what it is", Alignment::Left)]);
-    let text: toml::Table = study.text.parse().unwrap_or_default();
-    let signals = text.get("command").and_then(|section| section.get("signals"));
     for name in known {
-        let signal = signals.and_then(|signals| signals.get(name));
-        grid.push(vec![name.to_owned(), signal.map(in_words).unwrap_or_default()]);
+        let signal = study.command_signal(name).map(|signal| in_words(&signal.to_string()));
+        grid.push(vec![name.to_owned(), signal.unwrap_or_default()]);
     }
     page.table(&grid, "The same commands in words.");
     if let Some(training) = &study.training {
@@ -92,32 +89,21 @@ fn list(study: &Study, training: &Training) -> HtmlTable {
         ("what it is", Alignment::Left),
         ("load", Alignment::Right),
     ]);
-    let text: toml::Table = study.text.parse().unwrap_or_default();
-    let driven = text.get("load").and_then(|load| load.get("input")).and_then(toml::Value::as_str);
-    let inputs = &study.system.network().inputs;
-    let load = driven.and_then(|name| inputs.iter().position(|input| input.id == name));
-    let section = text.get("training");
-    let named = section.and_then(|section| section.get("signals")).and_then(toml::Value::as_table);
-    let signal = |name: &str| named.and_then(|signals| signals.get(name)).map(in_words);
-    let drawn = section.and_then(|section| section.get("draws")).and_then(toml::Value::as_array);
+    let load = study.load_input();
     // The draws of all patterns come first, in their order.
     let mut cases: Vec<&Environment> = training.cases.iter().collect();
-    for draws in drawn.into_iter().flatten() {
-        let count = draws.get("count").and_then(toml::Value::as_integer).unwrap_or(0);
-        let own: Vec<&Environment> = cases.drain(..(count as usize).min(cases.len())).collect();
+    for (count, pattern) in study.training_draws() {
+        let own: Vec<&Environment> = cases.drain(..count.min(cases.len())).collect();
         let Some((first, last)) = own.first().zip(own.last()) else { continue };
         let names = match own.len() {
             1 => first.command.clone(),
             _ => format!("{} … {}", first.command, last.command),
         };
-        grid.push(vec![
-            names,
-            draws.get("signal").map(in_words).unwrap_or_default(),
-            loads(study, load, &own),
-        ]);
+        grid.push(vec![names, in_words(pattern), loads(study, load, &own)]);
     }
     for case in cases {
-        let words = signal(&case.command).unwrap_or_default();
+        let signal = study.training_signal(&case.command);
+        let words = signal.map(|signal| in_words(&signal.to_string())).unwrap_or_default();
         grid.push(vec![case.command.clone(), words, loads(study, load, &[case])]);
     }
     grid
@@ -141,11 +127,7 @@ fn loads(study: &Study, load: Option<usize>, cases: &[&Environment]) -> String {
 }
 
 /// A signal in readable form: `noise:rms={1.8..6}deg,seed=1{n}` → `noise: rms 1.8 … 6 deg`.
-fn in_words(signal: &toml::Value) -> String {
-    let text = match signal.as_str() {
-        Some(text) => text.to_owned(),
-        None => signal.clone().try_into().map_or_else(|_| String::new(), |s: Signal| s.to_string()),
-    };
+fn in_words(text: &str) -> String {
     let term = |term: &str| {
         let (kind, parameters) = term.split_once(':').unwrap_or((term, ""));
         let shown = parameters.split(',').filter(|one| !one.trim().starts_with("seed="));
@@ -176,11 +158,10 @@ mod tests {
 
     #[test]
     fn a_signal_is_read_without_its_seed() {
-        let words = |text: &str| in_words(&toml::Value::String(text.into()));
         let pattern = "noise:rms={1.8..6}deg,bandwidth={0.3..2.6}Hz,seed=10{n}";
-        assert_eq!(words(pattern), "noise: rms 1.8 … 6 deg, bandwidth 0.3 … 2.6 Hz");
+        assert_eq!(in_words(pattern), "noise: rms 1.8 … 6 deg, bandwidth 0.3 … 2.6 Hz");
         assert_eq!(
-            words("step:size=6deg + ramp:rate=1deg/s"),
+            in_words("step:size=6deg + ramp:rate=1deg/s"),
             "step: size 6 deg; plus ramp: rate 1 deg/s"
         );
     }

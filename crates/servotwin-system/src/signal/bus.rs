@@ -67,12 +67,19 @@ pub fn sent(
     duration_s: f64,
 ) -> Result<Piecewise, CurveError> {
     let samples = (duration_s / period_s).ceil() as usize + 1;
-    let times_s: Vec<f64> = (0..=samples).map(|k| k as f64 * period_s).collect();
+    let values: Vec<f64> = (0..=samples).map(|k| value(k as f64 * period_s)).collect();
+    curve(&values, period_s)
+}
+
+/// The curve through samples.
+///
+/// # Errors
+/// There is no sample, or one is not finite.
+pub(crate) fn curve(values: &[f64], period_s: f64) -> Result<Piecewise, CurveError> {
+    let times_s: Vec<f64> = (0..values.len()).map(|k| k as f64 * period_s).collect();
     let mut bus = Bus::default();
-    let knots: Vec<Knot> = times_s.iter().map(|&t| bus.next(value(t), period_s)).collect();
-    let values: Vec<f64> = knots.iter().map(|knot| knot.value).collect();
-    let slopes: Vec<f64> = knots.iter().map(|knot| knot.slope_per_s).collect();
-    Piecewise::hermite(&times_s, &values, &slopes)
+    let slopes = values.iter().map(|&value| bus.next(value, period_s).slope_per_s);
+    Piecewise::hermite(&times_s, values, &slopes.collect::<Vec<f64>>())
 }
 
 #[cfg(test)]

@@ -3,49 +3,49 @@
 //! A [`Signal`] is written as text on the command line or as tables in a study file. For an input with a known unit and
 //! a run of known duration, it becomes a [`Piecewise`] function. Terms joined by ` + ` are added.
 //!
-//! A new kind needs a file here and a line in `ALL`.
+//! A new kind needs a declaration here and a line in `ALL`.
 
 pub mod bus;
-mod constant;
 #[cfg(test)]
 mod contract;
 mod error;
 mod noise;
-mod ramp;
 pub mod random;
-mod serial;
+mod simple;
 mod sine;
 mod spec;
-mod step;
 mod sweep;
 mod table;
 mod text;
 mod units;
 
 pub use error::SignalError;
-pub use spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
+pub(crate) use spec::Sort;
+use spec::{Fallback, Kind};
 pub use text::QuantityError;
-pub use units::Measure;
 
 use crate::units::NamedUnit;
+use serde_json::{Map, Value, json};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
+use spec::Given;
 use std::fmt;
+use units::Measure;
 
 /// Every kind of signal, in the order of the documentation.
-pub(crate) static ALL: &[&dyn SignalKind] = &[
-    &constant::Constant,
-    &step::StepSignal,
-    &ramp::Ramp,
-    &sine::Sine,
-    &sweep::Sweep,
-    &noise::Noise,
-    &table::Recorded,
+pub(crate) static ALL: [&Kind; 7] = [
+    &simple::CONSTANT,
+    &simple::STEP,
+    &simple::RAMP,
+    &sine::SINE,
+    &sweep::SWEEP,
+    &noise::NOISE,
+    &table::TABLE,
 ];
 
 /// The kind with a given name.
-pub(crate) fn find(kind: &str) -> Option<&'static dyn SignalKind> {
-    ALL.iter().copied().find(|k| k.spec().kind == kind)
+fn find(name: &str) -> Option<&'static Kind> {
+    ALL.iter().copied().find(|kind| kind.name == name)
 }
 
 /// A number as the user wrote it.
@@ -61,7 +61,7 @@ pub struct WrittenQuantity {
 
 impl WrittenQuantity {
     /// The measure of its unit; `None` for a plain number.
-    pub(crate) fn measure(&self) -> Option<Measure> {
+    fn measure(&self) -> Option<Measure> {
         self.unit.map(|unit| Measure::per(unit.unit, self.per_second))
     }
 
@@ -90,31 +90,27 @@ pub(crate) enum Argument {
 /// One term of a signal: a kind with its arguments, checked as far as possible without the input's unit.
 #[derive(Clone)]
 pub(crate) struct Term {
-    kind: &'static dyn SignalKind,
+    /// The kind of signal.
+    pub kind: &'static Kind,
     /// One entry per declared parameter.
     arguments: Vec<Option<Argument>>,
 }
 
 impl Term {
-    /// The kind of signal.
-    pub(crate) fn kind(&self) -> &'static dyn SignalKind {
-        self.kind
-    }
-
     /// The given arguments, with the names of their parameters.
     pub(crate) fn arguments(&self) -> impl Iterator<Item = (&'static str, &Argument)> {
-        let parameters = self.kind.spec().parameters.iter();
+        let parameters = self.kind.parameters.iter();
         parameters.zip(&self.arguments).filter_map(|(p, a)| a.as_ref().map(|a| (p.name, a)))
     }
 
     fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
-        self.kind.build(&Given::new(self.kind.spec(), &self.arguments, unit, duration_s)?)
+        (self.kind.build)(&Given::new(self.kind, &self.arguments, unit, duration_s)?)
     }
 }
 
 impl PartialEq for Term {
     fn eq(&self, other: &Self) -> bool {
-        self.kind.spec().kind == other.kind.spec().kind && self.arguments == other.arguments
+        self.kind.name == other.kind.name && self.arguments == other.arguments
     }
 }
 
@@ -152,7 +148,9 @@ impl Signal {
     /// A unit does not suit the input, or a value is out of range.
     pub fn build(&self, unit: Unit, duration_s: f64) -> Result<Piecewise, SignalError> {
         if !(duration_s > 0.0 && duration_s.is_finite()) {
-            return Err(SignalError::Duration { duration_s });
+            let message =
+                format!("a run of {duration_s} s is impossible: greater than 0 is needed");
+            return Err(SignalError::Invalid(message));
         }
         let mut sum = self.terms[0].build(unit, duration_s)?;
         for term in &self.terms[1..] {
@@ -164,7 +162,7 @@ impl Signal {
 
 /// Help text: all kinds with parameters, units, ranges and an example.
 pub fn help() -> String {
-    let kinds = ALL.iter().map(|kind| kind.spec().help());
+    let kinds = ALL.iter().map(|kind| kind.help());
     let units: Vec<&str> = units::usual().map(|unit| unit.symbol).collect();
     kinds.collect::<String>()
         + &format!(
@@ -172,4 +170,32 @@ pub fn help() -> String {
              Several signals joined by ' + ' are added. A number alone is a constant.\n",
             units.join(", ")
         )
+}
+
+/// The JSON Schema of a signal in a file: a text, a number, a table with its kind, or a list of them.
+pub(crate) fn schema() -> Value {
+    let tables = ALL.iter().map(|kind| {
+        let mut properties = Map::from_iter([("kind".into(), json!({ "const": kind.name }))]);
+        let mut required = vec!["kind"];
+        for declared in kind.parameters {
+            let mut schema = match declared.sort {
+                Sort::Choice(words) => json!({ "enum": words }),
+                Sort::Text => json!({ "type": "string" }),
+                _ => json!({ "type": ["number", "string"] }),
+            };
+            schema["description"] = json!(declared.summary);
+            properties.insert(declared.name.into(), schema);
+            if declared.fallback == Fallback::Required {
+                required.push(declared.name);
+            }
+        }
+        json!({
+            "type": "object", "description": kind.summary, "properties": properties,
+            "required": required, "additionalProperties": false,
+        })
+    });
+    let of_list = json!({ "type": "array", "minItems": 1, "items": { "$ref": "#/$defs/signal" } });
+    let mut one = vec![json!({ "type": "string" }), json!({ "type": "number" }), of_list];
+    one.extend(tables);
+    json!({ "anyOf": one, "description": "what an input does over time, such as step:size=10deg" })
 }

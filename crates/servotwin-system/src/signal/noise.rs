@@ -19,14 +19,11 @@
 
 use super::error::SignalError;
 use super::random::NormalDeviates;
-use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
+use super::spec::{Fallback::*, Given, Kind, Range::*, Sort::*, parameter};
 use servotwin_model::math::{sin_cos, tanh};
 use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::spec::Unit;
 use std::f64::consts::PI;
-
-/// Band-limited white noise.
-pub(crate) struct Noise;
 
 /// The default limit for angles: the travel of an aileron (physics 7.2).
 const ANGLE_LIMIT_RAD: f64 = 22.0 * PI / 180.0;
@@ -36,63 +33,45 @@ const MOST_IN_WINDOW: f64 = 1e6;
 /// The most iterations for the factor.
 const MOST_ROUNDS: usize = 60;
 
-static SPEC: Spec = Spec {
-    kind: "noise",
+pub(super) static NOISE: Kind = Kind {
+    name: "noise",
     summary: "band-limited white noise (Butterworth of order 4), softly limited",
     example: "noise:rms=5deg,bandwidth=1Hz,seed=7",
-    continuous: true,
     parameters: &[
-        Parameter {
-            name: "rms",
-            sort: Sort::Value,
-            range: Range::Positive,
-            fallback: Fallback::Required,
-            summary: "root mean square over the window",
-        },
-        Parameter {
-            name: "bandwidth",
-            sort: Sort::Frequency,
-            range: Range::Between(0.01, 1e3),
-            fallback: Fallback::Required,
-            summary: "the filter's -3 dB frequency",
-        },
-        Parameter {
-            name: "seed",
-            sort: Sort::Whole,
-            // Integers are read as f64, exact up to 2⁵³.
-            range: Range::Between(0.0, 9_007_199_254_740_992.0),
-            fallback: Fallback::Number(1.0),
-            summary: "another seed gives another realization",
-        },
-        Parameter {
-            name: "limit",
-            sort: Sort::Value,
-            range: Range::Positive,
-            fallback: Fallback::Without("22deg for an angle, none for other inputs"),
-            summary: "largest magnitude of a sample, at least twice the rms",
-        },
-        Parameter {
-            name: "sampling",
-            sort: Sort::Frequency,
-            range: Range::Between(1.0, 1e4),
-            fallback: Fallback::Number(100.0),
-            summary: "sampling rate, at least 2.5 times the bandwidth",
-        },
-        Parameter {
-            name: "fade",
-            sort: Sort::Time,
-            range: Range::NotNegative,
-            fallback: Fallback::Number(0.5),
-            summary: "time to fade in from rest",
-        },
-        Parameter {
-            name: "window",
-            sort: Sort::Time,
-            range: Range::Positive,
-            fallback: Fallback::Number(90.0),
-            summary: "time over which the rms holds",
-        },
+        parameter("rms", Value, Positive, Required, "root mean square over the window"),
+        parameter(
+            "bandwidth",
+            Frequency,
+            Between(0.01, 1e3),
+            Required,
+            "the filter's -3 dB frequency",
+        ),
+        // Integers are read as f64, exact up to 2⁵³.
+        parameter(
+            "seed",
+            Whole,
+            Between(0.0, 9_007_199_254_740_992.0),
+            Number(1.0),
+            "another seed gives another realization",
+        ),
+        parameter(
+            "limit",
+            Value,
+            Positive,
+            Without("22deg for an angle, none for other inputs"),
+            "largest magnitude of a sample, at least twice the rms",
+        ),
+        parameter(
+            "sampling",
+            Frequency,
+            Between(1.0, 1e4),
+            Number(100.0),
+            "sampling rate, at least 2.5 times the bandwidth",
+        ),
+        parameter("fade", Time, NotNegative, Number(0.5), "time to fade in from rest"),
+        parameter("window", Time, Positive, Number(90.0), "time over which the rms holds"),
     ],
+    build,
 };
 
 /// One section of the filter (SN2), in transposed direct form II.
@@ -174,47 +153,39 @@ impl Shape {
     }
 }
 
-impl SignalKind for Noise {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
+fn build(given: &Given) -> Result<Piecewise, SignalError> {
+    let (rms, bandwidth_hz) = (given.number("rms"), given.number("bandwidth"));
+    let sampling_hz = given.number("sampling");
+    let fallback = (given.unit == Unit::Radian).then_some(ANGLE_LIMIT_RAD);
+    let limit = given.optional("limit").or(fallback);
+    if bandwidth_hz > 0.4 * sampling_hz {
+        return Err(given.impossible("'bandwidth' must be at most 0.4 times 'sampling'"));
     }
-
-    fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
-        let (rms, bandwidth_hz) = (given.number("rms"), given.number("bandwidth"));
-        let sampling_hz = given.number("sampling");
-        let fallback = (given.unit == Unit::Radian).then_some(ANGLE_LIMIT_RAD);
-        let limit = given.optional("limit").or(fallback);
-        if bandwidth_hz > 0.4 * sampling_hz {
-            return Err(given.impossible("'bandwidth' must be at most 0.4 times 'sampling'"));
-        }
-        if limit.is_some_and(|limit| rms > 0.5 * limit) {
-            return Err(
-                given.impossible("'rms' must be at most half of 'limit' (22deg for an angle)")
-            );
-        }
-        let window_s = given.number("window");
-        if window_s * bandwidth_hz < 2.0 || window_s < 2.0 * given.number("fade") {
-            return Err(
-                given.impossible("'window' must last two periods of 'bandwidth' and twice 'fade'")
-            );
-        }
-        given.few_points(window_s.max(given.duration_s) * sampling_hz)?;
-        if window_s * sampling_hz > MOST_IN_WINDOW {
-            return Err(given.impossible(format!(
-                "'window' must hold at most {MOST_IN_WINDOW} samples ({} s at {sampling_hz} Hz): it is gone through \
-                 up to {MOST_ROUNDS} times; it may be shorter than the run",
-                MOST_IN_WINDOW / sampling_hz
-            )));
-        }
-        let shape = Shape { sampling_hz, fade_s: given.number("fade"), limit };
-        let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
-        let (window, run) = (count(window_s), count(given.duration_s));
-        let seed = given.number("seed") as u64;
-        // Two additional samples determine the slopes at the end.
-        let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run) + 2);
-        let factor = shape.factor(&filtered[..window + 2], rms, window_s)?;
-        Ok(shape.curve(&filtered[..run + 2], factor)?)
+    if limit.is_some_and(|limit| rms > 0.5 * limit) {
+        return Err(given.impossible("'rms' must be at most half of 'limit' (22deg for an angle)"));
     }
+    let window_s = given.number("window");
+    if window_s * bandwidth_hz < 2.0 || window_s < 2.0 * given.number("fade") {
+        return Err(
+            given.impossible("'window' must last two periods of 'bandwidth' and twice 'fade'")
+        );
+    }
+    given.few_points(window_s.max(given.duration_s) * sampling_hz)?;
+    if window_s * sampling_hz > MOST_IN_WINDOW {
+        return Err(given.impossible(format!(
+            "'window' must hold at most {MOST_IN_WINDOW} samples ({} s at {sampling_hz} Hz): it is gone through \
+             up to {MOST_ROUNDS} times; it may be shorter than the run",
+            MOST_IN_WINDOW / sampling_hz
+        )));
+    }
+    let shape = Shape { sampling_hz, fade_s: given.number("fade"), limit };
+    let count = |seconds: f64| (seconds * sampling_hz).ceil() as usize + 1;
+    let (window, run) = (count(window_s), count(given.duration_s));
+    let seed = given.number("seed") as u64;
+    // Two additional samples determine the slopes at the end.
+    let filtered = filtered(seed, bandwidth_hz, sampling_hz, window.max(run) + 2);
+    let factor = shape.factor(&filtered[..window + 2], rms, window_s)?;
+    Ok(shape.curve(&filtered[..run + 2], factor)?)
 }
 
 /// Slopes (SN4) at all samples but the last two; before the first sample, the first value holds.

@@ -6,51 +6,24 @@
 //! of the amplitude.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
+use super::spec::{Fallback::*, Given, Kind, Range::*, Sort::*, parameter};
 use servotwin_model::math::sin_cos;
 use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;
 
-/// A sine.
-pub(crate) struct Sine;
-
 const PIECES_PER_PERIOD: f64 = 256.0;
 
-static SPEC: Spec = Spec {
-    kind: "sine",
+pub(super) static SINE: Kind = Kind {
+    name: "sine",
     summary: "a sine wave",
     example: "sine:amplitude=5deg,frequency=1Hz",
-    continuous: true,
     parameters: &[
-        Parameter {
-            name: "amplitude",
-            sort: Sort::Value,
-            range: Range::Any,
-            fallback: Fallback::Required,
-            summary: "peak value",
-        },
-        Parameter {
-            name: "frequency",
-            sort: Sort::Frequency,
-            range: Range::Between(1e-4, 1e3),
-            fallback: Fallback::Required,
-            summary: "oscillations per second",
-        },
-        Parameter {
-            name: "phase",
-            sort: Sort::Angle,
-            range: Range::Any,
-            fallback: Fallback::Number(0.0),
-            summary: "angle at the start",
-        },
-        Parameter {
-            name: "at",
-            sort: Sort::Time,
-            range: Range::NotNegative,
-            fallback: Fallback::Number(0.0),
-            summary: "start time",
-        },
+        parameter("amplitude", Value, Any, Required, "peak value"),
+        parameter("frequency", Frequency, Between(1e-4, 1e3), Required, "oscillations per second"),
+        parameter("phase", Angle, Any, Number(0.0), "angle at the start"),
+        parameter("at", Time, NotNegative, Number(0.0), "start time"),
     ],
+    build,
 };
 
 /// Sine and cosine of an angle in periods.
@@ -58,24 +31,18 @@ pub(super) fn sin_cos_of_periods(periods: f64) -> (f64, f64) {
     sin_cos(TAU * (periods - periods.round_ties_even()))
 }
 
-impl SignalKind for Sine {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
+fn build(given: &Given) -> Result<Piecewise, SignalError> {
+    let (amplitude, frequency_hz) = (given.number("amplitude"), given.number("frequency"));
+    let (phase, at_s) = (given.number("phase") / TAU, given.number("at"));
+    let per_second = frequency_hz * PIECES_PER_PERIOD;
+    given.few_points(given.duration_s * per_second)?;
+    let count = ((given.duration_s - at_s).max(0.0) * per_second).ceil() as usize + 1;
+    let mut points = (vec![], vec![], vec![]);
+    for k in 0..=count {
+        let (sin, cos) = sin_cos_of_periods(phase + k as f64 / PIECES_PER_PERIOD);
+        points.0.push(at_s + k as f64 / per_second);
+        points.1.push(amplitude * sin);
+        points.2.push(amplitude * TAU * frequency_hz * cos);
     }
-
-    fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
-        let (amplitude, frequency_hz) = (given.number("amplitude"), given.number("frequency"));
-        let (phase, at_s) = (given.number("phase") / TAU, given.number("at"));
-        let per_second = frequency_hz * PIECES_PER_PERIOD;
-        given.few_points(given.duration_s * per_second)?;
-        let count = ((given.duration_s - at_s).max(0.0) * per_second).ceil() as usize + 1;
-        let mut points = (vec![], vec![], vec![]);
-        for k in 0..=count {
-            let (sin, cos) = sin_cos_of_periods(phase + k as f64 / PIECES_PER_PERIOD);
-            points.0.push(at_s + k as f64 / per_second);
-            points.1.push(amplitude * sin);
-            points.2.push(amplitude * TAU * frequency_hz * cos);
-        }
-        Ok(Piecewise::hermite(&points.0, &points.1, &points.2)?)
-    }
+    Ok(Piecewise::hermite(&points.0, &points.1, &points.2)?)
 }

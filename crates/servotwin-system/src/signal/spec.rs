@@ -1,18 +1,17 @@
 //! The declaration of a kind of signal, and access to its checked arguments.
 //!
-//! The parser, the help text, the ranges and the units all use these declarations.
+//! The parser, the help text, the JSON Schema, the ranges and the units all use these declarations.
 
 use super::error::SignalError;
 use super::units::Measure;
 use super::{Argument, WrittenQuantity};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
-use std::borrow::Cow;
 use std::fmt;
 
 /// The type of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sort {
+pub(crate) enum Sort {
     /// A value in the unit of the input that the signal drives.
     Value,
     /// A rate in that unit per second.
@@ -32,8 +31,8 @@ pub enum Sort {
 }
 
 /// The allowed values, in SI.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Range {
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Range {
     /// Any finite number.
     Any,
     /// Greater than zero.
@@ -68,7 +67,7 @@ impl fmt::Display for Range {
 
 /// The default of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fallback {
+pub(crate) enum Fallback {
     /// The parameter is required.
     Required,
     /// A number, SI.
@@ -81,22 +80,42 @@ pub enum Fallback {
 
 /// A parameter of a kind of signal.
 #[derive(Clone, Copy, Debug)]
-pub struct Parameter {
+pub(crate) struct Parameter {
     /// Its name in text and files.
     pub name: &'static str,
     /// Its type.
     pub sort: Sort,
-    /// The allowed values.
-    pub range: Range,
+    range: Range,
     /// Its default.
     pub fallback: Fallback,
     /// A one-line description.
     pub summary: &'static str,
 }
 
+/// A number.
+pub(super) const fn parameter(
+    name: &'static str,
+    sort: Sort,
+    range: Range,
+    fallback: Fallback,
+    summary: &'static str,
+) -> Parameter {
+    Parameter { name, sort, range, fallback, summary }
+}
+
+/// A text or one of several words.
+pub(super) const fn words(
+    name: &'static str,
+    sort: Sort,
+    fallback: Fallback,
+    summary: &'static str,
+) -> Parameter {
+    parameter(name, sort, Range::Any, fallback, summary)
+}
+
 impl Parameter {
     /// The unit of its values for an input in `unit`; `None` for a word.
-    pub(crate) fn measure(&self, unit: Unit) -> Option<Measure> {
+    pub(super) fn measure(&self, unit: Unit) -> Option<Measure> {
         match self.sort {
             Sort::Value => Some(Measure::of(unit)),
             Sort::Rate => Some(Measure { unit, per_second: true }),
@@ -108,81 +127,105 @@ impl Parameter {
         }
     }
 
-    fn units_for_people(&self) -> String {
-        match self.sort {
+    fn help(&self) -> String {
+        let unit = match self.sort {
             Sort::Value => "in the input's unit".into(),
             Sort::Rate => "in the input's unit per second".into(),
             Sort::Whole => "whole number".into(),
             Sort::Choice(words) => words.join(" or "),
             Sort::Text => "text".into(),
             _ => self.measure(Unit::None).map_or(vec![], Measure::allowed).join(", "),
+        };
+        let range = match self.sort {
+            Sort::Text | Sort::Choice(_) => String::new(),
+            _ => format!(", {}", self.range),
+        };
+        let fallback = match self.fallback {
+            Fallback::Required => "required".to_string(),
+            Fallback::Number(number) => format!("default {number}"),
+            Fallback::Word(word) => format!("default {word}"),
+            Fallback::Without(what) => format!("default: {what}"),
+        };
+        format!("  {:<10} {} ({unit}{range}; {fallback})\n", self.name, self.summary)
+    }
+
+    /// Checks that a quantity has a unit of `measure`; a plain number always passes.
+    pub(super) fn check_unit(
+        &self,
+        kind: &Kind,
+        quantity: &WrittenQuantity,
+        measure: Measure,
+    ) -> Result<(), SignalError> {
+        if quantity.measure().is_none_or(|own| own == measure) {
+            return Ok(());
         }
+        Err(self.wrong_unit(kind, &quantity.to_string(), &measure.allowed()))
+    }
+
+    pub(super) fn wrong_unit(&self, kind: &Kind, given: &str, allowed: &[String]) -> SignalError {
+        let (kind, name) = (kind.name, self.name);
+        let allowed: String = allowed.iter().map(|unit| format!("{unit}, ")).collect();
+        SignalError::WrongUnit(format!(
+            "{kind}: '{name}={given}' has a wrong unit; allowed: {allowed}a plain number (SI)"
+        ))
+    }
+
+    /// Checks that a quantity is in the parameter's range.
+    pub(super) fn check_range(
+        &self,
+        kind: &Kind,
+        quantity: &WrittenQuantity,
+    ) -> Result<(), SignalError> {
+        let whole = self.sort != Sort::Whole || quantity.number.fract() == 0.0;
+        if whole && self.range.contains(quantity.si()) {
+            return Ok(());
+        }
+        let unit = match self.sort {
+            Sort::Angle => " (rad)",
+            Sort::Time => " (s)",
+            Sort::Frequency => " (Hz)",
+            Sort::Whole => " (whole number)",
+            Sort::Value | Sort::Rate | Sort::Text | Sort::Choice(_) => "",
+        };
+        let (kind, name, range) = (kind.name, self.name, self.range);
+        let message = format!("{kind}: '{name}={quantity}' is out of range: {range}{unit}");
+        Err(SignalError::Invalid(message))
     }
 }
 
 /// The declaration of a kind of signal.
 #[derive(Debug)]
-pub struct Spec {
+pub(crate) struct Kind {
     /// Name in texts and files.
-    pub kind: &'static str,
+    pub name: &'static str,
     /// A one-line description.
     pub summary: &'static str,
     /// A text that is valid for an angle.
     pub example: &'static str,
-    /// Whether its value never jumps.
-    pub continuous: bool,
     /// The parameters that it accepts.
     pub parameters: &'static [Parameter],
+    /// Builds the function of time from checked arguments. Fails if they are incompatible.
+    pub(super) build: fn(&Given) -> Result<Piecewise, SignalError>,
 }
 
-impl Spec {
+impl Kind {
     /// The index of a parameter by name.
     pub(crate) fn parameter(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|p| p.name == name)
     }
 
     pub(super) fn help(&self) -> String {
-        let mut text = format!("{}: {}; e.g. {}\n", self.kind, self.summary, self.example);
-        for parameter in self.parameters {
-            let fallback = match parameter.fallback {
-                Fallback::Required => "required".to_string(),
-                Fallback::Number(number) => format!("default {number}"),
-                Fallback::Word(word) => format!("default {word}"),
-                Fallback::Without(what) => format!("default: {what}"),
-            };
-            let range = match parameter.sort {
-                Sort::Text | Sort::Choice(_) => String::new(),
-                _ => format!(", {}", parameter.range),
-            };
-            text += &format!(
-                "  {:<10} {} ({}{range}; {fallback})\n",
-                parameter.name,
-                parameter.summary,
-                parameter.units_for_people(),
-            );
-        }
-        text
+        let parameters: String = self.parameters.iter().map(Parameter::help).collect();
+        format!("{}: {}; e.g. {}\n{parameters}", self.name, self.summary, self.example)
     }
-}
-
-/// A kind of signal.
-pub trait SignalKind: Sync {
-    /// The declaration of the kind.
-    fn spec(&self) -> &'static Spec;
-
-    /// Builds the function of time from checked arguments.
-    ///
-    /// # Errors
-    /// The arguments are incompatible.
-    fn build(&self, given: &Given) -> Result<Piecewise, SignalError>;
 }
 
 /// The most points of a signal.
 const MOST_POINTS: f64 = 1e7;
 
 /// Checked arguments, in SI.
-pub struct Given<'a> {
-    spec: &'static Spec,
+pub(super) struct Given<'a> {
+    kind: &'static Kind,
     arguments: &'a [Option<Argument>],
     /// The unit of the input.
     pub unit: Unit,
@@ -192,30 +235,31 @@ pub struct Given<'a> {
 
 impl<'a> Given<'a> {
     pub(super) fn new(
-        spec: &'static Spec,
+        kind: &'static Kind,
         arguments: &'a [Option<Argument>],
         unit: Unit,
         duration_s: f64,
     ) -> Result<Self, SignalError> {
-        for (parameter, argument) in spec.parameters.iter().zip(arguments) {
+        for (parameter, argument) in kind.parameters.iter().zip(arguments) {
             if let (Some(Argument::Quantity(quantity)), Some(measure)) =
                 (argument, parameter.measure(unit))
             {
-                check_unit(spec, parameter, quantity, measure)?;
+                parameter.check_unit(kind, quantity, measure)?;
             }
         }
-        Ok(Self { spec, arguments, unit, duration_s })
+        Ok(Self { kind, arguments, unit, duration_s })
     }
 
-    fn place(&self, name: &str) -> usize {
-        let place = self.spec.parameter(name);
-        place.unwrap_or_else(|| panic!("{} declares no parameter '{name}'", self.spec.kind))
+    fn argument(&self, name: &str) -> (Option<&Argument>, Fallback) {
+        let place = self.kind.parameter(name);
+        let place =
+            place.unwrap_or_else(|| panic!("{} declares no parameter '{name}'", self.kind.name));
+        (self.arguments[place].as_ref(), self.kind.parameters[place].fallback)
     }
 
     /// A number that is given or has a default; `None` otherwise.
-    pub(crate) fn optional(&self, name: &str) -> Option<f64> {
-        let place = self.place(name);
-        match (&self.arguments[place], self.spec.parameters[place].fallback) {
+    pub(super) fn optional(&self, name: &str) -> Option<f64> {
+        match self.argument(name) {
             (Some(Argument::Quantity(quantity)), _) => Some(quantity.si()),
             (_, Fallback::Number(number)) => Some(number),
             _ => None,
@@ -223,17 +267,16 @@ impl<'a> Given<'a> {
     }
 
     /// A number that is required or has a default.
-    pub(crate) fn number(&self, name: &str) -> f64 {
+    pub(super) fn number(&self, name: &str) -> f64 {
         self.optional(name).expect("required parameters are checked when parsed")
     }
 
     /// A word or text that is given or has a default.
-    pub(crate) fn word(&self, name: &str) -> &str {
-        let place = self.place(name);
-        match (&self.arguments[place], self.spec.parameters[place].fallback) {
+    pub(super) fn word(&self, name: &str) -> &str {
+        match self.argument(name) {
             (Some(Argument::Word(word)), _) => word,
             (_, Fallback::Word(word)) => word,
-            _ => panic!("'{name}' of {} is no word", self.spec.kind),
+            _ => panic!("'{name}' of {} is no word", self.kind.name),
         }
     }
 
@@ -249,51 +292,7 @@ impl<'a> Given<'a> {
     }
 
     /// The error for incompatible arguments.
-    pub(super) fn impossible(&self, reason: impl Into<Cow<'static, str>>) -> SignalError {
-        SignalError::Impossible { kind: self.spec.kind, reason: reason.into() }
+    pub(super) fn impossible(&self, reason: impl fmt::Display) -> SignalError {
+        SignalError::Invalid(format!("{}: {reason}", self.kind.name))
     }
-}
-
-/// Checks that a quantity has a unit of `measure`; a plain number always passes.
-pub(super) fn check_unit(
-    spec: &Spec,
-    parameter: &Parameter,
-    quantity: &WrittenQuantity,
-    measure: Measure,
-) -> Result<(), SignalError> {
-    if quantity.measure().is_none_or(|own| own == measure) {
-        return Ok(());
-    }
-    Err(SignalError::WrongUnit {
-        kind: spec.kind,
-        parameter: parameter.name,
-        given: quantity.to_string(),
-        allowed: measure.allowed(),
-    })
-}
-
-/// Checks that a quantity is in the parameter's range.
-pub(super) fn check_range(
-    spec: &Spec,
-    parameter: &Parameter,
-    quantity: &WrittenQuantity,
-) -> Result<(), SignalError> {
-    let whole = parameter.sort != Sort::Whole || quantity.number.fract() == 0.0;
-    if whole && parameter.range.contains(quantity.si()) {
-        return Ok(());
-    }
-    let units = match parameter.sort {
-        Sort::Angle => "rad",
-        Sort::Time => "s",
-        Sort::Frequency => "Hz",
-        Sort::Whole => "whole number",
-        Sort::Value | Sort::Rate | Sort::Text | Sort::Choice(_) => "",
-    };
-    Err(SignalError::OutOfRange {
-        kind: spec.kind,
-        parameter: parameter.name,
-        given: quantity.to_string(),
-        range: parameter.range,
-        units,
-    })
 }

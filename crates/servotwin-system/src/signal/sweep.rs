@@ -15,65 +15,37 @@
 
 use super::error::SignalError;
 use super::sine::sin_cos_of_periods;
-use super::spec::{Fallback, Given, Parameter, Range, SignalKind, Sort, Spec};
+use super::spec::{Fallback::*, Given, Kind, Range::*, Sort::*, parameter, words};
 use servotwin_model::math::{exp, ln};
 use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;
 
-/// A sine whose frequency changes.
-pub(crate) struct Sweep;
-
 const ERROR: f64 = 9e-10;
 
-static SPEC: Spec = Spec {
-    kind: "sweep",
+pub(super) static SWEEP: Kind = Kind {
+    name: "sweep",
     summary: "a sine with a rising or falling frequency",
     example: "sweep:amplitude=2deg,from=0.1Hz,to=10Hz",
-    continuous: true,
     parameters: &[
-        Parameter {
-            name: "amplitude",
-            sort: Sort::Value,
-            range: Range::Any,
-            fallback: Fallback::Required,
-            summary: "peak value",
-        },
-        Parameter {
-            name: "from",
-            sort: Sort::Frequency,
-            range: Range::Between(1e-4, 1e3),
-            fallback: Fallback::Required,
-            summary: "frequency at the start",
-        },
-        Parameter {
-            name: "to",
-            sort: Sort::Frequency,
-            range: Range::Between(1e-4, 1e3),
-            fallback: Fallback::Required,
-            summary: "frequency at the end",
-        },
-        Parameter {
-            name: "law",
-            sort: Sort::Choice(&["log", "linear"]),
-            range: Range::Any,
-            fallback: Fallback::Word("log"),
-            summary: "how the frequency changes over time",
-        },
-        Parameter {
-            name: "at",
-            sort: Sort::Time,
-            range: Range::NotNegative,
-            fallback: Fallback::Number(0.0),
-            summary: "start time",
-        },
-        Parameter {
-            name: "length",
-            sort: Sort::Time,
-            range: Range::Positive,
-            fallback: Fallback::Without("the rest of the run"),
-            summary: "duration of the sweep",
-        },
+        parameter("amplitude", Value, Any, Required, "peak value"),
+        parameter("from", Frequency, Between(1e-4, 1e3), Required, "frequency at the start"),
+        parameter("to", Frequency, Between(1e-4, 1e3), Required, "frequency at the end"),
+        words(
+            "law",
+            Choice(&["log", "linear"]),
+            Word("log"),
+            "how the frequency changes over time",
+        ),
+        parameter("at", Time, NotNegative, Number(0.0), "start time"),
+        parameter(
+            "length",
+            Time,
+            Positive,
+            Without("the rest of the run"),
+            "duration of the sweep",
+        ),
     ],
+    build,
 };
 
 /// The phase law of a sweep.
@@ -126,36 +98,30 @@ impl Law {
     }
 }
 
-impl SignalKind for Sweep {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
+fn build(given: &Given) -> Result<Piecewise, SignalError> {
+    let (amplitude, at_s) = (given.number("amplitude"), given.number("at"));
+    let length_s = given.optional("length").unwrap_or(given.duration_s - at_s);
+    if length_s <= 0.0 {
+        return Err(given.impossible("'at' must be before the end of the run"));
     }
-
-    fn build(&self, given: &Given) -> Result<Piecewise, SignalError> {
-        let (amplitude, at_s) = (given.number("amplitude"), given.number("at"));
-        let length_s = given.optional("length").unwrap_or(given.duration_s - at_s);
-        if length_s <= 0.0 {
-            return Err(given.impossible("'at' must be before the end of the run"));
-        }
-        let law = Law::new(given.word("law"), given.number("from"), given.number("to"), length_s);
-        let mut points = (vec![], vec![], vec![]);
-        // The shortest piece is at one of the ends, where the frequency is highest.
-        given.few_points(length_s / law.piece_s(0.0).min(law.piece_s(length_s)))?;
-        let mut push = |x_s: f64| {
-            let (periods, frequency_hz) = law.at(x_s);
-            let (sin, cos) = sin_cos_of_periods(periods);
-            points.0.push(at_s + x_s);
-            points.1.push(amplitude * sin);
-            points.2.push(amplitude * TAU * frequency_hz * cos);
-        };
-        let mut x_s = 0.0;
-        while x_s < length_s {
-            push(x_s);
-            // The frequency is monotone, so the bound is the larger of those at the two ends.
-            let h = law.piece_s(x_s);
-            x_s += h.min(law.piece_s((x_s + h).min(length_s)));
-        }
-        push(length_s);
-        Ok(Piecewise::hermite(&points.0, &points.1, &points.2)?)
+    let law = Law::new(given.word("law"), given.number("from"), given.number("to"), length_s);
+    let mut points = (vec![], vec![], vec![]);
+    // The shortest piece is at one of the ends, where the frequency is highest.
+    given.few_points(length_s / law.piece_s(0.0).min(law.piece_s(length_s)))?;
+    let mut push = |x_s: f64| {
+        let (periods, frequency_hz) = law.at(x_s);
+        let (sin, cos) = sin_cos_of_periods(periods);
+        points.0.push(at_s + x_s);
+        points.1.push(amplitude * sin);
+        points.2.push(amplitude * TAU * frequency_hz * cos);
+    };
+    let mut x_s = 0.0;
+    while x_s < length_s {
+        push(x_s);
+        // The frequency is monotone, so the bound is the larger of those at the two ends.
+        let h = law.piece_s(x_s);
+        x_s += h.min(law.piece_s((x_s + h).min(length_s)));
     }
+    push(length_s);
+    Ok(Piecewise::hermite(&points.0, &points.1, &points.2)?)
 }

@@ -1,8 +1,13 @@
-//! The compact text of a signal: `kind:name=value,name=value + …`.
+//! Signals in texts and files.
+//!
+//! A text is `kind:name=value,name=value + …`. In a file a signal is a text (`"step:size=10deg"`), a plain number (a
+//! constant, SI) or a table (`{ kind = "step", size = "10deg", at = 0.1 }`). A list of these is their sum.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Parameter, SignalKind, Sort, Spec, check_range, check_unit};
-use super::{Argument, Measure, Signal, Term, WrittenQuantity, find, units};
+use super::spec::{Fallback, Kind, Parameter, Sort};
+use super::{ALL, Argument, Measure, Signal, Term, WrittenQuantity, find, units};
+use crate::document::{Collector, Diagnostic, Entry};
+use crate::format::{Key, Read, Value};
 use servotwin_model::spec::Unit;
 use std::fmt;
 use std::str::FromStr;
@@ -16,6 +21,50 @@ impl FromStr for Signal {
     }
 }
 
+impl Read for Signal {
+    const VALUE: Value = Value::Signal;
+
+    fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let read = written(entry);
+        read.map_err(|error| {
+            mistakes.note(&entry.value_at(), Diagnostic::new(error.to_string()));
+        })
+        .ok()
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        "0".parse().expect("a constant")
+    }
+}
+
+/// A signal in one of its forms in a file.
+fn written(entry: &Entry) -> Result<Signal, SignalError> {
+    if let Some(list) = entry.list() {
+        let signals = list.iter().map(written).collect::<Result<Vec<_>, _>>()?;
+        let terms: Vec<Term> = signals.into_iter().flat_map(|signal| signal.terms).collect();
+        return if terms.is_empty() { Err(missing()) } else { Ok(Signal { terms }) };
+    }
+    let Some(table) = entry.table() else {
+        let form = "a signal: a text, a number, a table with 'kind', or a list of them";
+        return plain(entry, form)?.parse();
+    };
+    let form = "a number or a text such as \"10deg\"";
+    let kind = table.iter().find(|entry| entry.key == "kind");
+    let no_kind = || SignalError::new(format!("a signal needs 'kind'; known: {}", kinds()));
+    let mut builder = Builder::new(&plain(kind.ok_or_else(no_kind)?, form)?)?;
+    for entry in table.iter().filter(|entry| entry.key != "kind") {
+        builder.set(entry.key, &plain(entry, form)?)?;
+    }
+    Ok(Signal { terms: vec![builder.finish()?] })
+}
+
+/// A text, or a number as text, which Rust writes and reads without loss.
+fn plain(entry: &Entry, form: &str) -> Result<String, SignalError> {
+    let number = || entry.number().map(|number| number.to_string());
+    let text = entry.text().map(str::to_owned).or_else(number);
+    text.ok_or_else(|| SignalError::new(format!("'{}' must be {form}", entry.key)))
+}
+
 impl fmt::Display for Signal {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (index, term) in self.terms.iter().enumerate() {
@@ -27,7 +76,7 @@ impl fmt::Display for Signal {
 
 impl fmt::Display for Term {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{}", self.kind.spec().kind)?;
+        write!(out, "{}", self.kind.name)?;
         for (index, (name, argument)) in self.arguments().enumerate() {
             write!(out, "{}{name}={argument}", if index == 0 { ":" } else { "," })?;
         }
@@ -42,6 +91,14 @@ impl fmt::Display for Argument {
             Argument::Word(word) => write!(out, "{word}"),
         }
     }
+}
+
+fn kinds() -> String {
+    ALL.iter().map(|kind| kind.name).collect::<Vec<_>>().join(", ")
+}
+
+fn missing() -> SignalError {
+    SignalError::new(format!("a signal is missing; known kinds: {}", kinds()))
 }
 
 /// Splits at each `+` that follows a space (the one in `1e+3` does not).
@@ -60,7 +117,7 @@ fn split_terms(text: &str) -> Vec<&str> {
 
 fn term_of(text: &str) -> Result<Term, SignalError> {
     if text.is_empty() {
-        return Err(SignalError::Empty);
+        return Err(missing());
     }
     let (kind, rest) = match text.split_once(':') {
         Some((kind, rest)) => (kind.trim(), rest),
@@ -75,8 +132,7 @@ fn term_of(text: &str) -> Result<Term, SignalError> {
     let arguments = rest.split(',').map(str::trim);
     for argument in arguments.filter(|_| !rest.trim().is_empty()) {
         let Some((name, value)) = argument.split_once('=') else {
-            let kind = builder.kind.spec().kind;
-            return Err(SignalError::NoEqualSign { kind, given: argument.into() });
+            return Err(builder.invalid(format!("'{argument}' is not of the form name=value")));
         };
         builder.set(name.trim(), value.trim())?;
     }
@@ -112,9 +168,8 @@ impl FromStr for WrittenQuantity {
             _ => true,
         });
         let (number, unit) = text.split_at(end.map_or(text.len(), |(place, _)| place));
-        let not_a_number = || QuantityError::NotANumber { given: text.into() };
         let number = number.parse().ok().filter(|n: &f64| n.is_finite());
-        let number = number.ok_or_else(not_a_number)?;
+        let number = number.ok_or_else(|| QuantityError::NotANumber { given: text.into() })?;
         match units::find(unit.trim()) {
             _ if unit.trim().is_empty() => {
                 Ok(WrittenQuantity { number, unit: None, per_second: false })
@@ -145,101 +200,82 @@ impl WrittenQuantity {
 }
 
 /// A term under construction from names and values.
-pub(super) struct Builder {
-    kind: &'static dyn SignalKind,
+struct Builder {
+    kind: &'static Kind,
     arguments: Vec<Option<Argument>>,
 }
 
 impl Builder {
-    pub(crate) fn new(kind: &str) -> Result<Self, SignalError> {
-        let found = find(kind).ok_or_else(|| SignalError::UnknownKind { given: kind.into() })?;
-        Ok(Self { kind: found, arguments: vec![None; found.spec().parameters.len()] })
+    fn new(kind: &str) -> Result<Self, SignalError> {
+        let unknown =
+            || SignalError::new(format!("unknown kind of signal '{kind}'; known: {}", kinds()));
+        let kind = find(kind).ok_or_else(unknown)?;
+        Ok(Self { kind, arguments: vec![None; kind.parameters.len()] })
+    }
+
+    fn invalid(&self, reason: String) -> SignalError {
+        SignalError::Invalid(format!("{}: {reason}", self.kind.name))
     }
 
     /// Sets an argument given as text.
-    pub(crate) fn set(&mut self, name: &str, text: &str) -> Result<(), SignalError> {
-        let place = self.free_place(name)?;
-        let spec = self.kind.spec();
-        let parameter = &spec.parameters[place];
-        let argument = match parameter.sort {
-            Sort::Text => Argument::Word(text.into()),
-            Sort::Choice(words) => word(spec, parameter, text, words)?,
-            _ => Argument::Quantity(checked_quantity(spec, parameter, text)?),
+    fn set(&mut self, name: &str, text: &str) -> Result<(), SignalError> {
+        let Some(place) = self.kind.parameter(name) else {
+            let known: Vec<&str> = self.kind.parameters.iter().map(|p| p.name).collect();
+            let (kind, known) = (self.kind.name, known.join(", "));
+            let message = format!("{kind} has no parameter '{name}'; it has: {known}");
+            return Err(SignalError::Invalid(message));
         };
-        self.arguments[place] = Some(argument);
+        if self.arguments[place].is_some() {
+            return Err(self.invalid(format!("'{name}' is given twice")));
+        }
+        let parameter = &self.kind.parameters[place];
+        self.arguments[place] = Some(match parameter.sort {
+            Sort::Choice(words) if !words.contains(&text) => {
+                let known = words.join(" or ");
+                return Err(self.invalid(format!("'{name}' cannot be '{text}'; it is {known}")));
+            }
+            Sort::Text | Sort::Choice(_) => Argument::Word(text.into()),
+            _ => Argument::Quantity(self.checked_quantity(parameter, text)?),
+        });
         Ok(())
     }
 
-    fn free_place(&self, name: &str) -> Result<usize, SignalError> {
-        let spec = self.kind.spec();
-        let place = spec.parameter(name).ok_or_else(|| SignalError::UnknownParameter {
-            kind: spec.kind,
-            given: name.into(),
-            known: spec.parameters.iter().map(|p| p.name).collect(),
+    /// Parses a quantity and checks its range, and its unit if that does not depend on the input.
+    fn checked_quantity(
+        &self,
+        parameter: &Parameter,
+        text: &str,
+    ) -> Result<WrittenQuantity, SignalError> {
+        let by_input = matches!(parameter.sort, Sort::Value | Sort::Rate);
+        let measure = parameter.measure(Unit::None).filter(|_| !by_input);
+        let quantity: WrittenQuantity = text.parse().map_err(|error| match error {
+            QuantityError::NotANumber { given } => {
+                self.invalid(format!("'{}' needs a number, not '{given}'", parameter.name))
+            }
+            QuantityError::UnknownUnit { given } | QuantityError::WrongUnit { given, .. } => {
+                let usual = || usual_units(parameter.sort);
+                let allowed = measure.map_or_else(usual, Measure::allowed);
+                parameter.wrong_unit(self.kind, &given, &allowed)
+            }
         })?;
-        match self.arguments[place] {
-            None => Ok(place),
-            Some(_) => Err(SignalError::Repeated {
-                kind: spec.kind,
-                parameter: spec.parameters[place].name,
-            }),
+        if let Some(measure) = measure {
+            parameter.check_unit(self.kind, &quantity, measure)?;
         }
+        parameter.check_range(self.kind, &quantity)?;
+        Ok(quantity)
     }
 
-    pub(crate) fn finish(self) -> Result<Term, SignalError> {
-        let spec = self.kind.spec();
-        for (parameter, argument) in spec.parameters.iter().zip(&self.arguments) {
-            if argument.is_none() && parameter.fallback == Fallback::Required {
-                return Err(SignalError::Missing {
-                    kind: spec.kind,
-                    parameter: parameter.name,
-                    example: spec.example,
-                });
-            }
+    fn finish(self) -> Result<Term, SignalError> {
+        let mut all = self.kind.parameters.iter().zip(&self.arguments);
+        let lacks = |(parameter, argument): &(&Parameter, &Option<Argument>)| {
+            argument.is_none() && parameter.fallback == Fallback::Required
+        };
+        if let Some((parameter, _)) = all.find(lacks) {
+            let (name, example) = (parameter.name, self.kind.example);
+            return Err(self.invalid(format!("'{name}' is missing, e.g. {example}")));
         }
         Ok(Term { kind: self.kind, arguments: self.arguments })
     }
-}
-
-fn word(
-    spec: &Spec,
-    parameter: &Parameter,
-    text: &str,
-    known: &'static [&'static str],
-) -> Result<Argument, SignalError> {
-    if known.contains(&text) {
-        return Ok(Argument::Word(text.into()));
-    }
-    let (kind, parameter) = (spec.kind, parameter.name);
-    Err(SignalError::UnknownWord { kind, parameter, given: text.into(), known })
-}
-
-/// Parses a quantity and checks its range, and its unit if that does not depend on the input.
-fn checked_quantity(
-    spec: &Spec,
-    parameter: &Parameter,
-    text: &str,
-) -> Result<WrittenQuantity, SignalError> {
-    let by_input = matches!(parameter.sort, Sort::Value | Sort::Rate);
-    let measure = parameter.measure(Unit::None);
-    let (kind, name) = (spec.kind, parameter.name);
-    let quantity: WrittenQuantity = text.parse().map_err(|error| match error {
-        QuantityError::NotANumber { given } => {
-            SignalError::NotANumber { kind, parameter: name, given }
-        }
-        QuantityError::UnknownUnit { given } | QuantityError::WrongUnit { given, .. } => {
-            let allowed = match measure {
-                Some(measure) if !by_input => measure.allowed(),
-                _ => usual_units(parameter.sort),
-            };
-            SignalError::WrongUnit { kind, parameter: name, given, allowed }
-        }
-    })?;
-    if let Some(measure) = measure.filter(|_| !by_input) {
-        check_unit(spec, parameter, &quantity, measure)?;
-    }
-    check_range(spec, parameter, &quantity)?;
-    Ok(quantity)
 }
 
 /// The units of usual inputs, as a value or a rate.

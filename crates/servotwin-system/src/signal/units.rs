@@ -5,7 +5,7 @@ use servotwin_model::spec::Unit;
 
 /// What a parameter measures: a unit, or that unit per second.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measure {
+pub(super) struct Measure {
     /// The base unit.
     pub unit: Unit,
     /// Whether it is per second.
@@ -14,7 +14,7 @@ pub struct Measure {
 
 impl Measure {
     /// The measure of a unit; speeds become lengths or angles per second.
-    pub(crate) fn of(unit: Unit) -> Self {
+    pub(super) fn of(unit: Unit) -> Self {
         let (unit, per_second) = match unit {
             Unit::MetrePerSecond => (Unit::Metre, true),
             Unit::RadianPerSecond => (Unit::Radian, true),
@@ -32,7 +32,7 @@ impl Measure {
     }
 
     /// How its units are written, the most usual first.
-    pub(crate) fn allowed(self) -> Vec<String> {
+    pub(super) fn allowed(self) -> Vec<String> {
         let own = known().filter(|row| Self::of(row.unit) == self).map(|row| row.symbol.to_owned());
         let rates = known().filter(|row| self.per_second && row.unit == self.unit);
         let mut all: Vec<String> = vec![];

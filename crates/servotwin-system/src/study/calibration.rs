@@ -16,9 +16,9 @@
 
 use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
-use super::{Flights, Purpose, Seed, Stream, ground_test};
-use crate::document::KeyPath;
-use crate::format::{Value, section};
+use super::{Flights, Purpose, Seed, Stream};
+use crate::document::TextSpan;
+use crate::format::{At, Value, section};
 use crate::signal::Signal;
 use servotwin_model::hash::{Canonical, Fingerprint};
 use servotwin_model::signal::Piecewise;
@@ -26,11 +26,11 @@ use servotwin_model::signal::Piecewise;
 section! {
     /// The section of a study file.
     pub(super) struct Text {
-        must command: Signal, "command of the calibration flight";
+        must command: At<Signal>, "command of the calibration flight";
         must duration_s: f64 = Value::Number(5.0, 1e4, "s"), "length of the calibration flight";
         must judge: usize = SOME_SPECIMENS, "number of specimens for the evaluation";
         must learn: usize = SOME_SPECIMENS, "number of specimens for the training commands";
-        must in_each_case: usize = SOME_SPECIMENS,
+        must in_each_case: At<usize> = SOME_SPECIMENS,
             "number of specimens in each group that run the same case";
     }
 }
@@ -48,24 +48,29 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        needs_tolerances(reader, "fitted")?;
-        let Text { duration_s, judge, learn, in_each_case, .. } = *text;
+    pub(super) fn new(At { value: text, at }: &At<Text>, reader: &Reader) -> Result<Self, Noted> {
+        needs_tolerances(reader, at)?;
+        let Text { duration_s, judge, learn, .. } = *text;
+        let in_each_case = text.in_each_case.value;
         let fits = in_each_case <= judge.min(learn);
         let allowed = "at most judge, and at most learn";
-        let at = KeyPath::of(&["fitted", "in_each_case"]);
-        reader.range(&at, in_each_case as f64, fits, allowed)?;
+        let place = ("in_each_case", &text.in_each_case.at);
+        reader.range(place, in_each_case as f64, fits, allowed)?;
         let command = reader.command_input()?;
         let mut inputs = reader.default_inputs();
-        let signal = Ok(text.command.clone());
-        let at = KeyPath::of(&["fitted", "command"]);
-        inputs[command] = reader.signal(&at, "command", signal, command, duration_s)?;
+        let signal = Ok(text.command.value.clone());
+        let place = ("command", &text.command.at);
+        inputs[command] = reader.signal(place, signal, command, duration_s)?;
         Ok(Self { inputs, duration_s, judge, learn, in_each_case })
     }
 
     /// The first test on the ground, to which the twin of every later one is fitted.
-    pub(super) fn first_test(flights: &Flights, reader: &Reader) -> Result<Self, Noted> {
-        needs_tolerances(reader, ground_test::SECTION)?;
+    pub(super) fn first_test(
+        flights: &Flights,
+        at: &TextSpan,
+        reader: &Reader,
+    ) -> Result<Self, Noted> {
+        needs_tolerances(reader, at)?;
         let inputs = flights.varied.shared_middle(reader, flights.duration_s)?.inputs;
         let duration_s = flights.duration_s;
         Ok(Self { inputs, duration_s, judge: 1, learn: 1, in_each_case: 1 })
@@ -85,9 +90,9 @@ impl Calibration {
 }
 
 /// Specimens without tolerances would all equal their twins.
-fn needs_tolerances(reader: &Reader, section: &'static str) -> Result<(), Noted> {
-    match reader.text.realistic.as_ref().is_none_or(|realistic| realistic.has_no_tolerances()) {
-        true => Err(reader.empty(&KeyPath::of(&[section]), "realistic.tolerances")),
+fn needs_tolerances(reader: &Reader, at: &TextSpan) -> Result<(), Noted> {
+    match reader.text.realistic.as_ref().is_none_or(|realistic| realistic.tolerances.is_empty()) {
+        true => Err(reader.empty(at, "realistic.tolerances")),
         false => Ok(()),
     }
 }

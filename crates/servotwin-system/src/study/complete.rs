@@ -1,10 +1,10 @@
 //! Completeness of a study for the main job. An incomplete file is readable and serves commands that
 //! simulate nothing, such as `watch`. `check` and the stages reject it before any simulation.
 
-use super::mistake::StudyMistake;
+use super::realism::REALISTIC;
 use super::suites::LEARN;
 use super::{Study, StudyError};
-use crate::document::{Collector, Diagnostic, KeyPath};
+use crate::document::{Collector, Diagnostic};
 
 impl Study {
     /// Checks that the study has everything that its campaign and flights need.
@@ -20,23 +20,28 @@ impl Study {
     }
 
     fn missing_for_a_campaign(&self) -> Vec<Diagnostic> {
-        let reader = self.reader();
-        let mut found = Collector::<StudyMistake>::new();
-        let mut note = |at: KeyPath, mistake| found.note(&reader.span(&at), mistake);
+        let mut found = Collector::default();
         if self.classes.is_empty() {
-            note(KeyPath::of(&["classes"]), StudyMistake::NoFaults);
+            let mistake = Diagnostic::new("the study has no faults");
+            found.note(&(0..0), mistake.with_help("add [[classes]] with 'faults'"));
         }
         if self.intensities.is_empty() {
-            note(KeyPath::of(&["intensities"]), StudyMistake::Empty { field: "intensities" });
+            let at = &self.parsed.intensities.at;
+            found.note(at, Diagnostic::new("'intensities' is empty"));
         }
-        if self.flights.is_some() && self.realism.is_none() {
-            note(KeyPath::of(&["flights"]), StudyMistake::NoRealism);
+        if let (Some(flights), None) = (&self.parsed.flights, &self.realism) {
+            let mistake = Diagnostic::new("flights need the section 'realistic'");
+            found.note(&flights.at, mistake.with_help(REALISTIC.example));
         }
         for is_full in [false, true] {
             if self.suite(LEARN, is_full).is_some_and(|learn| learn.repeats == 0) {
-                let at = KeyPath::of(&["suites", LEARN, "repeats"]);
-                let (field, allowed) = (at.to_string(), "at least 1".to_owned());
-                note(at, StudyMistake::OutOfRange { field, value: 0.0, allowed });
+                let own = self
+                    .parsed
+                    .suites
+                    .get(LEARN)
+                    .and_then(|learn| learn.sizes[usize::from(is_full)].repeats.as_ref());
+                let at = own.map_or(0..0, |repeats| repeats.at.clone());
+                found.note(&at, Diagnostic::not_allowed("suites.learn.repeats", 0, "at least 1"));
             }
         }
         found.locate(&self.text)

@@ -1,9 +1,9 @@
 //! The fault list: every fault of every class, in every actuator, at every
 //! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
 
-use super::mistake::StudyMistake;
-use super::reader::{Noted, Reader};
-use crate::document::{KeyPath, TextSpan};
+use super::reader::{Noted, OF_SYSTEM, Reader};
+use crate::document::TextSpan;
+use crate::format::At;
 use servotwin_model::program::FaultAt;
 
 /// A row of Table 1.
@@ -45,72 +45,56 @@ pub struct FaultCase {
 
 impl Reader<'_> {
     pub(super) fn classes(&self) -> Vec<Class> {
-        let class = |c: &super::ClassText| Class {
-            detail: c.detail.clone(),
-            command: c.command.clone(),
-            kinds: c.faults.clone(),
-        };
-        for (place, c) in self.text.classes.iter().enumerate() {
+        let class = |c: &super::ClassText| {
             for (key, text) in [("detail", &c.detail), ("command", &c.command)] {
                 if text.trim().is_empty() {
-                    let at = KeyPath::of(&["classes"]).element(place).key(key);
-                    self.note(&self.span(&at), StudyMistake::Empty { field: key });
+                    self.empty(&text.at, key);
                 }
             }
-        }
+            Class {
+                detail: c.detail.value.clone(),
+                command: c.command.value.clone(),
+                kinds: c.faults.iter().map(|name| name.value.clone()).collect(),
+            }
+        };
         self.text.classes.iter().map(class).collect()
     }
 
     /// The place in the file where a class lists a fault.
     pub(super) fn place_of_fault(&self, FaultCase { class, kind, .. }: &FaultCase) -> TextSpan {
-        let of_class = &self.text.classes[*class].faults;
-        let own = of_class.iter().position(|name| name == kind);
-        self.span(&listed_fault(*class, own.unwrap_or(of_class.len())))
+        let mut of_class = self.text.classes[*class].faults.iter();
+        of_class.find(|name| name.value == *kind).map_or(0..0, |name| name.at.clone())
     }
 
-    pub(super) fn faults(&self, classes: &[Class]) -> Result<Vec<FaultCase>, Noted> {
+    pub(super) fn faults(&self) -> Vec<FaultCase> {
         let mut faults = Vec::new();
         for (unit, unit_name) in self.text.units.iter().enumerate() {
-            for (index, class) in classes.iter().enumerate() {
-                for (position, kind) in class.kinds.iter().enumerate() {
-                    let id = full_name(unit_name, kind);
-                    let at = listed_fault(index, position);
-                    let found = self.find_fault(&at, unit_name, kind);
-                    let Ok((component, fault)) = found else { continue };
-                    for &intensity in &self.text.intensities {
+            for (class, text) in self.text.classes.iter().enumerate() {
+                for kind in &text.faults {
+                    let Ok((component, fault)) = self.find_fault(unit_name, kind) else { continue };
+                    for intensity in self.text.intensities.iter().map(|own| own.value) {
                         let at = FaultAt { component, fault, intensity };
-                        let (id, kind) = (id.clone(), kind.clone());
-                        faults.push(FaultCase { id, kind, unit, class: index, at });
+                        let (id, kind) = (full_name(unit_name, kind), kind.value.clone());
+                        faults.push(FaultCase { id, kind, unit, class, at });
                     }
                 }
             }
         }
-        Ok(faults)
+        faults
     }
 
-    fn find_fault(&self, at: &KeyPath, unit: &str, kind: &str) -> Result<(usize, usize), Noted> {
+    fn find_fault(&self, unit: &str, kind: &At<String>) -> Result<(usize, usize), Noted> {
         let id = &full_name(unit, kind);
         let find = |id: &str| self.system.program.find_fault(id);
         find(id).ok_or_else(|| {
             if find(kind).is_some() {
-                return self.shared(at, "fault", unit, kind);
+                return self.shared("fault", unit, kind);
             }
-            let components = &self.system.network().components;
-            let all: Vec<String> = components
-                .iter()
-                .flat_map(|c| {
-                    let faults = c.component.spec().faults.iter();
-                    faults.map(|f| format!("{}.{}", c.id, f.name)).collect::<Vec<_>>()
-                })
-                .collect();
-            self.unknown(at, "fault in the system", id, all.iter().map(String::as_str))
+            let all = self.system.all_faults();
+            let known = all.iter().map(String::as_str);
+            self.unknown(OF_SYSTEM, &kind.at, ("fault in the system", id), known)
         })
     }
-}
-
-/// The place of a fault in the list of its class.
-fn listed_fault(class: usize, position: usize) -> KeyPath<'static> {
-    KeyPath::of(&["classes"]).element(class).key("faults").element(position)
 }
 
 /// Prefixes a name with its unit. An empty unit name stands for the whole system.

@@ -17,73 +17,53 @@
 //! measured, but not the specimen. How many flights there are, and for what, is said by suites ([`super::suites`]).
 
 use super::faults::full_name;
-use super::ground_test;
 use super::keys::{FLIGHT_S, some};
 use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
 use super::seed::{Seed, Stream};
 use super::training::{check_pattern, count_ranges, filled_at, halton_in};
-use crate::document::KeyPath;
-use crate::format::{Value, section};
+use crate::format::{At, Names, Read, Value, section};
 use crate::signal::bus::as_sent;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::MAX_ACTUATORS;
 use servotwin_model::signal::Piecewise;
-use std::collections::BTreeMap;
 
-pub(super) type Ranges = BTreeMap<String, [f64; 2]>;
+pub(super) type Ranges = Names<At<[f64; 2]>>;
 
 section! {
     /// The section of a study file.
     pub(super) struct Text {
         must pub(super) duration_s: f64 = FLIGHT_S, "length of a flight with a fault";
-        must pub(super) onset_s: [f64; 2], "range of the onset of the fault, s";
-        must pub(super) windows_s: Vec<f64> = Value::List(1, &Value::Number(1e-3, 1e4, "s")),
+        must pub(super) onset_s: At<[f64; 2]>, "range of the onset of the fault, s";
+        must pub(super) windows_s: Vec<At<f64>> = Value::List(1, &Value::Number(1e-3, 1e4, "s")),
             "lengths of the sliding windows";
-        must pub(super) commands: Vec<String> = some::<Vec<String>>(),
+        must pub(super) commands: Vec<At<String>> = some::<Vec<At<String>>>(),
             "signals with {a..b} and {n}; the environments use them in turn";
-        #[serde(default)]
         may pub(super) inputs: Ranges, "ranges of inputs, drawn for each environment";
-        #[serde(default)]
         may pub(super) unit_inputs: Ranges, "ranges of inputs that every channel has";
-        #[serde(default)]
         may pub(super) unit_parameters: Ranges, "ranges of parameters that every channel has";
-        may pub(super) least_on: Option<u32> = Value::Whole(0.0, MAX_ACTUATORS as f64),
+        may pub(super) least_on: Option<At<u32>> = Value::Whole(0.0, MAX_ACTUATORS as f64),
             "minimum number of channels that stay on; default 1, or 0 for a single channel";
-        #[serde(default)]
-        may pub(super) draws: Vec<DrawText>,
+        may pub(super) draws: Vec<At<DrawText>>,
             "ranges from which each specimen with tolerances draws further parameters";
         may pub(super) other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
-        #[serde(default)]
-        may pub(super) limits: Limits, "targets of the diagnosis";
+        may pub(super) limits: Limits => Read::stand_in(Limits::VALUE), "targets of the diagnosis";
     }
 }
 
 section! {
     /// The targets of the diagnosis at work.
-    #[derive(Copy, PartialEq, Serialize)]
-    #[serde(default)]
+    #[derive(Copy, PartialEq, Serialize, Deserialize)]
     pub struct Limits {
-        may pub latency_s: f64 = Value::Number(0.0, 1e4, "s"),
+        may pub latency_s: f64 = Value::Number(0.0, 1e4, "s") => 1.0,
             "latency limit for 95 % of visible shutdown faults";
-        may pub latency_unfitted_s: f64 = Value::Number(0.0, 1e4, "s"),
+        may pub latency_unfitted_s: f64 = Value::Number(0.0, 1e4, "s") => 2.0,
             "the same limit for a twin that is not fitted";
-        may pub false_alarms_per_h: f64 = Value::Number(0.0, 1e4, "1/h"),
+        may pub false_alarms_per_h: f64 = Value::Number(0.0, 1e4, "1/h") => 1e-3,
             "limit on false alarms of healthy actuators";
-        may pub wrong_shutdowns: f64 = Value::Number(0.0, 1e4, ""),
+        may pub wrong_shutdowns: f64 = Value::Number(0.0, 1e4, "") => 0.0,
             "limit on shutdowns of the wrong actuator";
-    }
-}
-
-impl Default for Limits {
-    fn default() -> Self {
-        Limits {
-            latency_s: 1.0,
-            latency_unfitted_s: 2.0,
-            false_alarms_per_h: 1e-3,
-            wrong_shutdowns: 0.0,
-        }
     }
 }
 
@@ -153,29 +133,31 @@ impl Flights {
     /// Checks the section and draws one environment from each pattern. This reports wrong names and patterns before any
     /// flight.
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        let own = reader.section_of_flights();
-        let section = at(&own);
-        let varied = Varied::of(text, &own);
+        let varied = Varied {
+            commands: text.commands.clone(),
+            inputs: text.inputs.clone(),
+            unit_inputs: text.unit_inputs.clone(),
+            unit_parameters: text.unit_parameters.clone(),
+        };
         let ranges = varied.check(reader);
         let other_plant = text.other_plant.as_ref().map(|text| OtherPlant::new(text, reader));
-        let draws =
-            other_plant::draws(reader, (&KeyPath::of(&["flights"]), "draws"), &text.draws, &[]);
-        let wear = other_plant::draws(reader, (&section, "wear"), reader.wear(), &[]);
+        let draws = other_plant::draws(reader, &text.draws, &[]);
+        let wear = other_plant::draws(reader, reader.wear(), &[]);
         text.check(reader)?;
         ranges?;
         let other_plant = other_plant.transpose()?;
         varied.check_commands(reader, text.duration_s)?;
-        let mut windows_s = text.windows_s.clone();
+        let mut windows_s: Vec<f64> = text.windows_s.iter().map(|window| window.value).collect();
         windows_s.sort_by(f64::total_cmp);
         Ok(Flights {
             duration_s: text.duration_s,
-            onset_s: text.onset_s,
+            onset_s: text.onset_s.value,
             windows_s,
             limits: text.limits,
             other_plant,
             draws,
             wear,
-            least_on: text.least_on,
+            least_on: text.least_on.as_ref().map(|least| least.value),
             varied,
         })
     }
@@ -184,97 +166,57 @@ impl Flights {
 impl Text {
     fn check(&self, reader: &Reader) -> Result<(), Noted> {
         let d = self.duration_s;
-        let [from, to] = self.onset_s;
-        let inside = from >= 0.0 && to < d;
-        let own = reader.section_of_flights();
-        let section = at(&own);
+        let At { value: [from, to], at } = &self.onset_s;
+        let inside = *from >= 0.0 && *to < d;
         let allowed = "two times inside of the flight, in order";
-        reader.range(&section.key("onset_s"), from, inside, allowed)?;
+        reader.range(("onset_s", at), *from, inside, allowed)?;
         let units = reader.text.units.len();
-        let least_on = self.least_on.unwrap_or(0);
-        let allowed = format!("0 … {units}, as there are units");
-        let at = section.key("least_on");
-        reader.range(&at, f64::from(least_on), least_on as usize <= units, allowed)?;
-        for (n, &w) in self.windows_s.iter().enumerate() {
-            let samples = w * reader.text.sample_hz;
-            let fits = samples >= 10.0 && w <= d - to;
+        if let Some(At { value: least, at }) = &self.least_on {
+            let allowed = format!("0 … {units}, as there are units");
+            let is_allowed = *least as usize <= units;
+            reader.range(("least_on", at), f64::from(*least), is_allowed, allowed)?;
+        }
+        for At { value: window_s, at } in &self.windows_s {
+            let fits = window_s * reader.text.sample_hz >= 10.0 && *window_s <= d - to;
             let allowed = "10 samples … what remains of a flight after the latest onset";
-            reader.range(&section.key("windows_s").element(n), w, fits, allowed)?;
+            reader.range(("windows_s", at), *window_s, fits, allowed)?;
         }
         Ok(())
     }
 }
 
-/// The keys of a section of the file.
-pub(super) type Section = Vec<String>;
-
-pub(super) fn at(section: &Section) -> KeyPath<'_> {
-    KeyPath::of(&section.iter().map(String::as_str).collect::<Vec<_>>())
-}
-
-/// Ranges by name, each with the section that declares it.
-type Declared = BTreeMap<String, (Section, [f64; 2])>;
-
 /// What varies between the environments of a suite.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Varied {
-    commands: (Section, Vec<String>),
-    inputs: Declared,
-    unit_inputs: Declared,
-    unit_parameters: Declared,
+    /// The patterns of the commands.
+    pub commands: Vec<At<String>>,
+    /// Ranges of inputs.
+    pub inputs: Ranges,
+    /// Ranges of inputs that every actuator has.
+    pub unit_inputs: Ranges,
+    /// Ranges of parameters that every actuator has.
+    pub unit_parameters: Ranges,
 }
 
 impl Varied {
-    fn of(text: &Text, section: &Section) -> Self {
-        let declared = |ranges: &Ranges| {
-            let entries = ranges.iter();
-            entries.map(|(name, range)| (name.clone(), (section.clone(), *range))).collect()
-        };
-        Varied {
-            inputs: declared(&text.inputs),
-            unit_inputs: declared(&text.unit_inputs),
-            unit_parameters: declared(&text.unit_parameters),
-            commands: (section.clone(), text.commands.clone()),
-        }
-    }
-
     /// The same with the commands and ranges of a suite in place of those of the same name.
     pub(super) fn with(
         &self,
-        section: Section,
-        commands: Option<&Vec<String>>,
+        commands: Option<&Vec<At<String>>>,
         [inputs, unit_inputs, unit_parameters]: [&Ranges; 3],
     ) -> Self {
-        let mut varied = self.clone();
-        if let Some(commands) = commands {
-            varied.commands = (section.clone(), commands.clone());
-        }
-        for (own, given) in [
-            (&mut varied.inputs, inputs),
-            (&mut varied.unit_inputs, unit_inputs),
-            (&mut varied.unit_parameters, unit_parameters),
-        ] {
-            let given = given.iter();
-            own.extend(given.map(|(name, range)| (name.clone(), (section.clone(), *range))));
-        }
-        varied
-    }
-
-    /// The parameters of every actuator that vary.
-    pub(super) fn parameters(&self) -> impl Iterator<Item = &String> {
-        self.unit_parameters.keys()
-    }
-
-    /// The patterns of all commands with their places in the file.
-    pub(super) fn patterns(&self) -> impl Iterator<Item = (KeyPath<'_>, &str)> {
-        self.commands.1.iter().enumerate().map(|(n, text)| (self.command_at(n), text.as_str()))
-    }
-
-    fn command_at(&self, position: usize) -> KeyPath<'_> {
-        let section = at(&self.commands.0);
-        match &self.commands.0[..] {
-            [own] if own == ground_test::SECTION => section.key("command"),
-            _ => section.key("commands").element(position),
+        let merged = |own: &Ranges, given: &Ranges| {
+            let mut merged = given.clone();
+            own.iter().for_each(|(name, range)| {
+                merged.entry(name.clone()).or_insert_with(|| range.clone());
+            });
+            merged
+        };
+        Varied {
+            commands: commands.unwrap_or(&self.commands).clone(),
+            inputs: merged(&self.inputs, inputs),
+            unit_inputs: merged(&self.unit_inputs, unit_inputs),
+            unit_parameters: merged(&self.unit_parameters, unit_parameters),
         }
     }
 
@@ -297,7 +239,7 @@ impl Varied {
         pattern: usize,
         duration_s: f64,
     ) -> Result<Environment, Noted> {
-        let command = &vec![0.5; count_ranges(&self.commands.1[pattern])];
+        let command = &vec![0.5; count_ranges(&self.commands[pattern])];
         let seed = Seed::of(0, "", pattern as u64);
         let chosen = ChosenEnvironment { seed, pattern, command, shares: &[] };
         self.environment(reader, &chosen, String::new(), duration_s)
@@ -306,36 +248,33 @@ impl Varied {
     /// Checks every command at the ends of its ranges.
     pub(super) fn check_commands(&self, reader: &Reader, longest_s: f64) -> Result<(), Noted> {
         let driven = reader.command_input()?;
-        for (at, pattern) in self.patterns() {
-            let _ = check_pattern(reader, &at, pattern, driven, longest_s);
+        for pattern in &self.commands {
+            let _ = check_pattern(reader, pattern, driven, longest_s);
         }
         let one_each =
-            (0..self.commands.1.len()).map(|pattern| self.middle(reader, pattern, longest_s));
+            (0..self.commands.len()).map(|pattern| self.middle(reader, pattern, longest_s));
         let all = reader.sound(one_each);
-        if all.len() == self.commands.1.len() { Ok(()) } else { Err(Noted) }
+        if all.len() == self.commands.len() { Ok(()) } else { Err(Noted) }
     }
 
     /// Checks that both ends of every range are possible.
     pub(super) fn check(&self, reader: &Reader) -> Result<(), Noted> {
         let units = || reader.text.units.iter();
-        let own = self.inputs.iter().map(|range| ("inputs", String::new(), range));
-        let of_units = self
-            .unit_inputs
-            .iter()
-            .flat_map(|range| units().map(move |unit| ("unit_inputs", unit.clone(), range)));
-        for (key, unit, (name, (section, range))) in own.chain(of_units) {
-            let at = at(section).key(key).key(name);
-            let input = reader.input(&at.name(), &full_name(&unit, name))?;
-            for value in range {
-                reader.constant(&at, input, *value)?;
+        let own = self.inputs.iter().map(|range| (String::new(), range));
+        let of_units = self.unit_inputs.iter();
+        let of_units =
+            of_units.flat_map(|range| units().map(move |unit| (unit.value.clone(), range)));
+        for (unit, (name, range)) in own.chain(of_units) {
+            let input = reader.input(&name.at, &full_name(&unit, name))?;
+            for value in range.value {
+                reader.constant((name, &range.at), input, value)?;
             }
         }
-        for (name, (section, range)) in &self.unit_parameters {
+        for (name, range) in &self.unit_parameters {
             for unit in units() {
-                let at = at(section).key("unit_parameters").key(name);
-                let (component, place) = super::realism::find(reader, &at.name(), unit, name)?;
-                for value in range {
-                    reader.parameter(&at, (component, place), *value)?;
+                let found = super::realism::find(reader, unit, name)?;
+                for value in range.value {
+                    reader.parameter((name, &range.at), found, value)?;
                 }
             }
         }
@@ -349,16 +288,17 @@ impl Varied {
         onset_s: [f64; 2],
         duration_s: f64,
     ) -> EnvironmentRanges {
-        let of_units = |ranges: &Declared| -> Vec<(String, [f64; 2])> {
-            let names = ranges.iter().flat_map(|(name, (_, range))| {
-                units.iter().map(move |unit| (full_name(unit, name), *range))
+        let of_units = |ranges: &Ranges| -> Vec<(String, [f64; 2])> {
+            let names = ranges.iter().flat_map(|(name, range)| {
+                units.iter().map(move |unit| (full_name(unit, name), range.value))
             });
             names.collect()
         };
-        let shared = self.inputs.iter().map(|(name, (_, range))| (name.clone(), *range)).collect();
-        let commands = self.commands.1.iter();
+        let shared = self.inputs.iter().map(|(name, range)| (name.value.clone(), range.value));
+        let shared = shared.collect();
+        let command = |command: &At<String>| (command.value.clone(), count_ranges(command));
         EnvironmentRanges {
-            commands: commands.map(|command| (command.clone(), count_ranges(command))).collect(),
+            commands: self.commands.iter().map(command).collect(),
             ranges: [shared, of_units(&self.unit_inputs), of_units(&self.unit_parameters)].concat(),
             onset_s,
             duration_s,
@@ -373,22 +313,22 @@ impl Varied {
         (name, number, longest_s): (String, usize, f64),
         (all, seed): (Seed, Seed),
     ) -> Result<Environment, Noted> {
-        let patterns = self.commands.1.len();
+        let patterns = self.commands.len();
         let pattern = number % patterns;
         let mut shifts = all.stream(Stream::Command);
         let mut shift = || shifts.unit();
         // Each pattern has shifts of its own.
         (0..pattern).for_each(|before| {
-            for _ in 0..count_ranges(&self.commands.1[before]) {
+            for _ in 0..count_ranges(&self.commands[before]) {
                 shift();
             }
         });
         let draw = number / patterns + 1;
-        let command: Vec<f64> = (0..count_ranges(&self.commands.1[pattern]))
+        let command: Vec<f64> = (0..count_ranges(&self.commands[pattern]))
             .map(|place| (halton_in(draw as u64, place) + shift()) % 1.0)
             .collect();
         let mut random = seed.stream(Stream::Ranges);
-        let count = |ranges: &Declared| ranges.len() * reader.text.units.len();
+        let count = |ranges: &Ranges| ranges.len() * reader.text.units.len();
         let ranges = self.inputs.len() + count(&self.unit_inputs) + count(&self.unit_parameters);
         let shares: Vec<f64> = (0..ranges).map(|_| random.unit()).collect();
         let chosen = ChosenEnvironment { seed, pattern, command: &command, shares: &shares };
@@ -404,37 +344,33 @@ impl Varied {
         longest_s: f64,
     ) -> Result<Environment, Noted> {
         let &ChosenEnvironment { seed, pattern: position, command, shares } = chosen;
-        let pattern = &self.commands.1[position];
+        let pattern = &self.commands[position];
         let number = seed.choices(Stream::Noise).next_u64() % COMMANDS;
         let command = filled_at(pattern, number as usize, |place| command[place]);
         let mut inputs = reader.default_inputs();
         let driven = reader.command_input()?;
         // The twin reads the command as sent over the bus; no other part has more information.
         let signal = command.parse();
-        let place = self.command_at(position);
-        let built = reader.signal(&place, pattern, signal, driven, longest_s)?;
+        let built = reader.signal((pattern, &pattern.at), signal, driven, longest_s)?;
         let sent = as_sent(&built, 1.0 / reader.text.sample_hz, longest_s);
         inputs[driven] = sent.expect("a signal is finite");
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
         let mut shares = shares.iter().copied();
         let mut draw = |[low, high]: [f64; 2]| low + (high - low) * shares.next().unwrap_or(0.5);
-        for (input, (section, range)) in &self.inputs {
-            let at = at(section).key("inputs").key(input).name();
-            inputs[reader.input(&at, input)?] = constant(draw(*range));
+        for (input, range) in &self.inputs {
+            inputs[reader.input(&input.at, input)?] = constant(draw(range.value));
         }
-        for (input, (section, range)) in &self.unit_inputs {
+        for (input, range) in &self.unit_inputs {
             for unit in &reader.text.units {
-                let at = at(section).key("unit_inputs").key(input).name();
-                let input = reader.input(&at, &full_name(unit, input))?;
-                inputs[input] = constant(draw(*range));
+                let place = reader.input(&input.at, &full_name(unit, input))?;
+                inputs[place] = constant(draw(range.value));
             }
         }
         let mut parameters = vec![];
-        for (parameter, (section, range)) in &self.unit_parameters {
+        for (parameter, range) in &self.unit_parameters {
             for unit in &reader.text.units {
-                let at = at(section).key("unit_parameters").key(parameter).name();
-                let (component, place) = super::realism::find(reader, &at, unit, parameter)?;
-                parameters.push((component, place, draw(*range)));
+                let (component, place) = super::realism::find(reader, unit, parameter)?;
+                parameters.push((component, place, draw(range.value)));
             }
         }
         Ok(Environment { name, command, inputs, parameters })

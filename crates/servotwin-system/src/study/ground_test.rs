@@ -20,57 +20,49 @@
 use super::keys::FLIGHT_S;
 use super::other_plant::DrawText;
 use super::reader::Reader;
-use super::{Parts, Study, StudyError, flights, suites};
-use crate::document::KeyPath;
-use crate::format::section;
+use super::{Study, StudyError, flights, suites};
+use crate::format::{At, Names, section};
 use crate::system::System;
-use std::cell::{OnceCell, RefCell};
-use std::collections::BTreeMap;
+use std::cell::RefCell;
 
 section! {
     /// The section of a study file.
     pub(super) struct Text {
-        must command: String, "command of the test, from rest";
+        must command: At<String>, "command of the test, from rest";
         must duration_s: f64 = FLIGHT_S, "length of the test, and of its only window";
-        #[serde(default)]
         may inputs: flights::Ranges, "ranges of inputs, drawn for each environment";
-        #[serde(default)]
         may unit_inputs: flights::Ranges, "ranges of inputs that every channel has";
-        #[serde(default)]
         may unit_parameters: flights::Ranges, "ranges of parameters that every channel has";
-        #[serde(default)]
-        may wear: Vec<DrawText>,
+        may wear: Vec<At<DrawText>>,
             "ranges from which every test draws what differs from the first test of its actuator";
-        #[serde(default)]
-        may suites: BTreeMap<String, suites::Text>, "how many tests there are, and what for";
+        may suites: Names<suites::Texts>, "how many tests there are, and what for";
     }
 }
-
-/// The name of the section.
-pub(super) const SECTION: &str = "ground_test";
 
 impl super::Text {
     /// The text of the study of its tests on the ground; the same text without such tests.
     pub(super) fn on_ground(self) -> Self {
-        let Some(test) = self.ground_test.clone() else { return self };
+        let Some(At { value: test, at }) = self.ground_test.clone() else { return self };
+        let onset_s = At::new([0.0, 0.0], at.clone());
+        let of_tests = |flights: flights::Text| flights::Text {
+            duration_s: test.duration_s,
+            onset_s,
+            windows_s: vec![At::new(test.duration_s, at.clone())],
+            commands: vec![test.command],
+            inputs: test.inputs,
+            unit_inputs: test.unit_inputs,
+            unit_parameters: test.unit_parameters,
+            // An action at the end of a test is in time.
+            limits: flights::Limits {
+                latency_s: test.duration_s,
+                latency_unfitted_s: test.duration_s,
+                ..flights.limits
+            },
+            ..flights
+        };
         super::Text {
             suites: test.suites,
-            flights: self.flights.map(|flights| flights::Text {
-                duration_s: test.duration_s,
-                onset_s: [0.0, 0.0],
-                windows_s: vec![test.duration_s],
-                commands: vec![test.command],
-                inputs: test.inputs,
-                unit_inputs: test.unit_inputs,
-                unit_parameters: test.unit_parameters,
-                // An action at the end of a test is in time.
-                limits: flights::Limits {
-                    latency_s: test.duration_s,
-                    latency_unfitted_s: test.duration_s,
-                    ..flights.limits
-                },
-                ..flights
-            }),
+            flights: self.flights.map(|own| At::new(of_tests(own.value), at.clone())),
             on_ground: true,
             ..self
         }
@@ -79,40 +71,25 @@ impl super::Text {
 
 impl Reader<'_> {
     /// The ranges of wear, where the study is that of its tests on the ground.
-    pub(super) fn wear(&self) -> &[DrawText] {
+    pub(super) fn wear(&self) -> &[At<DrawText>] {
         let test = self.text.ground_test.as_ref().filter(|_| self.text.on_ground);
         test.map_or(&[], |test| &test.wear)
     }
 
-    /// The section that declares the flights.
-    pub(super) fn section_of_flights(&self) -> flights::Section {
-        vec![if self.text.on_ground { SECTION } else { "flights" }.to_owned()]
-    }
-
-    /// The section of a suite.
-    pub(super) fn section_of_suite(&self, name: &str) -> flights::Section {
-        let mut section = if self.text.on_ground { self.section_of_flights() } else { vec![] };
-        section.extend(["suites".to_owned(), name.to_owned()]);
-        section
-    }
-
     /// Notes the mistakes of the tests on the ground, if the study declares some and is not theirs already.
     pub(super) fn check_ground_test(&self) {
-        let missing = match (&self.text.ground_test, &self.text.flights) {
-            (Some(_), None) => Some("flights"),
-            (None, _) if self.text.on_ground => Some(SECTION),
-            _ => None,
-        };
-        if let Some(field) = missing {
-            self.empty(&KeyPath::of(&[SECTION]), field);
-        } else if self.text.ground_test.is_some() && !self.text.on_ground {
-            let (text, mistakes) = (self.text.clone().on_ground(), self.mistakes.take());
-            let Reader { path, source, system, .. } = *self;
-            let (mistakes, document) = (RefCell::new(mistakes), OnceCell::new());
-            let doubtful = self.doubtful.clone();
-            let reader = Reader { path, source, text: &text, system, mistakes, document, doubtful };
-            let _ = Parts::flown(&reader);
-            self.mistakes.replace(reader.mistakes.into_inner());
+        match (&self.text.ground_test, &self.text.flights) {
+            (Some(test), None) => drop(self.empty(&test.at, "flights")),
+            (None, _) if self.text.on_ground => drop(self.empty(&(0..0), "ground_test")),
+            (Some(_), _) if !self.text.on_ground => {
+                let text = self.text.clone().on_ground();
+                let mistakes = RefCell::new(self.mistakes.take());
+                let Reader { path, source, system, .. } = *self;
+                let reader = Reader { path, source, text: &text, system, mistakes };
+                let _ = reader.flown();
+                self.mistakes.replace(reader.mistakes.into_inner());
+            }
+            _ => {}
         }
     }
 }

@@ -1,8 +1,9 @@
 //! Ranges and word lists shared by several sections of a study file.
 
-use super::evaluating;
-use crate::format::{Described, Value};
+use crate::format::{Read, Value, words};
 use servotwin_diagnosis::features::Quantity;
+
+words!(Quantity, Quantity::ALL.into_iter().map(|(quantity, word)| (word, quantity)));
 
 /// Upper limit on specimens, to catch typing errors.
 pub(super) const MAX_SPECIMENS: f64 = 10_000.0;
@@ -22,20 +23,12 @@ pub(super) const FLIGHT_S: Value = Value::Number(1.0, 1e4, "s");
 pub const MAX_ENVIRONMENTS: usize = 100_000;
 /// A count of flights.
 pub(super) const FLIGHT_COUNT: Value = Value::Whole(0.0, MAX_ENVIRONMENTS as f64);
-/// A list of scenarios.
-pub(super) const SCENARIOS: Value = Value::List(0, &Value::Word(evaluating::scenarios));
-/// The quantity of a sensor.
-pub(super) const QUANTITY: Value = Value::Word(quantities);
 
 /// The same list with at least one element.
-pub(super) const fn some<T: Described>() -> Value {
+pub(super) const fn some<T: Read>() -> Value {
     match T::VALUE {
         Value::List(_, of) => Value::List(1, of),
         Value::Names(_, of) => Value::Names(1, of),
         other => other,
     }
-}
-
-fn quantities() -> Vec<&'static str> {
-    Quantity::ALL.iter().map(|(_, word)| *word).collect()
 }

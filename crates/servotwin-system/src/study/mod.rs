@@ -13,7 +13,6 @@ pub mod flights;
 mod ground_test;
 mod keys;
 mod laws;
-mod mistake;
 pub mod other_plant;
 mod quick;
 pub(crate) mod reactions;
@@ -34,30 +33,22 @@ pub use realism::{MAX_DEVIATION, Plants, Realism, Scenario, Section, Tolerance};
 pub use seed::{Seed, Stream};
 pub use suites::{Purpose, Suite};
 pub use training::Training;
-pub use warning::Warning;
 
 use crate::built_in;
-use crate::document::{
-    self, Collector, Diagnostic, Entry, KeyPath, TextSpan, entries, plain_table, write_mistakes,
-};
+use crate::document::{Collector, Diagnostic, Document, TextSpan, write_mistakes};
 use crate::files::FileError;
-use crate::format::{self, Value, section};
+use crate::format::{self, At, Names, Value, section};
 use crate::kind::{FileType, named_system};
-use crate::nearest::nearest;
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
-use keys::{QUANTITY, RUN_S, some};
-use mistake::StudyMistake;
-use reader::{Noted, OTHER_SENSOR, Reader};
-use serde::Deserialize;
+use keys::{RUN_S, some};
+use reader::{Noted, OF_SENSORS, OF_SYSTEM, Reader};
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
 use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
-use std::cell::{OnceCell, RefCell};
-use std::collections::BTreeMap;
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
-use toml::de::DeTable;
 
 /// The format of study files that this version reads.
 pub(crate) const FORMAT: u32 = 1;
@@ -68,43 +59,37 @@ const DEFAULT: (&str, &str) = built_in::STUDIES[0];
 section! {
     /// A study as its file declares it.
     struct Text {
-        #[expect(dead_code, reason = "read_text looks at it before anything else")]
+        #[expect(dead_code, reason = "it is checked before anything else")]
         must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
         must name: String, "name of the study in files";
         must title: String, "title of the study, one line";
-        must system: String, "a built-in system, or a file in the same folder";
-        #[serde(default)]
+        must system: At<String>, "a built-in system, or a file in the same folder";
         may seed: u64 = Value::Whole(0.0, 999.0), "seed of everything that is drawn; default 0";
         must duration_s: f64 = RUN_S, "length of every run";
         must sample_hz: f64 = Value::Number(1.0, 1e4, "Hz"), "sampling rate";
-        must intensities: Vec<f64> = Value::List(0, &INTENSITY),
+        must intensities: At<Vec<At<f64>>> = Value::List(0, &INTENSITY),
             "intensities at which every fault is simulated";
-        must units: Vec<String> = some::<Vec<String>>(),
+        must units: Vec<At<String>> = some::<Vec<At<String>>>(),
             "channels that can fail; [\"\"] if the system is a single channel";
         must command: CommandText, "commands of the evaluation";
         may load: Option<LoadText>, "loads; every command runs at each of them";
-        must sensors: BTreeMap<String, SensorText> = some::<BTreeMap<String, SensorText>>(),
+        must sensors: Names<SensorText> = some::<Names<SensorText>>(),
             "sensors that the diagnosis reads";
         may extra_sensor: Option<ExtraText>, "additional sensor whose benefit is assessed";
-        #[serde(default)]
         may classes: Vec<ClassText>, "groups of faults with the same cause and the same remedy";
         may realistic: Option<realism::Text>, "how real specimens differ from the twin";
-        may fitted: Option<calibration::Text>,
+        may fitted: Option<At<calibration::Text>>,
             "scenario in which each specimen has a twin fitted to it";
-        may training: Option<training::Text>, "commands from which the diagnosis learns";
-        may evaluation: Option<evaluating::Text>, "training and evaluation, where not the defaults";
-        may flights: Option<flights::Text>, "flights in which a fault begins";
-        #[serde(default)]
-        may suites: BTreeMap<String, suites::Text>, "how many flights there are, and what for";
-        may ground_test: Option<ground_test::Text>,
+        may training: Option<At<training::Text>>, "commands from which the diagnosis learns";
+        may evaluation: Evaluating, "training and evaluation, where not the defaults";
+        may flights: Option<At<flights::Text>>, "flights in which a fault begins";
+        may suites: Names<suites::Texts>, "how many flights there are, and what for";
+        may ground_test: Option<At<ground_test::Text>>,
             "test on the ground: one command from rest, one window, one decision";
-        #[serde(default)]
         may on_ground: bool, "true: the study is that of its tests on the ground";
         may quick: Option<quick::Text>, "smaller sizes of the study, used without `--full`";
-        #[serde(default)]
         may full: bool, "true selects the full sizes, like `--full`";
-        #[serde(default)]
-        may reactions: BTreeMap<String, reactions::Text>, "effect of each action on the system";
+        may reactions: Names<reactions::Text>, "effect of each action on the system";
     }
 }
 
@@ -112,46 +97,44 @@ const INTENSITY: Value = Value::Number(1e-6, 1.0, "");
 
 section! {
     struct CommandText {
-        must input: String, "input that the commands drive";
-        must signals: BTreeMap<String, Signal> = some::<BTreeMap<String, Signal>>(),
+        must input: At<String>, "input that the commands drive";
+        must signals: Names<Signal> = some::<Names<Signal>>(),
             "commands by name";
     }
 }
 
 section! {
     struct LoadText {
-        must input: String, "input that carries the load";
-        must values: BTreeMap<String, f64> = some::<BTreeMap<String, f64>>(),
+        must input: At<String>, "input that carries the load";
+        must values: Names<At<f64>> = some::<Names<At<f64>>>(),
             "loads by name, in SI units";
     }
 }
 
 section! {
     struct SensorText {
-        must quantity: String = QUANTITY, "role of the sensor in the diagnosis";
-        must unit: usize = Value::Whole(0.0, 1e6),
+        must quantity: Quantity, "role of the sensor in the diagnosis";
+        must unit: At<usize> = Value::Whole(0.0, 1e6),
             "position of its channel in `units`, from 1; 0 for none";
-        #[serde(default)]
-        may follows_controller: bool,
+        may follows_controller: At<bool>,
             "whether it follows other sensors by the law of the controller that drives it";
-        #[serde(default)]
-        may follows: BTreeMap<String, f64>,
+        may follows: At<Names<f64>>,
             "slopes against the sensors that it follows by a law, in SI units";
     }
 }
 
 section! {
     struct ExtraText {
-        must id: String, "id of the sensor in the system";
+        must id: At<String>, "id of the sensor in the system";
         must title: String, "name of the sensor in the report";
     }
 }
 
 section! {
     struct ClassText {
-        must detail: String, "faulty component or group of components";
-        must command: String, "action that these faults require";
-        must faults: Vec<String> = some::<Vec<String>>(),
+        must detail: At<String>, "faulty component or group of components";
+        must command: At<String>, "action that these faults require";
+        must faults: Vec<At<String>> = some::<Vec<At<String>>>(),
             "names of faults, without the name of the channel";
     }
 }
@@ -237,16 +220,16 @@ impl Study {
     /// # Errors
     /// All mistakes in the text.
     pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
-        let understood = read_text(text, path)?;
-        let system = find_system(&understood.parsed.system, path);
-        let system = system.map_err(|error| {
-            error.unwrap_or_else(|unknown| {
-                let mut mistakes = understood.mistakes.clone();
-                mistakes.note(&system_at(text), unknown);
-                StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) }
-            })
-        })?;
-        Self::build(text, understood, path, system)
+        let (parsed, mut mistakes) = read_text(text, path)?;
+        match find_system(&parsed.system, path, &mut mistakes) {
+            Some(system) => {
+                let system = system.map_err(StudyError::System)?;
+                Self::build(text, (parsed, mistakes), path, system)
+            }
+            None => {
+                Err(StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) })
+            }
+        }
     }
 
     /// Parses a study and reads its system from a separate file, as stored beside results.
@@ -277,38 +260,44 @@ impl Study {
 
     fn build(
         source: &str,
-        Understood { parsed, doubtful, mistakes }: Understood,
+        (parsed, mistakes): (Text, Collector),
         path: &str,
         system: System,
     ) -> Result<Self, StudyError> {
-        let (mistakes, document) = (RefCell::new(mistakes), OnceCell::new());
-        let text = &parsed;
-        let reader = Reader { path, source, text, system: &system, mistakes, document, doubtful };
-        let parts = Parts::new(&reader);
-        let Parts {
-            measured,
-            sensors,
-            classes,
-            faults,
-            cases,
-            command_input,
-            flights,
-            realism,
-            calibration,
-            training,
-            evaluating,
-            reactions,
-            suites,
-        } = reader.finish(parts)?;
-        Ok(Self {
+        let (text, mistakes) = (&parsed, RefCell::new(mistakes));
+        let reader = Reader { path, source, text, system: &system, mistakes };
+        let study = Self::of_parts(&reader);
+        Ok(reader.finish(study)?(parsed, system))
+    }
+
+    /// Builds all parts, so that the mistakes of each are noted. They become a study with the text and its system.
+    fn of_parts(reader: &Reader) -> Result<impl FnOnce(Text, System) -> Self + use<>, Noted> {
+        let text = reader.text;
+        let sensors = reader.sensors();
+        let (classes, faults) = (reader.classes(), reader.faults());
+        let command_input = reader.command_input();
+        let cases = reader.cases();
+        let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader));
+        let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
+        let evaluating = text.evaluation.check(reader);
+        let flown = reader.flown();
+        let reactions = Reactions::new(&text.reactions, reader);
+        reader.check_ground_test();
+        let (measured, sensors) = sensors?;
+        let (calibration, flights, suites) = flown?;
+        let (cases, command_input, training) = (cases?, command_input?, training?);
+        let reactions = reactions?;
+        evaluating?;
+        let (path, source) = (reader.path.to_owned(), reader.source.to_owned());
+        Ok(move |parsed: Text, system| Self {
             name: parsed.name.clone(),
             title: parsed.title.clone(),
-            text: source.into(),
+            text: source,
             seed: parsed.seed,
             duration_s: parsed.duration_s,
             sample_period_s: 1.0 / parsed.sample_hz,
-            intensities: parsed.intensities.clone(),
-            units: parsed.units.clone(),
+            intensities: parsed.intensities.iter().map(|intensity| intensity.value).collect(),
+            units: parsed.units.iter().map(|unit| unit.value.clone()).collect(),
             extra_sensor: parsed.extra_sensor.as_ref().map(|e| e.title.clone()),
             faults,
             classes,
@@ -320,11 +309,11 @@ impl Study {
             realism,
             calibration,
             training,
-            evaluating,
+            evaluating: parsed.evaluation.clone(),
             reactions,
             suites,
             is_full: parsed.is_full(),
-            path: path.into(),
+            path,
             parsed: Box::new(parsed),
             system,
         })
@@ -337,8 +326,6 @@ impl Study {
             text: &self.parsed,
             system: &self.system,
             mistakes: RefCell::default(),
-            document: OnceCell::new(),
-            doubtful: vec![],
         }
     }
 
@@ -410,7 +397,23 @@ impl Study {
     /// The input that carries the load, as an index into the system's inputs; `None` for a study without loads.
     pub fn load_input(&self) -> Option<usize> {
         let load = self.parsed.load.as_ref()?;
-        self.system.network().inputs.iter().position(|input| input.id == load.input)
+        self.system.network().inputs.iter().position(|input| input.id == load.input.value)
+    }
+
+    /// A command of the evaluation by its name.
+    pub fn command_signal(&self, name: &str) -> Option<&Signal> {
+        self.parsed.command.signals.get(name)
+    }
+
+    /// A training command that the file names.
+    pub fn training_signal(&self, name: &str) -> Option<&Signal> {
+        self.parsed.training.as_ref()?.signals.get(name)
+    }
+
+    /// The patterns from which training commands are drawn, each with their number.
+    pub fn training_draws(&self) -> impl Iterator<Item = (usize, &str)> {
+        let draws = self.parsed.training.iter().flat_map(|training| &training.draws);
+        draws.map(|draws| (draws.count, draws.signal.as_str()))
     }
 
     /// The sensors as seen by features in a scenario.
@@ -474,137 +477,80 @@ pub fn keys() -> &'static [format::Key] {
     Text::KEYS
 }
 
-/// Reads a text and collects its mistakes of form. If nothing else can be checked, those mistakes are the
-/// error.
-fn read_text(text: &str, path: &str) -> Result<Understood, StudyError> {
+/// Reads a text and collects its mistakes of form, with substitutes for unreadable values. If nothing else can be
+/// checked, those mistakes are the error.
+fn read_text(text: &str, path: &str) -> Result<(Text, Collector), StudyError> {
+    let refused = |mistakes| Err(StudyError::Mistakes { path: path.into(), mistakes });
     if let Some(mistakes) = FileType::Study.wanted(text) {
-        return Err(StudyError::Mistakes { path: path.into(), mistakes });
+        return refused(mistakes);
     }
-    let mut mistakes = Collector::new();
-    let root = document::parse(text, &mut mistakes);
-    let mut parsed = None;
-    let all = entries(root.get_ref());
-    let format = all.iter().find(|entry| entry.key == "format");
-    let found = format.and_then(|entry| entry.number().ok());
-    if let (Some(found), Some(format)) = (found, format)
-        && found != f64::from(FORMAT)
-    {
-        let mistake = document::TomlMistake::Format { found, supported: FORMAT };
-        mistakes.note(&format.value_at(), mistake);
-    }
-    if mistakes.is_empty() {
-        let note = &mut |at: &TextSpan, mistake| mistakes.note(at, mistake);
-        format::check_table(Text::KEYS, &(0..0), "the file", &all, note);
-        repetitions(&all, &mut mistakes);
-        // The mistakes are already noted, and must not prevent further checks.
-        match Text::deserialize(format::mended(Text::KEYS, plain_table(root.get_ref()))) {
-            Ok(text) => {
-                let text = text.in_its_size();
-                parsed = Some(if text.on_ground { text.on_ground() } else { text });
-            }
-            Err(error) if mistakes.is_empty() => {
-                let message = error.message().to_owned();
-                mistakes.note(&(0..0), document::TomlMistake::Syntax { message });
-            }
-            Err(_) => {}
-        }
-    }
-    let mut doubtful = format::doubtful(Text::KEYS, &all);
-    if !mistakes.all(|mistake| is_form(mistake) || matches!(mistake, StudyMistake::Repeated { .. }))
-    {
-        doubtful.push("units");
-    }
-    // Without the name of a system, no other name can be looked up.
-    match parsed.filter(|_| !doubtful.contains(&"system")) {
-        Some(parsed) => Ok(Understood { parsed, doubtful, mistakes }),
-        None => Err(StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) }),
-    }
-}
-
-/// Whether a mistake concerns the form of the file.
-fn is_form(mistake: &StudyMistake) -> bool {
-    matches!(mistake, StudyMistake::Document(_))
-}
-
-/// A parsed file, with substitutes for unreadable entries.
-struct Understood {
-    parsed: Text,
-    /// The keys that have a substitute.
-    doubtful: Vec<&'static str>,
-    mistakes: Collector<StudyMistake>,
-}
-
-/// Notes duplicates in lists whose elements must be unique.
-fn repetitions(root: &[Entry], mistakes: &mut Collector<StudyMistake>) {
-    let mut told = |what: &'static str, elements: Vec<Entry>| {
-        let mut seen: Vec<String> = vec![];
-        for element in elements {
-            let text = element.text().map(str::to_owned);
-            let Ok(name) = text.or_else(|_| element.number().map(|n| n.to_string())) else {
-                continue;
-            };
-            if seen.contains(&name) {
-                let name = name.clone();
-                mistakes.note(&element.value_at(), StudyMistake::Repeated { what, name });
-            }
-            seen.push(name);
-        }
+    let mut mistakes = Collector::default();
+    let Some(document) = Document::parse(text, FORMAT, &mut mistakes) else {
+        return refused(mistakes.locate(text));
     };
-    told("intensity", listed(root, "intensities"));
-    told("unit", listed(root, "units"));
-    // A fault belongs to one class, and a parameter to one tolerance.
-    told("fault", listed_in(&listed(root, "classes"), "faults"));
-    let realistic = root.iter().find(|entry| entry.key == "realistic");
-    let realistic = realistic.and_then(|entry| entry.table().ok()).map(entries).unwrap_or_default();
-    told("tolerance of", listed_in(&listed(&realistic, "tolerances"), "parameters"));
-    let units = listed(root, "units");
-    if let Some(whole) = units.iter().find(|unit| unit.text() == Ok("")).filter(|_| units.len() > 1)
-    {
-        mistakes.note(&whole.value_at(), StudyMistake::WholeBesideUnits);
+    let parsed = Text::of(&document.root(), (&(0..0), "the file"), &mut mistakes);
+    // Without the name of a system, no other name can be looked up.
+    if mistakes.doubtful.contains(&"system") {
+        return refused(mistakes.locate(text));
     }
-    if let Some(surplus) = units.get(MAX_ACTUATORS) {
-        let allowed = format!("at most {MAX_ACTUATORS}");
-        let (field, value) = ("number of units".into(), units.len() as f64);
-        mistakes.note(&surplus.value_at(), StudyMistake::OutOfRange { field, value, allowed });
+    parsed.check_lists(&mut mistakes);
+    let parsed = parsed.in_its_size();
+    Ok((if parsed.on_ground { parsed.on_ground() } else { parsed }, mistakes))
+}
+
+impl Text {
+    /// Notes duplicates in lists whose elements must be unique, and too many units.
+    fn check_lists(&self, mistakes: &mut Collector) {
+        let mut once = |what: &str, elements: Vec<(String, &TextSpan)>| {
+            let mut seen: Vec<String> = vec![];
+            for (name, at) in elements {
+                if seen.contains(&name) {
+                    let mistake = format!("the {what} '{name}' stands twice");
+                    mistakes.note_harmless(at, Diagnostic::new(mistake));
+                }
+                seen.push(name);
+            }
+        };
+        let numbers = self.intensities.iter().map(|own| (own.value.to_string(), &own.at));
+        let names = |own: &'_ At<String>| own.value.clone();
+        once("intensity", numbers.collect());
+        once("unit", self.units.iter().map(|own| (names(own), &own.at)).collect());
+        // A fault belongs to one class, and a parameter to one tolerance.
+        let faults = self.classes.iter().flat_map(|class| &class.faults);
+        once("fault", faults.map(|own| (names(own), &own.at)).collect());
+        let tolerances = self.realistic.iter().flat_map(|realistic| &realistic.tolerances);
+        let parameters = tolerances.flat_map(|tolerance| &tolerance.parameters);
+        once("tolerance of", parameters.map(|own| (names(own), &own.at)).collect());
+        mistakes.section = Some("units");
+        if let Some(whole) = self.units.iter().find(|u| u.is_empty() && self.units.len() > 1) {
+            let message = "the unit '' is the whole system, which has no other units";
+            mistakes.note(&whole.at, Diagnostic::new(message));
+        }
+        if let Some(surplus) = self.units.get(MAX_ACTUATORS) {
+            let (count, allowed) = (self.units.len(), format!("at most {MAX_ACTUATORS}"));
+            let mistake = Diagnostic::not_allowed("number of units", count, allowed);
+            mistakes.note(&surplus.at, mistake);
+        }
+        mistakes.section = None;
     }
 }
 
-/// The elements of a list.
-fn listed<'a>(table: &[Entry<'a>], key: &'static str) -> Vec<Entry<'a>> {
-    let entry = table.iter().find(|entry| entry.key == key);
-    let list = entry.and_then(|entry| entry.list().ok()).unwrap_or_default();
-    list.iter().map(|value| Entry::element(key, value)).collect()
-}
-
-/// The elements of the same list in each of several tables.
-fn listed_in<'a>(tables: &[Entry<'a>], key: &'static str) -> Vec<Entry<'a>> {
-    let tables = tables.iter().filter_map(|entry| entry.table().ok());
-    tables.flat_map(|table| listed(&entries(table), key)).collect()
-}
-
-/// The place in the text where it names its system.
-fn system_at(text: &str) -> TextSpan {
-    let (root, _) = DeTable::parse_recoverable(text);
-    let all = entries(root.get_ref());
-    all.iter().find(|entry| entry.key == "system").map_or(0..0, Entry::value_at)
-}
-
-/// Finds the system of a study. An unknown name is returned as a mistake of the study.
-fn find_system(name: &str, study: &str) -> Result<System, Result<StudyError, StudyMistake>> {
-    let system = |error| Ok(StudyError::System(error));
+/// Finds the system of a study; notes an unknown name.
+fn find_system(
+    name: &At<String>,
+    study: &str,
+    mistakes: &mut Collector,
+) -> Option<Result<System, SystemError>> {
     if let Some(text) = built_in::find(&built_in::SYSTEMS, name) {
-        return System::parse(text, &format!("systems/{name}.toml")).map_err(system);
+        return Some(System::parse(text, &format!("systems/{}.toml", **name)));
     }
     if !name.ends_with(".toml") {
         let known = built_in::SYSTEMS.iter().map(|(known, _)| *known);
-        return Err(Err(StudyMistake::Unknown {
-            what: "built-in system (a file ends in .toml)",
-            name: name.into(),
-            nearest: nearest(name, known.clone()).map(Into::into),
-            known: known.map(Into::into).collect(),
-        }));
+        let message = format!("there is no built-in system (a file ends in .toml) '{}'", **name);
+        mistakes.note(&name.at, Diagnostic::unknown(message, name, known));
+        return None;
     }
-    System::read(beside(name, Path::new(study))).map_err(system)
+    Some(System::read(beside(name, Path::new(study))))
 }
 
 /// The path where a study looks for its system file.
@@ -612,81 +558,29 @@ fn beside(name: &str, study: &Path) -> PathBuf {
     study.parent().unwrap_or(Path::new("")).join(name)
 }
 
-/// The parts of a study, built from its parsed text.
-struct Parts {
-    measured: Vec<usize>,
-    sensors: Sensors,
-    classes: Vec<Class>,
-    faults: Vec<FaultCase>,
-    cases: Vec<Environment>,
-    command_input: usize,
-    flights: Option<Flights>,
-    realism: Option<Realism>,
-    calibration: Option<Calibration>,
-    training: Option<Training>,
-    evaluating: Evaluating,
-    reactions: Reactions,
-    suites: suites::Suites,
-}
-
-impl Parts {
-    /// Builds all parts, so that the mistakes of each are noted.
-    fn new(reader: &Reader) -> Result<Self, Noted> {
-        let text = reader.text;
-        let sensors = reader.sensors();
-        let classes = reader.classes();
-        let faults = reader.faults(&classes);
-        let command_input = reader.command_input();
-        let cases = reader.cases();
-        let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader)).transpose();
-        let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
-        let evaluating = text.evaluation.as_ref().map(|text| Evaluating::new(text, reader));
-        let flown = Self::flown(reader);
-        let reactions = Reactions::new(&text.reactions, reader);
-        reader.check_ground_test();
-        let (measured, sensors) = sensors?;
-        let (calibration, flights, suites) = flown?;
-        Ok(Parts {
-            measured,
-            sensors,
-            classes,
-            faults: faults?,
-            cases: cases?,
-            command_input: command_input?,
-            flights,
-            realism: realism?,
-            calibration,
-            training: training?,
-            evaluating: evaluating.transpose()?.unwrap_or_default(),
-            reactions: reactions?,
-            suites,
-        })
-    }
-
-    /// What is flown: the calibration flight, the flights, and their suites.
-    fn flown(
-        reader: &Reader,
-    ) -> Result<(Option<Calibration>, Option<Flights>, suites::Suites), Noted> {
-        let text = reader.text;
-        let flights = text.flights.as_ref().map(|text| Flights::new(text, reader)).transpose();
-        let fitted = text.fitted.as_ref().filter(|_| !text.on_ground);
-        let calibration = fitted.map(|text| Calibration::new(text, reader)).transpose();
-        let flights = flights?;
-        let first_test = flights.as_ref().filter(|_| text.on_ground);
-        let first_test = first_test.map(|flights| Calibration::first_test(flights, reader));
-        let suites = flights.as_ref().map(|flights| suites::suites(reader, flights)).transpose();
-        if let (None, Some(name)) = (&flights, text.suites.keys().next()) {
-            reader.empty(&KeyPath::of(&["suites", name]), "flights");
-        }
-        let calibration = first_test.transpose()?.or(calibration?);
-        Ok((calibration, flights, suites?.unwrap_or_default()))
-    }
-}
-
 /// The index of the load input and its value; `None` if the study has no load.
 type Load = Option<(usize, Piecewise)>;
 
 impl Reader<'_> {
+    /// What is flown: the calibration flight, the flights, and their suites.
+    fn flown(&self) -> Result<(Option<Calibration>, Option<Flights>, suites::Suites), Noted> {
+        let text = self.text;
+        let flights = text.flights.as_ref().map(|text| Flights::new(text, self)).transpose();
+        let fitted = text.fitted.as_ref().filter(|_| !text.on_ground);
+        let calibration = fitted.map(|text| Calibration::new(text, self)).transpose();
+        let flights = flights?;
+        let test = text.ground_test.as_ref().filter(|_| text.on_ground);
+        let first_test = flights.as_ref().zip(test);
+        let first_test =
+            first_test.map(|(flights, test)| Calibration::first_test(flights, &test.at, self));
+        let suites = flights.as_ref().map(|flights| suites::suites(self, flights)).transpose();
+        if let (None, Some(name)) = (&flights, text.suites.keys().next()) {
+            self.empty(&name.at, "flights");
+        }
+        let calibration = first_test.transpose()?.or(calibration?);
+        Ok((calibration, flights, suites?.unwrap_or_default()))
+    }
+
     /// The indices of the measured sensors in the system's order, with the extra one
     /// last.
     fn sensors(&self) -> Result<(Vec<usize>, Sensors), Noted> {
@@ -695,35 +589,25 @@ impl Reader<'_> {
         let mut measured = Vec::new();
         let mut seen = Vec::new();
         for id in self.text.sensors.keys() {
-            if !ids().any(|known| known == id) {
-                let at = KeyPath::of(&["sensors", id]).name();
-                self.unknown(&at, "sensor in the system", id, ids());
+            if !ids().any(|known| known == id.as_str()) {
+                self.unknown(OF_SYSTEM, &id.at, ("sensor in the system", id), ids());
             }
         }
         for (position, sensor) in list.iter().enumerate() {
-            let Some(text) = self.text.sensors.get(&sensor.id) else { continue };
+            let Some(text) = self.text.sensors.get(sensor.id.as_str()) else { continue };
             if let Ok(sensor) = self.sensor(position, text) {
                 measured.push(position);
                 seen.push(sensor);
             }
         }
         if let Some(extra) = &self.text.extra_sensor {
-            let position = ids().position(|id| id == extra.id);
-            let at = KeyPath::of(&["extra_sensor", "id"]);
-            let unknown = || self.unknown(&at, "sensor in the system", &extra.id, ids());
+            let position = ids().position(|id| id == extra.id.as_str());
+            let what = ("sensor in the system", extra.id.as_str());
+            let unknown = || self.unknown(OF_SYSTEM, &extra.id.at, what, ids());
             let position = position.ok_or_else(unknown)?;
-            let (name, noise) = (extra.id.clone(), self.noise(position));
-            let sensor = Sensor {
-                name,
-                quantity: Quantity::Surface,
-                actuator: None,
-                noise,
-                is_noisy: true,
-                follows: vec![],
-            };
+            let sensor = self.seen(position, Quantity::Surface, None);
             if measured.contains(&position) {
-                let name = extra.id.clone();
-                self.note(&self.span(&at), StudyMistake::Repeated { what: "sensor", name });
+                self.repeated("sensor", &extra.id.at, &extra.id);
             }
             measured.push(position);
             seen.push(sensor);
@@ -733,55 +617,48 @@ impl Reader<'_> {
     }
 
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
-        let id = &self.system.sensors[position].id;
-        let at = KeyPath::of(&["sensors", id]);
-        let words = || Quantity::ALL.iter().map(|(_, word)| *word);
-        let found = Quantity::ALL.iter().find(|(_, word)| *word == text.quantity);
-        let (quantity, _) = found.ok_or_else(|| {
-            self.unknown(&at.key("quantity"), "quantity", &text.quantity, words())
-        })?;
-        let known = text.unit <= self.text.units.len();
-        let units = self.text.units.len();
-        self.range(
-            &at.key("unit"),
-            text.unit as f64,
-            known,
-            format!("0 … {units}, as there are units"),
-        )?;
+        let quantity = text.quantity;
+        let (units, At { value: unit, at }) = (self.text.units.len(), &text.unit);
+        let allowed = format!("0 … {units}, as there are units");
+        self.range(("unit", at), *unit as f64, *unit <= units, allowed)?;
         // All actuators move the surface together, so its sensor belongs to none of them.
-        let unit = text.unit.checked_sub(1).filter(|_| *quantity != Quantity::Surface);
-        let (name, noise) = (id.clone(), self.noise(position));
-        Ok(Sensor {
-            name,
-            quantity: *quantity,
-            actuator: unit,
-            noise,
-            is_noisy: true,
-            follows: vec![],
-        })
+        let unit = unit.checked_sub(1).filter(|_| quantity != Quantity::Surface);
+        Ok(self.seen(position, quantity, unit))
+    }
+
+    /// A sensor as seen by features, by its index in the system.
+    fn seen(&self, position: usize, quantity: Quantity, actuator: Option<usize>) -> Sensor {
+        let own = &self.system.sensors[position];
+        // Noise and quantization of a sample, as a share of the sensor's scale.
+        let noise = Imperfection::of(self.system, position).deviation() / own.scale;
+        let name = own.id.clone();
+        Sensor { name, quantity, actuator, noise, is_noisy: true, follows: vec![] }
     }
 
     /// Adds the sensors that each sensor follows. `measured` has the indices of all sensors. Mistakes are noted.
     fn add_laws(&self, measured: &[usize], seen: &mut [Sensor]) {
         for (place, sensor) in seen.iter_mut().enumerate() {
             let id = &self.system.sensors[measured[place]].id;
-            let Some(text) = self.text.sensors.get(id) else { continue };
-            if text.follows_controller {
+            let Some(text) = self.text.sensors.get(id.as_str()) else { continue };
+            if text.follows_controller.value {
                 let law = laws::of_controller(self.system, measured, place);
-                let at = KeyPath::of(&["sensors", id, "follows_controller"]);
                 if law.is_empty() {
-                    self.note(&self.span(&at), StudyMistake::NoController { sensor: id.clone() });
+                    let mistake = format!(
+                        "no controller drives what '{id}' measures by what other sensors of the study read"
+                    );
+                    self.note(&text.follows_controller.at, Diagnostic::new(mistake));
                 }
                 sensor.follows = self.in_scales(measured, place, &law);
                 continue;
             }
-            let at = KeyPath::of(&["sensors", id, "follows"]);
-            let (count, few) = (text.follows.len(), text.follows.len() <= MAX_FOLLOWED);
-            let _ = self.range(&at, count as f64, few, format!("at most {MAX_FOLLOWED} others"));
-            let follow = |(id, &weight): (&String, &f64)| {
-                self.follow(&at, measured, place, (id, weight)).ok()
+            let At { value: follows, at } = &text.follows;
+            let (count, few) = (follows.len(), follows.len() <= MAX_FOLLOWED);
+            let allowed = format!("at most {MAX_FOLLOWED} others");
+            let _ = self.range(("follows", at), count as f64, few, allowed);
+            let follow = |(id, &weight): (&At<String>, &f64)| {
+                self.follow(measured, place, (id, weight)).ok()
             };
-            sensor.follows = text.follows.iter().filter_map(follow).collect();
+            sensor.follows = follows.iter().filter_map(follow).collect();
         }
     }
 
@@ -799,25 +676,17 @@ impl Reader<'_> {
     /// The place of a followed sensor, and its weight in shares of scale.
     fn follow(
         &self,
-        at: &KeyPath,
         measured: &[usize],
         place: usize,
-        (followed, weight): (&str, f64),
+        (followed, weight): (&At<String>, f64),
     ) -> Result<(usize, f64), Noted> {
         let sensor = |place: usize| &self.system.sensors[measured[place]];
         let others = || (0..measured.len()).filter(|&other| other != place);
         let known = || others().map(|other| sensor(other).id.as_str());
-        let other = others().find(|&other| sensor(other).id == followed);
-        let other = other.ok_or_else(|| {
-            self.unknown(&at.key(followed).name(), OTHER_SENSOR, followed, known())
-        })?;
+        let other = others().find(|&other| sensor(other).id == followed.value);
+        let what = ("other sensor", followed.as_str());
+        let other = other.ok_or_else(|| self.unknown(OF_SENSORS, &followed.at, what, known()))?;
         Ok(self.in_scales(measured, place, &[(other, weight)])[0])
-    }
-
-    /// The standard deviation of a sample from noise and quantization, as a share of the sensor's scale.
-    fn noise(&self, position: usize) -> f64 {
-        let scale = self.system.sensors[position].scale;
-        Imperfection::of(self.system, position).deviation() / scale
     }
 
     fn cases(&self) -> Result<Vec<Environment>, Noted> {
@@ -826,13 +695,7 @@ impl Reader<'_> {
         let mut commands = vec![];
         for (name, signal) in &self.text.command.signals {
             let (signal, duration_s) = (Ok(signal.clone()), self.text.duration_s);
-            let built = self.signal(
-                &KeyPath::of(&["command", "signals", name]).name(),
-                name,
-                signal,
-                command,
-                duration_s,
-            );
+            let built = self.signal((name, &name.at), signal, command, duration_s);
             commands.extend(built.map(|built| (name, built)));
         }
         let (loads, mut cases) = (loads?, Vec::new());
@@ -843,18 +706,12 @@ impl Reader<'_> {
                 if let Some((input, value)) = load {
                     inputs[*input] = value.clone();
                 }
-                let case = format!("{name}{load_name}");
+                let case = format!("{}{load_name}", **name);
                 if cases.iter().any(|other: &Environment| other.name == case) {
-                    let at = KeyPath::of(&["command", "signals", name]).name();
-                    let mistake = StudyMistake::Repeated { what: "case", name: case.clone() };
-                    self.note(&self.span(&at), mistake);
+                    self.repeated("case", &name.at, &case);
                 }
-                cases.push(Environment {
-                    name: case,
-                    command: name.clone(),
-                    inputs,
-                    parameters: vec![],
-                });
+                let (command, parameters) = (name.value.clone(), vec![]);
+                cases.push(Environment { name: case, command, inputs, parameters });
             }
         }
         Ok(cases)
@@ -863,10 +720,13 @@ impl Reader<'_> {
     /// The suffix that each load adds to the names of cases, with the load itself.
     fn loads(&self) -> Result<Vec<(String, Load)>, Noted> {
         let Some(load) = &self.text.load else { return Ok(vec![(String::new(), None)]) };
-        let input = self.input(&KeyPath::of(&["load", "input"]), &load.input)?;
-        let values = sorted_by_value(&load.values).into_iter().map(|(name, value)| {
-            let value = self.constant(&KeyPath::of(&["load", "values", &name]), input, value)?;
-            Ok((format!("/{name}"), Some((input, value))))
+        let input = self.input(&load.input.at, &load.input)?;
+        let mut values: Vec<_> = load.values.iter().collect();
+        // By value: `50` comes before `100`, unlike in alphabetical order.
+        values.sort_by(|a, b| a.1.total_cmp(b.1));
+        let values = values.into_iter().map(|(name, value)| {
+            let curve = self.constant((name, &value.at), input, value.value)?;
+            Ok((format!("/{}", **name), Some((input, curve))))
         });
         Ok(self.sound(values))
     }
@@ -875,11 +735,4 @@ impl Reader<'_> {
         let inputs = &self.system.network().inputs;
         inputs.iter().map(|i| Piecewise::constant(i.default).expect("checked")).collect()
     }
-}
-
-/// Sorts by value: `50` comes before `100`, unlike in alphabetical order.
-fn sorted_by_value(values: &BTreeMap<String, f64>) -> Vec<(String, f64)> {
-    let mut sorted: Vec<(String, f64)> = values.iter().map(|(n, v)| (n.clone(), *v)).collect();
-    sorted.sort_by(|a, b| a.1.total_cmp(&b.1));
-    sorted
 }

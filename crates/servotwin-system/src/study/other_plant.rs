@@ -20,34 +20,31 @@
 
 use super::faults::full_name;
 use super::keys::some;
-use super::reader::{Noted, Reader};
-use crate::document::{KeyPath, NumberWithUnit};
-use crate::format::section;
+use super::reader::{Noted, OF_SYSTEM, Reader};
+use crate::document::{Diagnostic, NumberWithUnit};
+use crate::format::{At, Names, section};
 use crate::signal::random::NormalDeviates;
 use servotwin_model::components::{self, Component};
 use servotwin_model::math::{exp, ln};
 use servotwin_model::network::Instance;
-use std::collections::BTreeMap;
 
 section! {
     /// The section of a study file.
-    #[derive(Default)]
-    #[serde(default)]
     pub(super) struct Text {
-        may kinds: BTreeMap<String, String>,
+        may kinds: Names<At<String>>,
             "kinds that stand for others, by the component's name without its channel";
-        may latency_s: [f64; 2], "range of a sensor's latency, at most one sample";
-        may draws: Vec<DrawText>, "ranges from which each specimen draws parameters";
+        may latency_s: At<[f64; 2]>, "range of a sensor's latency, at most one sample";
+        may draws: Vec<At<DrawText>>, "ranges from which each specimen draws parameters";
     }
 }
 
 section! {
     /// A draw of parameters.
     pub(super) struct DrawText {
-        must parameters: Vec<String> = some::<Vec<String>>(),
+        must parameters: Vec<At<String>> = some::<Vec<At<String>>>(),
             "parameters that vary together, without the name of the channel";
-        may times: Option<[f64; 2]>, "range of a factor, drawn evenly in its logarithm";
-        may plus: Option<[f64; 2]>, "range of an offset, in the parameter's unit";
+        may times: Option<At<[f64; 2]>>, "range of a factor, drawn evenly in its logarithm";
+        may plus: Option<At<[f64; 2]>>, "range of an offset, in the parameter's unit";
     }
 }
 
@@ -75,35 +72,32 @@ pub struct PlantDraw {
 
 impl OtherPlant {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        let section = KeyPath::of(&["flights", "other_plant"]);
-        let known = text.kinds.iter().map(|entry| kinds(reader, &section, entry));
+        let known = text.kinds.iter().map(|(name, kind)| kinds(reader, name, kind));
         let known = reader.sound(known);
         let period_s = 1.0 / reader.text.sample_hz;
-        let [from_s, to_s] = text.latency_s;
+        let At { value: [from_s, to_s], at } = text.latency_s.clone();
         let allowed =
             format!("two times from 0 s to {}, one sample", NumberWithUnit(period_s, "s"));
-        let latency = section.key("latency_s");
-        let latency = reader.range(&latency, to_s, from_s >= 0.0 && to_s <= period_s, allowed);
+        let is_allowed = from_s >= 0.0 && to_s <= period_s;
+        let latency = reader.range(("latency_s", &at), to_s, is_allowed, allowed);
         // Which parameters there are depends on the kinds.
         if known.len() < text.kinds.len() {
             return Err(Noted);
         }
         let kinds: Vec<_> = known.into_iter().flatten().collect();
-        let draws = draws(reader, (&section, "draws"), &text.draws, &kinds);
+        let draws = draws(reader, &text.draws, &kinds);
         latency?;
-        Ok(Self { latency_s: text.latency_s, kinds, draws })
+        Ok(Self { latency_s: [from_s, to_s], kinds, draws })
     }
 }
 
 /// The draws of a section.
 pub(super) fn draws(
     reader: &Reader,
-    (section, key): (&KeyPath, &'static str),
-    texts: &[DrawText],
+    texts: &[At<DrawText>],
     kinds: &[(usize, &'static str)],
 ) -> Vec<PlantDraw> {
-    let texts = texts.iter().enumerate();
-    let draws = texts.map(|(n, draw)| of_draw(reader, section.key(key).element(n), draw, kinds));
+    let draws = texts.iter().map(|draw| of_draw(reader, draw, kinds));
     reader.sound(draws).into_iter().flatten().collect()
 }
 
@@ -153,28 +147,25 @@ fn named(reader: &Reader, name: &str) -> Vec<usize> {
 /// Components with the kind that stands for theirs.
 fn kinds(
     reader: &Reader,
-    section: &KeyPath,
-    (name, kind): (&String, &String),
+    name: &At<String>,
+    kind: &At<String>,
 ) -> Result<Vec<(usize, &'static str)>, Noted> {
-    let at = section.key("kinds").key(name);
     let found = named(reader, name);
     if found.is_empty() {
         let all = reader.system.network().components.iter().map(|part| part.id.as_str());
-        return Err(reader.unknown(&at.name(), "component in the system", name, all));
+        return Err(reader.unknown(OF_SYSTEM, &name.at, ("component in the system", name), all));
     }
     let component = components::find(kind).ok_or_else(|| {
         let all = components::ALL.iter().map(|component| component.spec().kind);
-        reader.unknown(&at, "kind of component", kind, all)
+        reader.unknown(OF_SYSTEM, &kind.at, ("kind of component", kind), all)
     })?;
     let own = reader.system.network().components[found[0]].component;
-    match lacking(own, component) {
-        None => Ok(found.into_iter().map(|place| (place, component.spec().kind)).collect()),
-        Some((what, missing)) => {
-            let own = own.spec().kind;
-            let (kind, own, what) = (kind.clone(), own.into(), format!("{what} '{missing}'"));
-            Err(reader.note(&reader.span(&at), super::StudyMistake::NoStandIn { kind, own, what }))
-        }
-    }
+    let Some((what, missing)) = lacking(own, component) else {
+        return Ok(found.into_iter().map(|place| (place, component.spec().kind)).collect());
+    };
+    let own = own.spec().kind;
+    let message = format!("'{}' cannot stand for '{own}': it has no {what} '{missing}'", **kind);
+    Err(reader.note(&kind.at, Diagnostic::new(message)))
 }
 
 /// The first port or fault of a component that another lacks.
@@ -190,22 +181,24 @@ fn lacking(own: &dyn Component, other: &dyn Component) -> Option<(&'static str, 
 /// A draw of each channel, or one draw of what all share.
 fn of_draw(
     reader: &Reader,
-    at: KeyPath,
-    text: &DrawText,
+    At { value: text, at }: &At<DrawText>,
     kinds: &[(usize, &'static str)],
 ) -> Result<Vec<PlantDraw>, Noted> {
-    let (range, is_factor) = match (text.times, text.plus) {
+    let (range, is_factor) = match (&text.times, &text.plus) {
         (Some(range), None) => (range, true),
         (None, Some(range)) => (range, false),
-        _ => return Err(reader.note(&reader.span(&at), super::StudyMistake::TimesOrPlus)),
+        _ => {
+            let help = "times = [0.9, 1.1] is a range of factors, plus = [-10, 10] of offsets";
+            let mistake = Diagnostic::new("a draw has either 'times' or 'plus'");
+            return Err(reader.note(at, mistake.with_help(help)));
+        }
     };
-    let place = at.key(if is_factor { "times" } else { "plus" });
+    let At { value: range, at } = range.clone();
     let is_allowed = !is_factor || range[0] > 0.0;
-    reader.range(&place, range[0], is_allowed, "two factors above 0, in order")?;
+    reader.range(("times", &at), range[0], is_allowed, "two factors above 0, in order")?;
     let mut draws: Vec<PlantDraw> = vec![];
-    for (n, name) in text.parameters.iter().enumerate() {
-        let at = at.key("parameters").element(n);
-        for (unit, parameter) in parameters(reader, &at, name, kinds)?.into_iter().enumerate() {
+    for name in &text.parameters {
+        for (unit, parameter) in parameters(reader, name, kinds)?.into_iter().enumerate() {
             match draws.get_mut(unit) {
                 Some(draw) => draw.parameters.push(parameter),
                 None => draws.push(PlantDraw { parameters: vec![parameter], range, is_factor }),
@@ -218,8 +211,7 @@ fn of_draw(
 /// The parameters that a name stands for, in plants of the given kinds.
 fn parameters(
     reader: &Reader,
-    at: &KeyPath,
-    name: &str,
+    name: &At<String>,
     kinds: &[(usize, &'static str)],
 ) -> Result<Vec<(usize, String)>, Noted> {
     let (part, parameter) = name.rsplit_once('.').unwrap_or((name, ""));
@@ -239,7 +231,8 @@ fn parameters(
             None => reader.system.all_parameters(),
         };
         let known = of_part.iter().map(String::as_str);
-        return Err(reader.unknown(at, "parameter in these plants", name, known));
+        let what = ("parameter in these plants", name.as_str());
+        return Err(reader.unknown(OF_SYSTEM, &name.at, what, known));
     }
     Ok(found.into_iter().map(|place| (place, parameter.to_owned())).collect())
 }

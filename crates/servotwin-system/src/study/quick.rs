@@ -11,10 +11,10 @@
 //! [`Study::full`] adds that line, so the text beside the results states their size.
 
 use super::keys::{RUN_S, SPECIMENS};
-use super::{Study, StudyError};
+use super::{FORMAT, Study, StudyError};
+use crate::document::{Collector, Document, get};
 use crate::format::section;
 use crate::system::System;
-use toml::de::DeTable;
 
 section! {
     /// The section of a study file.
@@ -37,7 +37,8 @@ impl super::Text {
         let Some(quick) = self.quick.filter(|_| !self.full) else { return self };
         at_most(&mut self.duration_s, quick.duration_s);
         if let Some(training) = &mut self.training {
-            at_most(&mut training.duration_s, quick.duration_s);
+            let training = &mut training.value;
+            at_most(&mut training.duration_s.value, quick.duration_s);
             at_most(&mut training.healthy, quick.healthy);
             training.draws.iter_mut().for_each(|draws| at_most(&mut draws.count, quick.draws));
         }
@@ -77,11 +78,12 @@ impl Study {
 
 /// The text of a study file with a key of its top level added or set to `true`.
 pub(super) fn with_flag(text: &str, key: &str) -> String {
-    let (root, _) = DeTable::parse_recoverable(text);
-    match root.get_ref().get(key) {
-        Some(value) => {
+    let document = Document::parse(text, FORMAT, &mut Collector::default());
+    let root = document.as_ref().map(Document::root).unwrap_or_default();
+    match get(&root, key) {
+        Some(entry) => {
             let mut text = text.to_owned();
-            text.replace_range(value.span(), "true");
+            text.replace_range(entry.value_at(), "true");
             text
         }
         None => format!("{key} = true\n{text}"),

@@ -10,22 +10,18 @@
 //! refer to the faulty actuator.
 
 use super::faults::full_name;
-use super::reader::{Noted, OF_A_CLASS, OF_THE_STUDY, Reader};
-use crate::document::KeyPath;
-use crate::format::section;
+use super::reader::{Noted, OF_SENSORS, Reader};
+use crate::format::{At, Names, section};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 section! {
     /// A reaction as the study file declares it.
-    #[derive(Default)]
-    #[serde(default)]
     pub(super) struct Text {
         may switches_off: bool, "true: the action switches the channel off";
-        may unit_inputs: BTreeMap<String, f64>, "values for inputs of the faulty channel";
-        may unit_parameters: BTreeMap<String, f64>, "values for parameters of the faulty channel";
-        may parameters: BTreeMap<String, f64>, "values for parameters of the system";
-        may takes_out: Vec<String>,
+        may unit_inputs: Names<At<f64>>, "values for inputs of the faulty channel";
+        may unit_parameters: Names<At<f64>>, "values for parameters of the faulty channel";
+        may parameters: Names<At<f64>>, "values for parameters of the system";
+        may takes_out: Vec<At<String>>,
             "sensors that are ignored after the action; those of other channels stay";
     }
 }
@@ -58,22 +54,22 @@ pub struct Reactions {
 }
 
 impl Reactions {
-    pub(super) fn new(texts: &BTreeMap<String, Text>, reader: &Reader) -> Result<Self, Noted> {
+    pub(super) fn new(texts: &Names<Text>, reader: &Reader) -> Result<Self, Noted> {
         let classes = &reader.text.classes;
-        let commands = classes.iter().map(|class| class.command.clone());
-        let both = classes.iter().map(|class| format!("{}/{}", class.command, class.detail));
+        let commands = classes.iter().map(|class| class.command.value.clone());
+        let both = classes.iter().map(|class| format!("{}/{}", *class.command, *class.detail));
         let known: Vec<String> = commands.chain(both).collect();
         let mut list = vec![];
         for (name, text) in texts {
             if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
-                reader.unknown(&KeyPath::of(&["reactions", name]).name(), OF_A_CLASS, name, known);
+                let what = "command, or command/detail, of a class";
+                reader.unknown(&["classes"], &name.at, (what, name), known);
                 continue;
             }
             let units = 0..reader.text.units.len();
-            let section = KeyPath::of(&["reactions", name]);
-            let of_units = units.map(|unit| text.reaction(reader, &section, unit));
-            list.push((name.clone(), reader.sound(of_units)));
+            let of_units = units.map(|unit| text.reaction(reader, unit));
+            list.push((name.value.clone(), reader.sound(of_units)));
         }
         Ok(Reactions { list })
     }
@@ -100,30 +96,26 @@ impl Reactions {
 }
 
 impl Text {
-    fn reaction(&self, reader: &Reader, section: &KeyPath, unit: usize) -> Result<Reaction, Noted> {
+    fn reaction(&self, reader: &Reader, unit: usize) -> Result<Reaction, Noted> {
         let name = &reader.text.units[unit];
         let mut reaction = Reaction { switches_off: self.switches_off, ..Reaction::default() };
         for (input, value) in &self.unit_inputs {
-            let at = section.key("unit_inputs").key(input);
-            let place = reader.input(&at.name(), &full_name(name, input))?;
-            reader.constant(&at, place, *value)?;
-            reaction.inputs.push((place, *value));
+            let place = reader.input(&input.at, &full_name(name, input))?;
+            reader.constant((input, &value.at), place, value.value)?;
+            reaction.inputs.push((place, value.value));
         }
-        let own = self.unit_parameters.iter();
-        let own = own.map(|(p, value)| (name.as_str(), "unit_parameters", p, value));
-        let common = self.parameters.iter().map(|(p, value)| ("", "parameters", p, value));
-        for (unit, of, parameter, &value) in own.chain(common) {
-            let at = section.key(of).key(parameter);
-            let (component, place) = super::realism::find(reader, &at.name(), unit, parameter)?;
-            reader.parameter(&at, (component, place), value)?;
-            reaction.parameters.push((component, place, value));
+        let own = self.unit_parameters.iter().map(|of| (name.as_str(), of));
+        for (of_unit, (parameter, value)) in own.chain(self.parameters.iter().map(|of| ("", of))) {
+            let (component, place) = super::realism::find(reader, of_unit, parameter)?;
+            reader.parameter((parameter, &value.at), (component, place), value.value)?;
+            reaction.parameters.push((component, place, value.value));
         }
         let (measured, sensors) = reader.sensors()?;
         let ids = || measured.iter().map(|&place| reader.system.sensors[place].id.as_str());
-        for (n, id) in self.takes_out.iter().enumerate() {
-            let at = section.key("takes_out").element(n);
-            let found = ids().position(|known| known == id);
-            let place = found.ok_or_else(|| reader.unknown(&at, OF_THE_STUDY, id, ids()))?;
+        for id in &self.takes_out {
+            let found = ids().position(|known| known == **id);
+            let unknown = || reader.unknown(OF_SENSORS, &id.at, ("sensor of the study", id), ids());
+            let place = found.ok_or_else(unknown)?;
             if sensors.0[place].actuator.is_none_or(|own| own == unit) {
                 reaction.takes_out.push(place);
             }

@@ -1,16 +1,13 @@
 //! The state of a parser that reads one study. It looks names up in the system and collects mistakes
 //! with their places.
 
-use super::mistake::StudyMistake;
 use super::{StudyError, Text};
-use crate::document::{self, Collector, KeyPath, TextSpan};
-use crate::nearest::nearest;
+use crate::document::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
+use crate::format::At;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
 use servotwin_model::signal::Piecewise;
-use std::cell::{OnceCell, RefCell};
-use toml::Spanned;
-use toml::de::DeTable;
+use std::cell::RefCell;
 
 /// Marks a mistake that has already been noted.
 #[derive(Debug)]
@@ -23,91 +20,80 @@ pub(super) struct Reader<'a> {
     pub source: &'a str,
     pub text: &'a Text,
     pub system: &'a System,
-    pub mistakes: RefCell<Collector<StudyMistake>>,
-    /// The file as a document, parsed when a place in it is first needed.
-    pub document: OnceCell<Spanned<DeTable<'a>>>,
-    /// The keys whose unreadable value was replaced by a substitute.
-    pub doubtful: Vec<&'static str>,
+    pub mistakes: RefCell<Collector>,
 }
 
-/// Describes valid names of a reaction.
-pub(super) const OF_A_CLASS: &str = "command, or command/detail, of a class";
-/// Describes sensors that a sensor may follow.
-pub(super) const OTHER_SENSOR: &str = "other sensor";
-/// Describes sensors that a reaction may take out.
-pub(super) const OF_THE_STUDY: &str = "sensor of the study";
-
-/// Stop computing suggestions after this many mistakes.
-const TOLD: usize = 100;
-/// Longer lists of valid names are left out of messages.
-const LISTED: usize = 30;
+/// The keys on which a name in the system depends.
+pub(super) const OF_SYSTEM: &[&str] = &["units"];
+/// The keys on which the names of sensors depend.
+pub(super) const OF_SENSORS: &[&str] = &["sensors"];
+/// The keys on which it depends whether a signal stays in the range of its input.
+const OF_SIGNALS: &[&str] = &[
+    "duration_s",
+    "sample_hz",
+    "command",
+    "fitted",
+    "training",
+    "flights",
+    "suites",
+    "ground_test",
+];
 
 impl<'a> Reader<'a> {
-    /// Notes a mistake, at most one for each place. Mistakes that may come from a substitute are dropped.
-    pub(crate) fn note(&self, at: &TextSpan, mistake: StudyMistake) -> Noted {
+    /// Notes a mistake, at most one for each place. It is dropped if it may come from a substitute for a value that
+    /// could not be read.
+    pub(crate) fn note(&self, at: &TextSpan, mistake: Diagnostic) -> Noted {
+        if self.mistakes.borrow().doubtful.is_empty() {
+            return self.note_given(&[], at, mistake);
+        }
+        Noted
+    }
+
+    /// Notes a mistake that stands if these keys could be read.
+    pub(crate) fn note_given(&self, keys: &[&str], at: &TextSpan, mistake: Diagnostic) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
-        if !mistakes.knows(at) && self.is_certain(&mistake) {
+        let is_sound = keys.iter().all(|key| !mistakes.doubtful.contains(key));
+        if is_sound && !mistakes.knows(at) {
             mistakes.note(at, mistake);
         }
         Noted
     }
 
-    /// Whether the mistake stands regardless of the unreadable keys.
-    fn is_certain(&self, mistake: &StudyMistake) -> bool {
-        match mistake {
-            _ if self.doubtful.is_empty() => true,
-            StudyMistake::Document(_) | StudyMistake::Signal { .. } => true,
-            StudyMistake::Shared { .. } => self.is_sound(&["units"]),
-            // Apart from the actuators' names, lookups in the system do not depend on the study.
-            StudyMistake::Unknown { name, .. } if name.is_empty() => false,
-            StudyMistake::Unknown { what: OF_A_CLASS, .. } => self.is_sound(&["classes"]),
-            StudyMistake::Unknown { what: OTHER_SENSOR | OF_THE_STUDY, .. } => {
-                self.is_sound(&["sensors"])
-            }
-            StudyMistake::Unknown { .. } => self.is_sound(&["units"]),
-            _ => false,
+    /// Notes an unknown name; `keys` are those on which the known names depend.
+    pub(crate) fn unknown<'n>(
+        &self,
+        keys: &[&str],
+        at: &TextSpan,
+        (what, name): (&str, &str),
+        known: impl IntoIterator<Item = &'n str>,
+    ) -> Noted {
+        // Mistakes beyond the limit are not shown, so they need no suggestion.
+        if self.mistakes.borrow().is_full() {
+            return Noted;
+        }
+        let mistake = Diagnostic::unknown(format!("there is no {what} '{name}'"), name, known);
+        match name {
+            "" => self.note(at, mistake),
+            _ => self.note_given(keys, at, mistake),
         }
     }
 
-    /// Whether all of the keys could be read.
-    fn is_sound(&self, keys: &[&str]) -> bool {
-        keys.iter().all(|key| !self.doubtful.contains(key))
-    }
-
-    /// Notes an unknown name at a place.
-    pub(crate) fn unknown<'n>(
-        &self,
-        at: &KeyPath,
-        what: &'static str,
-        name: &str,
-        known: impl IntoIterator<Item = &'n str>,
-    ) -> Noted {
-        let known: Vec<&str> = known.into_iter().collect();
-        // Mistakes beyond the limit are not shown, so they need no suggestion.
-        let is_told = self.mistakes.borrow().len() < TOLD;
-        let nearest = is_told.then(|| nearest(name, known.iter().copied())).flatten();
-        let nearest = nearest.map(Into::into);
-        let few = known.len() <= LISTED;
-        let known = if few { known.into_iter().map(Into::into).collect() } else { vec![] };
-        let mistake = StudyMistake::Unknown { what, name: name.into(), nearest, known };
-        self.note(&self.span(at), mistake)
-    }
-
     /// Notes a name of something that all actuators share, where each actuator needs its own.
-    pub(crate) fn shared(&self, at: &KeyPath, what: &'static str, unit: &str, name: &str) -> Noted {
-        let mistake = StudyMistake::Shared { what, name: name.into(), unit: unit.into() };
-        self.note(&self.span(at), mistake)
-    }
-
-    /// Notes a mistake in a text.
-    pub(crate) fn in_text(&self, at: &KeyPath, mistake: document::TomlMistake) -> Noted {
-        self.note(&self.span(at), mistake.into())
+    pub(crate) fn shared(&self, what: &str, unit: &str, name: &At<String>) -> Noted {
+        let message = format!(
+            "the {what} '{}' is of a component that units share: a name here stands for one of every unit, \
+             '{unit}.{}' and so on",
+            **name, **name
+        );
+        let help = "a diagnosis says which unit is at fault, and of what units share it is none: leave it out, or \
+                    write a second study with units = [\"\"], in which the whole system is one unit";
+        self.note_given(OF_SYSTEM, &name.at, Diagnostic::new(message).with_help(help))
     }
 
     /// Checks that a number lies within its range.
     pub(crate) fn range(
         &self,
-        at: &KeyPath,
+        (key, at): (&str, &TextSpan),
         value: f64,
         ok: bool,
         allowed: impl Into<String>,
@@ -115,59 +101,62 @@ impl<'a> Reader<'a> {
         if ok {
             return Ok(());
         }
-        let mistake =
-            StudyMistake::OutOfRange { field: at.to_string(), value, allowed: allowed.into() };
-        Err(self.note(&self.span(at), mistake))
+        Err(self.note(at, Diagnostic::not_allowed(key, NumberWithUnit(value, ""), allowed)))
     }
 
     /// Checks that a component's parameter allows a value.
     pub(crate) fn parameter(
         &self,
-        at: &KeyPath,
+        (key, at): (&str, &TextSpan),
         (component, parameter): (usize, usize),
         value: f64,
     ) -> Result<(), Noted> {
         let allowed = self.system.allows(component, parameter, value);
-        self.range(at, value, allowed.is_ok(), allowed.err().unwrap_or_default())
+        self.range((key, at), value, allowed.is_ok(), allowed.err().unwrap_or_default())
     }
 
     /// Notes an empty value at its place.
-    pub(crate) fn empty(&self, at: &KeyPath, field: &'static str) -> Noted {
-        self.note(&self.span(at), StudyMistake::Empty { field })
+    pub(crate) fn empty(&self, at: &TextSpan, field: &str) -> Noted {
+        self.note(at, Diagnostic::new(format!("'{field}' is empty")))
+    }
+
+    /// Notes a name that occurs twice.
+    pub(crate) fn repeated(&self, what: &str, at: &TextSpan, name: &str) -> Noted {
+        self.note(at, Diagnostic::new(format!("the {what} '{name}' stands twice")))
     }
 
     /// The index of the input that is named at a place.
-    pub(crate) fn input(&self, at: &KeyPath, id: &str) -> Result<usize, Noted> {
+    pub(crate) fn input(&self, at: &TextSpan, id: &str) -> Result<usize, Noted> {
         let inputs = &self.system.network().inputs;
         let position = inputs.iter().position(|i| i.id == id);
         let known = inputs.iter().map(|i| i.id.as_str());
-        position.ok_or_else(|| self.unknown(at, "input of the system", id, known))
+        position.ok_or_else(|| self.unknown(OF_SYSTEM, at, ("input of the system", id), known))
     }
 
     /// The index of the input that the commands drive.
     pub(crate) fn command_input(&self) -> Result<usize, Noted> {
-        self.input(&KeyPath::of(&["command", "input"]), &self.text.command.input)
+        let input = &self.text.command.input;
+        self.input(&input.at, input)
     }
 
     /// A constant signal for an input, checked against its range.
     pub(crate) fn constant(
         &self,
-        at: &KeyPath,
+        (key, at): (&str, &TextSpan),
         input: usize,
         value: f64,
     ) -> Result<Piecewise, Noted> {
         let (min, max) = self.system.network().input_range(input);
         let unit = self.system.network().inputs[input].unit.symbol();
-        let allowed = format!("{}", crate::document::Quantities(min, max, unit));
-        self.range(at, value, (min..=max).contains(&value), allowed)?;
+        let is_allowed = (min..=max).contains(&value);
+        self.range((key, at), value, is_allowed, Quantities(min, max, unit).to_string())?;
         Ok(Piecewise::constant(value).expect("a finite value"))
     }
 
     /// Builds the signal of an input for a duration.
     pub(crate) fn signal(
         &self,
-        at: &KeyPath,
-        name: &str,
+        (name, at): (&str, &TextSpan),
         signal: Result<Signal, SignalError>,
         input: usize,
         duration_s: f64,
@@ -175,12 +164,9 @@ impl<'a> Reader<'a> {
         let built = signal.and_then(|signal| self.system.driven(input, &signal, duration_s));
         built.map_err(|error| {
             // A wrong unit is wrong for any duration.
-            let is_certain = matches!(error, SignalError::WrongUnit { .. });
-            if !is_certain && !self.is_sound(&["duration_s", "sample_hz", at.section()]) {
-                return Noted;
-            }
-            let mistake = StudyMistake::Signal { name: name.into(), error: error.to_string() };
-            self.note(&self.span(at), mistake)
+            let is_certain = matches!(error, SignalError::WrongUnit(_));
+            let keys = if is_certain { &[] } else { OF_SIGNALS };
+            self.note_given(keys, at, Diagnostic::new(format!("signal '{name}': {error}")))
         })
     }
 
@@ -199,11 +185,5 @@ impl<'a> Reader<'a> {
                 Err(StudyError::Mistakes { path: self.path.into(), mistakes })
             }
         }
-    }
-
-    /// The byte range of a place in the file.
-    pub(crate) fn span(&self, at: &KeyPath) -> TextSpan {
-        let root = self.document.get_or_init(|| DeTable::parse_recoverable(self.source).0);
-        at.find(root.get_ref())
     }
 }

@@ -3,35 +3,25 @@
 
 use super::faults::full_name;
 use super::keys::{SPECIMENS, some};
-use super::reader::{Noted, Reader};
+use super::reader::{Noted, OF_SYSTEM, Reader};
 use super::{Seed, Stream, Study};
-use crate::document::KeyPath;
-use crate::format::{Value, section};
+use crate::format::{At, Value, section, words};
 use servotwin_model::hash::{Canonical, Fingerprint};
 
 section! {
     pub(super) struct Text {
-        #[serde(default)]
         may pub(super) healthy: usize = SPECIMENS, "number of healthy specimens in each case";
-        #[serde(default)]
-        may tolerances: Vec<ToleranceText>, "tolerances of the specimens";
+        may pub(super) tolerances: Vec<ToleranceText>, "tolerances of the specimens";
     }
 }
 
 section! {
-    struct ToleranceText {
-        must parameters: Vec<String> = some::<Vec<String>>(),
+    pub(super) struct ToleranceText {
+        must pub(super) parameters: Vec<At<String>> = some::<Vec<At<String>>>(),
             "parameters that vary together, without the name of the channel";
         must sigma: f64 = Value::Number(0.0, 1.0, ""),
             "standard deviation, relative to the value unless `absolute`";
-        #[serde(default)]
         may absolute: bool, "true: sigma is in the parameter's unit";
-    }
-}
-
-impl Text {
-    pub(super) fn has_no_tolerances(&self) -> bool {
-        self.tolerances.is_empty()
     }
 }
 
@@ -67,6 +57,8 @@ pub enum Scenario {
     /// Noise, quantization and tolerances; the twin has nominal parameters.
     Realistic,
 }
+
+words!(Scenario, Scenario::ALL.into_iter().map(|scenario| (scenario.name(), scenario)));
 
 /// The plants in a scenario, and their twins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -167,22 +159,16 @@ impl Scenario {
 }
 
 impl Realism {
-    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
+    pub(super) fn new(text: &Text, reader: &Reader) -> Self {
         let mut tolerances = Vec::new();
-        for (position, tolerance) in text.tolerances.iter().enumerate() {
-            let at = KeyPath::of(&["realistic", "tolerances"]).element(position).key("parameters");
-            let sigma = tolerance.sigma;
+        for ToleranceText { parameters, sigma, absolute } in &text.tolerances {
             for unit in &reader.text.units {
-                let names = tolerance.parameters.iter().enumerate();
-                let found = names.map(|(n, name)| find(reader, &at.element(n), unit, name));
-                tolerances.push(Tolerance {
-                    parameters: reader.sound(found),
-                    sigma,
-                    absolute: tolerance.absolute,
-                });
+                let found = parameters.iter().map(|name| find(reader, unit, name));
+                let parameters = reader.sound(found);
+                tolerances.push(Tolerance { parameters, sigma: *sigma, absolute: *absolute });
             }
         }
-        Ok(Self { healthy: text.healthy, tolerances })
+        Self { healthy: text.healthy, tolerances }
     }
 
     /// The parameters of a specimen, as (component, parameter, value) within the allowed ranges. Its deviations are
@@ -247,19 +233,19 @@ impl Canonical for Tolerance {
 /// The largest deviation of a specimen, in standard deviations.
 pub const MAX_DEVIATION: f64 = 3.0;
 
-/// Finds the component and parameter indices of a name at a place.
+/// Finds the component and parameter indices of a name.
 pub(super) fn find(
     reader: &Reader,
-    at: &KeyPath,
     unit: &str,
-    name: &str,
+    name: &At<String>,
 ) -> Result<(usize, usize), Noted> {
     let id = full_name(unit, name);
     reader.system.parameter(&id).ok_or_else(|| {
         if reader.system.parameter(name).is_some() {
-            return reader.shared(at, "parameter", unit, name);
+            return reader.shared("parameter", unit, name);
         }
         let all = reader.system.all_parameters();
-        reader.unknown(at, "parameter in the system", &id, all.iter().map(String::as_str))
+        let known = all.iter().map(String::as_str);
+        reader.unknown(OF_SYSTEM, &name.at, ("parameter in the system", &id), known)
     })
 }

@@ -24,14 +24,14 @@
 //! suite that is `like` another has its environments, numbers, specimens and noise, so the two differ only by what the
 //! suite itself says.
 
-use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied, at};
+use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
 pub use super::keys::MAX_ENVIRONMENTS;
-use super::keys::{FLIGHT_COUNT, FLIGHT_S, SCENARIOS};
-use super::mistake::StudyMistake;
-use super::reader::{Noted, Reader};
+use super::keys::{FLIGHT_COUNT, FLIGHT_S};
+use super::reader::{Noted, OF_SYSTEM, Reader};
 use super::seed::Seed;
 use super::{Scenario, Study, StudyError};
-use crate::format::{Value, section};
+use crate::document::{Collector, Diagnostic, Document, Entry, TextSpan, get};
+use crate::format::{At, Key, Raw, Read, Value, may, only, section};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -39,14 +39,13 @@ use std::ops::Range;
 section! {
     /// A suite in a study file.
     #[derive(Default)]
-    #[serde(default)]
     pub(super) struct Text {
-        may like: Option<String>,
+        may like: Option<At<String>>,
             "suite whose environments, numbers, specimens and noise this one has";
         may environments: Option<usize> = FLIGHT_COUNT, "number of environments; 0: the suite is not flown";
-        may repeats: Option<usize> = FLIGHT_COUNT,
+        may pub(super) repeats: Option<At<usize>> = FLIGHT_COUNT,
             "number of flights of every fault at every intensity; default 0";
-        may unseen: Option<bool>,
+        may unseen: bool,
             "true: flights with faults that training does not contain, in each environment";
         may healthy: Option<usize> = FLIGHT_COUNT,
             "number of healthy flights in each environment; default 0";
@@ -54,36 +53,105 @@ section! {
             "length of a flight with a fault; default: that of [flights]";
         may healthy_duration_s: Option<f64> = FLIGHT_S,
             "length of a healthy flight; default: duration_s";
-        may onset_s: Option<[f64; 2]>, "range of the onset, s; default: that of [flights]";
+        may onset_s: Option<At<[f64; 2]>>, "range of the onset, s; default: that of [flights]";
         may from_start: Option<bool>, "true: faults are present before the first sample";
-        may scenarios: Option<Vec<String>> = SCENARIOS, "scenarios; default: noise and realistic";
+        may scenarios: Option<Vec<Scenario>>, "scenarios; default: noise and realistic";
         may plants: Option<String> = Value::Word(plants),
             "specimens with tolerances and draws (the default), or plants of another structure";
-        may fitted: Option<bool>, "true: the twin of every plant is fitted to its calibration flight";
-        may scatter: Option<f64> = Value::Number(0.0, 10.0, ""),
+        may fitted: bool, "true: the twin of every plant is fitted to its calibration flight";
+        may scatter: f64 = Value::Number(0.0, 10.0, "") => 1.0,
             "factor of all tolerances and draws; default 1";
-        may missing: Option<bool>, "true: every flight is judged once without each sensor";
-        may closed_loop: Option<bool>,
+        may missing: bool, "true: every flight is judged once without each sensor";
+        may closed_loop: bool,
             "true: every fault of the system is flown in the operating cases with a flight control computer that \
              reacts, and without";
-        may commands: Option<Vec<String>>, "commands in place of those of [flights]";
+        may commands: Option<Vec<At<String>>>, "commands in place of those of [flights]";
         may inputs: Ranges, "ranges of inputs in place of those of [flights]";
         may unit_inputs: Ranges, "ranges of inputs that every channel has, likewise";
         may unit_parameters: Ranges, "ranges of parameters that every channel has, likewise";
-        may on_request: Option<bool>, "true: flown only when it is named";
-        may full: Numbers, "other numbers with `--full`";
+        may on_request: bool, "true: flown only when it is named";
+        #[expect(dead_code, reason = "its keys take the places of the others")]
+        may full: Raw = Value::Table(NUMBERS), "other numbers with `--full`";
     }
 }
 
-section! {
-    /// The numbers of a suite in its full size.
-    #[derive(Default, Copy)]
-    #[serde(default)]
-    pub(super) struct Numbers {
-        may environments: Option<usize> = FLIGHT_COUNT, "number of environments; 0: the suite is not flown";
-        may repeats: Option<usize> = FLIGHT_COUNT, "number of flights of every fault";
-        may healthy: Option<usize> = FLIGHT_COUNT, "number of healthy flights in each environment";
-        may healthy_duration_s: Option<f64> = FLIGHT_S, "length of a healthy flight";
+/// The numbers of a suite in its full size.
+const NUMBERS: &[Key] = &[
+    may("environments", FLIGHT_COUNT, "number of environments; 0: the suite is not flown"),
+    may("repeats", FLIGHT_COUNT, "number of flights of every fault"),
+    may("healthy", FLIGHT_COUNT, "number of healthy flights in each environment"),
+    may("healthy_duration_s", FLIGHT_S, "length of a healthy flight"),
+];
+
+/// The keys that a suite in closed loop cannot have.
+const NOT_IN_CLOSED_LOOP: [&str; 10] = [
+    "like",
+    "unseen",
+    "plants",
+    "fitted",
+    "scatter",
+    "missing",
+    "commands",
+    "inputs",
+    "unit_inputs",
+    "unit_parameters",
+];
+
+/// A suite in both sizes, with the usual values of its name.
+#[derive(Clone, Debug)]
+pub(super) struct Texts {
+    /// The small size, and the full one.
+    pub sizes: [Text; 2],
+}
+
+impl Texts {
+    /// Reads a suite by its name and its own entries.
+    fn of((name, at): (&str, &TextSpan), own: &[Entry], mistakes: &mut Collector) -> Self {
+        let known = KNOWN.iter().find(|(known, ..)| *known == name);
+        let usual = known.map_or("", |(.., usual)| usual);
+        let usual = Document::parse(usual, 0, &mut Collector::default()).expect("TOML");
+        let small = layered(own, &usual.root());
+        let flag = get(&small, "closed_loop");
+        let is_closed_loop = flag.and_then(|flag| flag.value.get_ref().as_bool()).unwrap_or(false);
+        if let Some(flag) = flag.filter(|_| known.is_some() && is_closed_loop != (name == EFFECTS))
+        {
+            let message = "of the suites with a known name 'effects' alone is flown in closed loop";
+            mistakes.note(&flag.place(), Diagnostic::new(message));
+        } else if is_closed_loop
+            && let Some(entry) = NOT_IN_CLOSED_LOOP.iter().find_map(|key| get(own, key))
+        {
+            let message = format!("a suite in closed loop has no '{}'", entry.key);
+            mistakes.note(&entry.place(), Diagnostic::new(message));
+        }
+        let mut full = get(own, "full").and_then(Entry::table).unwrap_or_default();
+        only(NUMBERS, &full, "'full'", mistakes);
+        full.retain(|entry| NUMBERS.iter().any(|key| key.name == entry.key));
+        let full = layered(&full, &small);
+        let place = format!("'{name}'");
+        let mut sizes = [&small, &full].map(|all| Text::of(all, (at, &place), mistakes));
+        if get(own, "like").is_none() {
+            sizes.iter_mut().flat_map(|size| &mut size.like).for_each(|like| like.at = at.clone());
+        }
+        Texts { sizes }
+    }
+}
+
+/// The entries of a table, and those of another that it lacks.
+fn layered<'a>(upper: &[Entry<'a>], lower: &[Entry<'a>]) -> Vec<Entry<'a>> {
+    let lower = lower.iter().filter(|entry| get(upper, entry.key).is_none());
+    upper.iter().chain(lower).cloned().collect()
+}
+
+impl Read for Texts {
+    const VALUE: Value = Value::Table(Text::KEYS);
+
+    fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let own = mistakes.table(entry)?;
+        Some(Self::of((entry.key, &entry.at), &own, mistakes))
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        Texts { sizes: Default::default() }
     }
 }
 
@@ -275,75 +343,64 @@ impl Suite {
     fn new(
         reader: &Reader,
         flights: &Flights,
-        (name, text): (&str, &Text),
+        (name, text): (&At<String>, &Text),
         (purpose, like): (Purpose, Option<&Suite>),
     ) -> Result<Self, Noted> {
-        let own = reader.section_of_suite(name);
-        let section = at(&own);
         let usual = |own: Option<usize>, of: fn(&Suite) -> usize| own.or(like.map(of));
         let Some(environments) = usual(text.environments, |suite| suite.environments) else {
-            let field = "environments";
-            return Err(reader.note(&reader.span(&section), StudyMistake::Empty { field }));
+            return Err(reader.empty(&name.at, "environments"));
         };
         let duration_s =
             text.duration_s.or(like.map(|suite| suite.duration_s)).unwrap_or(flights.duration_s);
         let healthy_s = text.healthy_duration_s.or(like.map(|suite| suite.healthy_duration_s));
+        let (own, at) = match &text.onset_s {
+            Some(At { value, at }) => (Some(*value), at),
+            None => (None, &name.at),
+        };
         let onset_s = match text.from_start.unwrap_or(reader.text.on_ground) {
             true => None,
-            false => {
-                text.onset_s.or(like.and_then(|suite| suite.onset_s)).or(Some(flights.onset_s))
-            }
+            false => own.or(like.and_then(|suite| suite.onset_s)).or(Some(flights.onset_s)),
         };
         if let Some([from, to]) = onset_s {
             let allowed = "two times inside of the flight, in order";
-            let is_inside = from >= 0.0 && to < duration_s;
-            reader.range(&section.key("onset_s"), to, is_inside, allowed)?;
-        }
-        let is_closed_loop = text.closed_loop.unwrap_or(false);
-        if let Some((key, mistake)) = text.mistake_in_closed_loop(name) {
-            return Err(reader.note(&reader.span(&section.key(key)), mistake));
+            reader.range(("onset_s", at), to, from >= 0.0 && to < duration_s, allowed)?;
         }
         let middle = |[from, to]: [f64; 2]| [(from + to) / 2.0; 2];
-        let onset_s = if is_closed_loop { onset_s.map(middle) } else { onset_s };
+        let onset_s = if text.closed_loop { onset_s.map(middle) } else { onset_s };
         let is_other = text.plants.as_deref() == Some(OTHER);
         let flown = match reader.text.on_ground {
             true => vec![Scenario::Fitted],
             false => vec![Scenario::Noise, Scenario::Realistic],
         };
         let of_plants = move |scenario: &Scenario| !is_other || scenario.has_tolerances();
-        let scenarios = match &text.scenarios {
-            Some(names) => names.iter().filter_map(|name| Scenario::named(name)).collect(),
-            None => flown.into_iter().filter(of_plants).collect(),
-        };
-        let is_unseen = text.unseen.unwrap_or(false);
+        let usual_scenarios = || flown.into_iter().filter(of_plants).collect();
+        let scenarios = text.scenarios.clone().unwrap_or_else(usual_scenarios);
+        let repeats = text.repeats.as_ref().map(|repeats| repeats.value);
+        let healthy = usual(text.healthy, |suite| suite.healthy).unwrap_or(0);
         let suite = Suite {
-            name: name.into(),
+            name: name.value.clone(),
             purpose,
             seed: reader.text.seed,
-            draws: like.map_or(name, |suite| &suite.name).into(),
+            draws: like.map_or(name.as_str(), |suite| &suite.name).into(),
             scenarios,
             environments,
-            repeats: usual(text.repeats, |suite| suite.repeats).unwrap_or(0),
-            is_unseen,
-            healthy: if is_unseen {
-                0
-            } else {
-                usual(text.healthy, |suite| suite.healthy).unwrap_or(0)
-            },
+            repeats: usual(repeats, |suite| suite.repeats).unwrap_or(0),
+            is_unseen: text.unseen,
+            healthy: if text.unseen { 0 } else { healthy },
             duration_s,
             healthy_duration_s: healthy_s.unwrap_or(duration_s),
             onset_s,
             has_other_plants: is_other,
-            is_fitted: text.fitted.unwrap_or(false),
-            scatter: text.scatter.unwrap_or(1.0),
-            misses_sensors: text.missing.unwrap_or(false),
-            is_closed_loop,
-            is_on_request: text.on_request.unwrap_or(false),
+            is_fitted: text.fitted,
+            scatter: text.scatter,
+            misses_sensors: text.missing,
+            is_closed_loop: text.closed_loop,
+            is_on_request: text.on_request,
             is_records: false,
             varied: {
                 let ranges = [&text.inputs, &text.unit_inputs, &text.unit_parameters];
                 let base = like.map_or(&flights.varied, |suite| &suite.varied);
-                base.with(own.clone(), text.commands.as_ref(), ranges)
+                base.with(text.commands.as_ref(), ranges)
             },
         };
         suite.varied.check(reader)?;
@@ -354,101 +411,47 @@ impl Suite {
     }
 }
 
-impl Text {
-    /// These values, or others where they have none.
-    fn or(self, other: Text) -> Text {
-        let merged = |own: Ranges, others: Ranges| others.into_iter().chain(own).collect();
-        Text {
-            like: self.like.or(other.like),
-            environments: self.environments.or(other.environments),
-            repeats: self.repeats.or(other.repeats),
-            unseen: self.unseen.or(other.unseen),
-            healthy: self.healthy.or(other.healthy),
-            duration_s: self.duration_s.or(other.duration_s),
-            healthy_duration_s: self.healthy_duration_s.or(other.healthy_duration_s),
-            onset_s: self.onset_s.or(other.onset_s),
-            from_start: self.from_start.or(other.from_start),
-            scenarios: self.scenarios.or(other.scenarios),
-            plants: self.plants.or(other.plants),
-            fitted: self.fitted.or(other.fitted),
-            scatter: self.scatter.or(other.scatter),
-            missing: self.missing.or(other.missing),
-            closed_loop: self.closed_loop.or(other.closed_loop),
-            commands: self.commands.or(other.commands),
-            inputs: merged(self.inputs, other.inputs),
-            unit_inputs: merged(self.unit_inputs, other.unit_inputs),
-            unit_parameters: merged(self.unit_parameters, other.unit_parameters),
-            on_request: self.on_request.or(other.on_request),
-            full: self.full,
-        }
-    }
-
-    /// The key for which a suite of this name cannot be flown in closed loop, or not without.
-    fn mistake_in_closed_loop(&self, name: &str) -> Option<(&'static str, StudyMistake)> {
-        let is_closed_loop = self.closed_loop.unwrap_or(false);
-        let is_known = KNOWN.iter().any(|(known, ..)| *known == name);
-        if is_known && is_closed_loop != (name == EFFECTS) {
-            return Some(("closed_loop", StudyMistake::KnownClosedLoop));
-        }
-        let foreign = [
-            ("like", self.like.is_some()),
-            ("unseen", self.unseen.is_some()),
-            ("plants", self.plants.is_some()),
-            ("fitted", self.fitted.is_some()),
-            ("scatter", self.scatter.is_some()),
-            ("missing", self.missing.is_some()),
-            ("commands", self.commands.is_some()),
-            ("inputs", !self.inputs.is_empty()),
-            ("unit_inputs", !self.unit_inputs.is_empty()),
-            ("unit_parameters", !self.unit_parameters.is_empty()),
-        ];
-        let (key, _) = foreign.into_iter().find(|(_, is_set)| is_closed_loop && *is_set)?;
-        Some((key, StudyMistake::ClosedLoop { key }))
-    }
-
-    fn in_full_size(self) -> Text {
-        let Numbers { environments, repeats, healthy, healthy_duration_s } = self.full;
-        let numbers =
-            Text { environments, repeats, healthy, healthy_duration_s, ..Text::default() };
-        numbers.or(self)
-    }
-}
-
 /// The suites of a study in both sizes, by name; the small size first.
 pub(super) type Suites = BTreeMap<String, [Suite; 2]>;
 
 /// All suites that a study can fly.
 pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted> {
-    let mut texts: BTreeMap<&str, (Purpose, Text)> = BTreeMap::new();
-    for (name, purpose, usual) in KNOWN {
-        let usual: Text = toml::from_str(usual).expect("keys of a suite");
-        let own = reader.text.suites.get(name);
-        if own.is_some() || is_possible(reader, flights, name, &usual) {
-            texts.insert(name, (purpose, own.cloned().unwrap_or_default().or(usual)));
+    let mut texts: BTreeMap<At<String>, (Purpose, Texts)> = BTreeMap::new();
+    for (name, purpose, _) in KNOWN {
+        let own = reader.text.suites.get_key_value(name);
+        let own = own.map(|(name, own)| (name.clone(), own.clone()));
+        let usual = Texts::of((name, &(0..0)), &[], &mut Collector::default());
+        if is_possible(reader, flights, name, &usual.sizes[0]) || own.is_some() {
+            let (name, text) = own.unwrap_or((At::new(name.into(), 0..0), usual));
+            texts.insert(name, (purpose, text));
         }
     }
     let mut has_failed = false;
     for (name, text) in &reader.text.suites {
-        if [RECORDS, FLIGHTS].iter().chain(&OF_RECORDS).any(|taken| taken == name) {
-            let place = reader.span(&at(&reader.section_of_suite(name)));
-            reader.note(&place, StudyMistake::TakenName { name: name.clone() });
+        if [RECORDS, FLIGHTS].iter().chain(&OF_RECORDS).any(|taken| *taken == name.as_str()) {
+            let message = format!(
+                "'{}' is a name for suites that every study has: choose another one",
+                **name
+            );
+            reader.note(&name.at, Diagnostic::new(message));
             has_failed = true;
         }
-        texts.entry(name).or_insert_with(|| (Purpose::Test, text.clone()));
+        texts.entry(name.clone()).or_insert_with(|| (Purpose::Test, text.clone()));
     }
     let mut suites = Suites::new();
     // Those that are like others come last.
     let (alone, alike): (Vec<_>, Vec<_>) =
-        texts.iter().partition(|(_, (_, text))| text.like.is_none());
-    for (&name, (purpose, text)) in alone.into_iter().chain(alike) {
+        texts.iter().partition(|(_, (_, text))| text.sizes[0].like.is_none());
+    for (name, (purpose, text)) in alone.into_iter().chain(alike) {
+        let [small_text, full_text] = &text.sizes;
         let mut like = None;
-        if let Some(other) = &text.like {
-            like = suites.get(other).filter(|[suite, _]| suite.draws == *other).cloned();
+        if let Some(other) = &small_text.like {
+            let found = suites.get(other.as_str());
+            like = found.filter(|[suite, _]| suite.draws == other.value).cloned();
             if like.is_none() {
                 let known = suites.keys().map(String::as_str);
-                let own = reader.section_of_suite(name);
-                let at = at(&own).key("like");
-                reader.unknown(&at, "suite that is like no other", other, known);
+                let what = ("suite that is like no other", other.as_str());
+                reader.unknown(OF_SYSTEM, &other.at, what, known);
                 has_failed = true;
                 continue;
             }
@@ -456,8 +459,8 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
         let [small, full] =
             like.as_ref().map_or([None, None], |[small, full]| [Some(small), Some(full)]);
         let of = |text: &Text, like| Suite::new(reader, flights, (name, text), (*purpose, like));
-        match (of(text, small), of(&text.clone().in_full_size(), full)) {
-            (Ok(small), Ok(full)) => drop(suites.insert(name.into(), [small, full])),
+        match (of(small_text, small), of(full_text, full)) {
+            (Ok(small), Ok(full)) => drop(suites.insert(name.value.clone(), [small, full])),
             _ => has_failed = true,
         }
     }
@@ -468,8 +471,7 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
 fn is_possible(reader: &Reader, flights: &Flights, name: &str, usual: &Text) -> bool {
     let has_judge = reader.text.suites.contains_key(JUDGE);
     let has_plants = usual.plants.is_none() || flights.other_plant.is_some();
-    let has_calibration =
-        usual.fitted.is_none() || reader.text.fitted.is_some() || reader.text.on_ground;
+    let has_calibration = !usual.fitted || reader.text.fitted.is_some() || reader.text.on_ground;
     match name {
         LEARN | JUDGE => true,
         HARD_NEGATIVES => false,

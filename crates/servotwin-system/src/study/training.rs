@@ -21,49 +21,37 @@
 
 use super::Environment;
 use super::keys::{RUN_S, SPECIMENS};
-use super::mistake::StudyMistake;
 use super::reader::{Noted, Reader};
-use crate::document::KeyPath;
-use crate::document::TomlMistake::NotInOrder;
-use crate::format::{Value, section};
+use crate::document::TextSpan;
+use crate::format::{At, Names, Value, not_in_order, section};
 use crate::signal::{Signal, SignalError};
 use servotwin_model::math::{exp, ln};
-use std::cell::Cell;
-use std::collections::BTreeMap;
 
 section! {
     /// The section of a study file.
     pub(super) struct Text {
-        must pub(super) duration_s: f64 = RUN_S, "length of the records with faults";
-        #[serde(default)]
+        must pub(super) duration_s: At<f64> = RUN_S, "length of the records with faults";
         may pub(super) healthy: usize = SPECIMENS, "number of healthy specimens for each command";
-        may load: Option<[f64; 2]>, "range of the load";
-        #[serde(default)]
+        may load: Option<At<[f64; 2]>>, "range of the load";
         may intensity_spread: f64 = Value::Number(0.0, 0.5, ""),
             "largest deviation from each intensity of the study";
-        #[serde(default)]
         may pub(super) draws: Vec<DrawsText>, "commands with numbers drawn from ranges";
-        #[serde(default)]
-        may signals: BTreeMap<String, Signal>, "additional commands by name";
+        may pub(super) signals: Names<Signal>, "additional commands by name";
     }
 }
 
 section! {
     pub(super) struct DrawsText {
         must pub(super) count: usize = SPECIMENS, "number of commands to draw";
-        must signal: String,
+        must pub(super) signal: At<String>,
             "signal; {a..b} becomes a number from a to b, {n} the number of the draw";
     }
 }
 
 impl Text {
-    pub(super) fn has_healthy(&self) -> bool {
-        self.healthy > 0
-    }
-
-    /// The patterns of all drawn commands with their places in the file.
-    pub(super) fn patterns(&self) -> impl Iterator<Item = (KeyPath<'_>, &str)> {
-        self.draws.iter().enumerate().map(|(n, draws)| (pattern_at(n), draws.signal.as_str()))
+    /// The patterns of all drawn commands.
+    pub(super) fn patterns(&self) -> impl Iterator<Item = &At<String>> {
+        self.draws.iter().map(|draws| &draws.signal)
     }
 }
 
@@ -87,50 +75,43 @@ const BASES: [u64; 6] = [7, 2, 3, 5, 11, 13];
 const WIDE: f64 = 3.0;
 
 impl Training {
-    pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
-        let d = text.duration_s;
-        let judged = reader.text.duration_s;
-        let at = KeyPath::of(&["training", "duration_s"]);
-        reader.range(&at, d, d <= judged, "at most the study's duration_s")?;
-        let spread = text.intensity_spread;
+    pub(super) fn new(
+        At { value: text, at: section }: &At<Text>,
+        reader: &Reader,
+    ) -> Result<Self, Noted> {
+        let At { value: length_s, at } = &text.duration_s;
+        let duration_s = reader.text.duration_s;
+        let allowed = "at most the study's duration_s";
+        reader.range(("duration_s", at), *length_s, *length_s <= duration_s, allowed)?;
         let signals = text.commands();
         if signals.is_empty() {
-            return Err(
-                reader.empty(&KeyPath::of(&["training"]), "training.draws and training.signals")
-            );
+            return Err(reader.empty(section, "training.draws and training.signals"));
         }
         let command = reader.command_input()?;
-        let duration_s = reader.text.duration_s;
-        for (at, pattern) in text.patterns() {
-            let _ = check_pattern(reader, &at, pattern, command, duration_s);
+        for pattern in text.patterns() {
+            let _ = check_pattern(reader, pattern, command, duration_s);
         }
         let mut cases = vec![];
         for (place, Command { at, name, said, signal }) in signals.into_iter().enumerate() {
             let mut inputs = reader.default_inputs();
-            let Ok(built) = reader.signal(&at, said, signal, command, duration_s) else {
+            let Ok(built) = reader.signal((said, at), signal, command, duration_s) else {
                 continue;
             };
             inputs[command] = built;
-            let load = text.load_of(place, reader)?;
-            if let Some((input, value)) = load {
-                inputs[input] =
-                    reader.constant(&KeyPath::of(&["training", "load"]), input, value)?;
+            let mut percent = String::new();
+            if let Some(load) = &text.load {
+                let (input, value) = load_of(load, place, reader)?;
+                inputs[input] = reader.constant(("load", &load.at), input, value)?;
+                percent = format!("/{:.0}", 100.0 * value);
             }
-            let percent = load.map_or(String::new(), |(_, l)| format!("/{:.0}", 100.0 * l));
             if cases.iter().any(|other: &Environment| other.command == name) {
-                let mistake =
-                    StudyMistake::Repeated { what: "training command", name: name.clone() };
-                reader.note(&reader.span(&at), mistake);
+                reader.repeated("training command", at, &name);
             }
-            cases.push(Environment {
-                name: format!("{name}{percent}"),
-                command: name,
-                inputs,
-                parameters: vec![],
-            });
+            let (case, parameters) = (format!("{name}{percent}"), vec![]);
+            cases.push(Environment { name: case, command: name, inputs, parameters });
         }
-        let intensity_spread = spread;
-        Ok(Training { cases, duration_s: d, healthy: text.healthy, intensity_spread })
+        let Text { healthy, intensity_spread, .. } = *text;
+        Ok(Training { cases, duration_s: *length_s, healthy, intensity_spread })
     }
 
     /// The intensity of the n-th variant of a fault whose intensity in the study is `of_study`.
@@ -146,7 +127,7 @@ const LEAST_INTENSITY: f64 = 0.01;
 /// A training command.
 struct Command<'t> {
     /// The place in the file.
-    at: KeyPath<'t>,
+    at: &'t TextSpan,
     name: String,
     /// The pattern or the name.
     said: &'t str,
@@ -157,59 +138,53 @@ impl Text {
     /// Lists the commands, first the drawn ones, then the named ones.
     fn commands(&self) -> Vec<Command<'_>> {
         let mut commands = vec![];
-        for (n, DrawsText { count, signal: said }) in self.draws.iter().enumerate() {
+        for DrawsText { count, signal: At { value: said, at } } in &self.draws {
             let first = commands.len();
             for draw in 1..=*count {
-                let (at, name) = (pattern_at(n), format!("T{:02}", first + draw));
-                let signal = filled(said, draw).parse();
+                let (name, signal) = (format!("T{:02}", first + draw), filled(said, draw).parse());
                 commands.push(Command { at, name, said, signal });
             }
         }
-        let named = self.signals.iter().map(|(name, signal)| Command {
-            at: KeyPath::of(&["training", "signals", name]).name(),
-            name: name.clone(),
-            said: name,
+        let named = self.signals.iter().map(|(At { value: said, at }, signal)| Command {
+            at,
+            name: said.clone(),
+            said,
             signal: Ok(signal.clone()),
         });
         commands.extend(named);
         commands
     }
-
-    /// The index of the load input and its value in a case.
-    fn load_of(&self, place: usize, reader: &Reader) -> Result<Option<(usize, f64)>, Noted> {
-        let Some([low, high]) = self.load else { return Ok(None) };
-        let Some(load) = &reader.text.load else {
-            return Err(reader.empty(&KeyPath::of(&["training", "load"]), "load"));
-        };
-        let value = rounded(low + (high - low) * halton(place as u64 + 1, BASES[0]));
-        Ok(Some((reader.input(&KeyPath::of(&["load", "input"]), &load.input)?, value)))
-    }
 }
 
-/// The place of a pattern of drawn commands.
-fn pattern_at(position: usize) -> KeyPath<'static> {
-    KeyPath::of(&["training", "draws"]).element(position).key("signal")
+/// The index of the load input and its value in a case.
+fn load_of(
+    At { value: [low, high], at }: &At<[f64; 2]>,
+    place: usize,
+    reader: &Reader,
+) -> Result<(usize, f64), Noted> {
+    let Some(load) = &reader.text.load else { return Err(reader.empty(at, "load")) };
+    let value = rounded(low + (high - low) * halton(place as u64 + 1, BASES[0]));
+    Ok((reader.input(&load.input.at, &load.input)?, value))
 }
 
 /// Checks that the ranges of a pattern are in order, and that the input allows both ends of each range while the others
 /// are at their middle. A few draws might miss an end that more of them would reach.
 pub(super) fn check_pattern(
     reader: &Reader,
-    at: &KeyPath,
-    pattern: &str,
+    At { value: pattern, at }: &At<String>,
     input: usize,
     duration_s: f64,
 ) -> Result<(), Noted> {
     let ranges = ranges(pattern);
     if let Some(&(low, high)) = ranges.iter().find(|(low, high)| low > high) {
-        let key = format!("{{{low}..{high}}}");
-        return Err(reader.in_text(at, NotInOrder { key, low, high }));
+        let mistake = not_in_order(&format!("{{{low}..{high}}}"), low, high);
+        return Err(reader.note_given(&[], at, mistake));
     }
     let ends = (0..ranges.len()).flat_map(|range| [(range, 0.0), (range, 1.0)]);
     ends.into_iter().try_for_each(|(range, end)| {
         let drawn = |place| if place == range { end } else { 0.5 };
         let signal = filled_at(pattern, 1, drawn).parse();
-        reader.signal(at, pattern, signal, input, duration_s).map(drop)
+        reader.signal((pattern, at), signal, input, duration_s).map(drop)
     })
 }
 
@@ -255,12 +230,7 @@ pub(super) fn filled_at(pattern: &str, draw: usize, at: impl Fn(usize) -> f64) -
 
 /// The number of ranges in a pattern.
 pub(super) fn count_ranges(pattern: &str) -> usize {
-    let count = Cell::new(0);
-    filled_at(pattern, 0, |place| {
-        count.set(place + 1);
-        0.0
-    });
-    count.get()
+    ranges(pattern).len()
 }
 
 fn range(text: &str) -> Option<(f64, f64)> {

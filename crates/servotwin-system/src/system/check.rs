@@ -1,10 +1,10 @@
 //! Checks that need the whole system: missing and unused items, and mistakes of the compilation, reported at their
 //! places in the file.
 
-use super::mistake::SystemMistake;
 use super::read::{Named, Reader};
-use super::scope::{Input, Part, Scope};
-use crate::document::{self, Collector, Quantities, TextSpan};
+use super::scope::{Input, ONE_SOURCE, Part, Scope};
+use crate::document::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
+use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::fluid::{Fluid, FluidKind};
 use servotwin_model::network::{self, PortOf};
 use servotwin_model::program::Program;
@@ -40,9 +40,10 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
         match part.fluid {
             Some(index) => reader.fluids[index].used = true,
             None if reader.fluids.len() > 1 && part.sound && once(&mut told, &part.at, 0) => {
-                let known = reader.fluids.iter().map(|fluid| fluid.name.clone()).collect();
-                let id = part.id.clone();
-                reader.mistakes.note(&part.at, SystemMistake::WhichFluid { id, known });
+                let known: Vec<&str> = reader.fluids.iter().map(|f| f.name.as_str()).collect();
+                let message = format!("several fluids are declared, but '{}' names none", part.id);
+                let help = format!("add: fluid = \"…\"; known: {}", known.join(", "));
+                reader.mistakes.note(&part.at, Diagnostic::new(message).with_help(help));
             }
             None => {}
         }
@@ -58,12 +59,26 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
         };
         let (min, max) = fluid.range_k();
         if !(min..=max).contains(&kelvin) && once(&mut told, &part.at, 0) {
-            let (id, range_k) = (part.id.clone(), (min, max));
-            let liquid = liquid(part, &reader.fluids);
             let mistake = match fluid.too_soft_pa(kelvin) {
-                Some(pa) => SystemMistake::FluidTooSoft { id, kelvin, pa, range_k },
-                None => SystemMistake::FluidTemperature { id, kelvin, liquid, range_k },
+                Some(pa) => {
+                    let [pa, least] =
+                        [pa, LEAST_BULK_MODULUS_PA].map(|pa| NumberWithUnit(pa, "Pa").to_string());
+                    Diagnostic::new(format!(
+                        "'{}' is at {kelvin} K, where the bulk modulus of its liquid would be {pa}: allowed are {min} \
+                         … {max} K",
+                        part.id
+                    ))
+                    .with_help(format!(
+                        "by its bulk_modulus_pa at 40 °C and bulk_modulus_change; at least {least}"
+                    ))
+                }
+                None => Diagnostic::new(format!(
+                    "'{}' is at {kelvin} K, but the liquid '{}' is only known for {min} … {max} K",
+                    part.id,
+                    liquid(part, &reader.fluids)
+                )),
             };
+            let mistake = Diagnostic { range: Some((min, max)), ..mistake };
             reader.mistakes.note(&part.at, mistake);
         }
     }
@@ -89,7 +104,7 @@ fn once(told: &mut BTreeSet<(usize, usize)>, at: &TextSpan, which: usize) -> boo
     told.insert((at.start, which))
 }
 
-fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<SystemMistake>) {
+fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector) {
     let mut told = BTreeSet::new();
     for part in &mut scope.parts {
         for (index, declared) in part.spec().parameters.iter().enumerate() {
@@ -100,11 +115,9 @@ fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<SystemMistake>
             part.sound = false;
             if once(&mut told, &part.at, index) {
                 let range = Quantities(declared.min, declared.max, declared.unit.symbol());
-                let mistake = document::TomlMistake::Missing {
-                    place: format!("'{}' ({})", part.id, part.spec().kind),
-                    key: declared.name,
-                    write: format!("{} = … ({}; {range})", declared.name, declared.summary),
-                };
+                let place = format!("'{}' ({})", part.id, part.spec().kind);
+                let write = format!("{} = … ({}; {range})", declared.name, declared.summary);
+                let mistake = Diagnostic::missing(&place, declared.name, write);
                 mistakes.note(&part.at, mistake);
             }
         }
@@ -112,23 +125,23 @@ fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector<SystemMistake>
 }
 
 /// Checks that every input feeds something, and nothing that already has a source.
-fn signals(scope: &Scope, mistakes: &mut Collector<SystemMistake>) {
+fn signals(scope: &Scope, mistakes: &mut Collector) {
     let mut fed: Vec<(PortOf, usize)> = Vec::new();
     for (index, input) in scope.inputs.iter().enumerate() {
         if input.targets.is_empty() && scope.complete {
-            mistakes.note(&input.at, SystemMistake::InputUnused { id: input.id.clone() });
+            let mistake = Diagnostic::new(format!("the input '{}' feeds nothing", input.id));
+            let help = "list what it feeds, for example: to = [\"supply.pressure\"]";
+            mistakes.note(&input.at, mistake.with_help(help));
         }
         for target in &input.targets {
             default_in_range(scope, input, target.port, mistakes);
             for port in scope.joined(target.port) {
                 let other = fed.iter().find(|&&(of, by)| of == port && by != index);
                 if let PortKind::SignalOut { .. } = scope.port(port).kind {
-                    let (input, output) = (input.id.clone(), scope.port_id(port));
-                    mistakes.note(&target.at, SystemMistake::InputAndOutput { input, output });
+                    let mistake = scope.input_and_output(index, &scope.port_id(port));
+                    mistakes.note(&target.at, mistake);
                 } else if let Some(&(_, by)) = other {
-                    let first = scope.inputs[by].id.clone();
-                    let second = input.id.clone();
-                    mistakes.note(&target.at, SystemMistake::TwoInputs { first, second });
+                    mistakes.note(&target.at, scope.two_inputs(by, index));
                 }
             }
             fed.push((target.port, index));
@@ -137,20 +150,15 @@ fn signals(scope: &Scope, mistakes: &mut Collector<SystemMistake>) {
 }
 
 /// Checks that an input's default is within the range of a port.
-fn default_in_range(
-    scope: &Scope,
-    input: &Input,
-    port: PortOf,
-    mistakes: &mut Collector<SystemMistake>,
-) {
+fn default_in_range(scope: &Scope, input: &Input, port: PortOf, mistakes: &mut Collector) {
     let spec = scope.parts[port.component].spec();
     let Some((min, max)) = spec.input_range(scope.port(port)) else { return };
     if (min..=max).contains(&input.default) || input.default.is_nan() {
         return;
     }
     let (unit, summary) = (input.unit.symbol(), scope.port(port).summary);
-    let (key, value) = (format!("default of '{}'", input.id), input.default);
-    let mistake = document::TomlMistake::OutOfRange { key, value, min, max, unit, summary };
+    let key = format!("default of '{}'", input.id);
+    let mistake = Diagnostic::out_of_range(&key, input.default, (min, max), unit, summary);
     mistakes.note(&input.at, mistake);
 }
 
@@ -159,7 +167,8 @@ fn unused(reader: &mut Reader) {
         reader.assemblies.iter().filter(|a| !a.used).map(|a| ("assembly", &a.name, &a.at));
     let fluids = reader.fluids.iter().filter(|f| !f.used).map(|f| ("fluid", &f.name, &f.at));
     for (what, name, at) in assemblies.chain(fluids) {
-        reader.mistakes.note(at, SystemMistake::Unused { what, name: name.clone() });
+        let mistake = Diagnostic::new(format!("the {what} '{name}' is never used"));
+        reader.mistakes.note(at, mistake.with_help(format!("remove the {what} or use it")));
     }
 }
 
@@ -193,8 +202,13 @@ fn explain(reader: &mut Reader, fluids: &[Fluid], found: &[network::Mistake]) {
     for (at, port, also) in open {
         let declared = scope.port(port);
         let (end, family) = (scope.port_id(port), declared.kind.family());
-        mistakes
-            .note(&at, SystemMistake::OpenPort { end, family, summary: declared.summary, also });
+        let also = match also.is_empty() {
+            true => String::new(),
+            false => format!("; the same holds for {}", also.join(", ")),
+        };
+        let mistake = Diagnostic::new(format!("the {family} port '{end}' is connected to nothing"));
+        let help = format!("the port is: {}{also}", declared.summary);
+        mistakes.note(&at, mistake.with_help(help));
     }
 }
 
@@ -202,82 +216,124 @@ fn explained(
     scope: &Scope,
     fluids: &[Fluid],
     mistake: &network::Mistake,
-) -> Option<(TextSpan, SystemMistake)> {
+) -> Option<(TextSpan, Diagnostic)> {
     let place = |component: usize| scope.parts[component].at.clone();
-    let id = |component: usize| scope.parts[component].id.clone();
+    let id = |component: usize| &scope.parts[component].id;
     let port_id = |port: PortOf| scope.port_id(port);
     let family = |port: PortOf| scope.port(port).kind.family();
-    Some(match *mistake {
+    let (at, message, help) = match *mistake {
         network::Mistake::OpenPort(_) => return None,
         network::Mistake::MixedKinds { connection, first, second } => {
             let end = scope.connections[connection].iter().find(|end| end.port == second)?;
-            let told = |port: PortOf| (port_id(port), family(port));
-            (end.at.clone(), SystemMistake::MixedKinds { first: told(first), second: told(second) })
+            let [first, second] =
+                [first, second].map(|port| format!("'{}' is {}", port_id(port), family(port)));
+            let help = "a connection joins ports of one kind";
+            (end.at.clone(), format!("{first}, but {second}"), help)
         }
-        network::Mistake::MixedUnits { from, to } => mixed_units(scope, from, to)?,
+        network::Mistake::MixedUnits { from, to } => return mixed_units(scope, from, to),
         network::Mistake::TwoSources { first, second } => {
-            let (at, family) = (scope.mention(second), family(second));
-            (
-                at,
-                SystemMistake::TwoSources {
-                    first: port_id(first),
-                    second: port_id(second),
-                    family,
-                },
-            )
+            let (verb, help, _) = setting(family(second));
+            let [one, other] = [first, second].map(port_id);
+            let message = format!("both '{one}' and '{other}' {}", verb.replacen("s ", " ", 1));
+            (scope.mention(second), message, help)
         }
         network::Mistake::NoSource(port) => {
-            let ends = scope.joined(port).into_iter().map(port_id).collect();
-            (scope.mention(port), SystemMistake::NoSource { ends, family: family(port) })
+            let (verb, _, help) = setting(family(port));
+            let ends = quote_all(scope.joined(port).into_iter().map(port_id));
+            (scope.mention(port), format!("nothing {verb} where {ends} meet"), help)
         }
         network::Mistake::NoReference { component } => {
-            (place(component), SystemMistake::NoReference { id: id(component) })
+            let id = id(component);
+            let message =
+                format!("the hydraulic circuit of '{id}' has neither a source nor a tank");
+            (place(component), message, "connect a pressure_source or a tank")
         }
         network::Mistake::TwoFluids { first, second } => {
             let parts = [first, second].map(|c| &scope.parts[c]);
             if parts.iter().any(|part| !part.sound) {
                 return None;
             }
-            let [first, second] = parts.map(|part| told_fluid(part, fluids));
-            (parts[1].at.clone(), SystemMistake::TwoFluids { first, second })
+            let [one, other] = parts.map(|part| told_fluid(part, fluids));
+            let help = "fluid and temperature are the same throughout a circuit";
+            (place(second), format!("{other} is in one circuit with {one}"), help)
         }
         network::Mistake::AlgebraicLoop { ref components } => {
-            let ids = components.iter().map(|&c| id(c)).collect();
-            (place(components[0]), SystemMistake::AlgebraicLoop { ids })
+            let ids = quote_all(components.iter().map(|&component| id(component).clone()));
+            let help =
+                "break the loop with a component that has a state, such as a low_pass_filter";
+            let message = format!("the signals of {ids} depend on each other at once");
+            (place(components[0]), message, help)
         }
         network::Mistake::Impossible { component, ref reason } => {
-            if !scope.parts[component].sound {
-                return None;
-            }
-            (
-                place(component),
-                SystemMistake::Impossible { id: id(component), reason: reason.clone() },
-            )
+            let mistake = Diagnostic::new(format!("'{}' is impossible: {reason}", id(component)));
+            return scope.parts[component].sound.then(|| (place(component), mistake));
         }
-        network::Mistake::Empty => (0..0, SystemMistake::Empty),
-        network::Mistake::TooLarge => (0..0, SystemMistake::TooLarge),
-    })
+        network::Mistake::Empty => (
+            0..0,
+            "the system has nothing that moves: no state variable".into(),
+            "add a component that stores something, such as a volume",
+        ),
+        network::Mistake::TooLarge => {
+            return Some((0..0, Diagnostic::new("the system is too large for one program")));
+        }
+    };
+    Some((at, Diagnostic::new(message).with_help(help)))
 }
 
-fn mixed_units(
-    scope: &Scope,
-    from: Option<PortOf>,
-    to: PortOf,
-) -> Option<(TextSpan, SystemMistake)> {
+/// What one component does with a node of this family; help against two of them, and against none.
+fn setting(family: &str) -> (&'static str, &'static str, &'static str) {
+    let motion = "join them with a mass, a cylinder rod or an inertia";
+    match family {
+        "hydraulic" => (
+            "sets the pressure",
+            "put a valve, an orifice or a line between them",
+            "join them with a volume, a cylinder chamber, a source or a tank",
+        ),
+        "signal" => (
+            "gives the signal",
+            ONE_SOURCE,
+            "join them with an output of a component or an input of the system",
+        ),
+        "translational" => (
+            "sets the motion",
+            "put an attachment between them (port a to the one, b to the other), or make them one mass",
+            motion,
+        ),
+        _ => (
+            "sets the motion",
+            "make them one inertia, or let a rod with an attachment and a lever move one of them",
+            motion,
+        ),
+    }
+}
+
+fn quote_all(names: impl Iterator<Item = String>) -> String {
+    let quoted: Vec<String> = names.map(|name| format!("'{name}'")).collect();
+    match quoted.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => quoted.concat(),
+    }
+}
+
+fn mixed_units(scope: &Scope, from: Option<PortOf>, to: PortOf) -> Option<(TextSpan, Diagnostic)> {
     let unit_of = |port: PortOf| match scope.port(port).kind {
         PortKind::SignalIn { unit, .. } | PortKind::SignalOut { unit } => Some(unit),
         _ => None,
     };
-    let read: (String, Unit) = (scope.port_id(to), unit_of(to)?);
-    if let Some(source) = from {
-        let from = (scope.port_id(source), unit_of(source)?);
-        return Some((scope.mention(to), SystemMistake::MixedUnits { from, to: read }));
-    }
-    let node = scope.joined(to);
-    let feeds = |input: &&Input| input.targets.iter().any(|target| node.contains(&target.port));
-    let input = scope.inputs.iter().find(feeds)?;
-    let from = (input.id.clone(), input.unit);
-    Some((input.unit_at.clone(), SystemMistake::MixedUnits { from, to: read }))
+    let (at, id, unit) = match from {
+        Some(source) => (scope.mention(to), scope.port_id(source), unit_of(source)?),
+        None => {
+            let node = scope.joined(to);
+            let feeds =
+                |input: &&Input| input.targets.iter().any(|target| node.contains(&target.port));
+            let input = scope.inputs.iter().find(feeds)?;
+            (input.unit_at.clone(), input.id.clone(), input.unit)
+        }
+    };
+    let words = |unit: Unit| if unit == Unit::None { "pure numbers" } else { unit.symbol() };
+    let (reader, read) = (scope.port_id(to), words(unit_of(to)?));
+    let message = format!("'{id}' is in {}, but '{reader}' reads {read}", words(unit));
+    Some((at, Diagnostic::new(message)))
 }
 
 /// Describes a source with its liquid and temperature.

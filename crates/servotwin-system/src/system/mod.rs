@@ -28,18 +28,20 @@
 //! ```
 
 mod check;
+mod fluid;
 pub mod imperfection;
 pub mod listing;
-mod mistake;
 mod read;
 pub mod reservoir;
 mod rewrite;
+mod schema;
 mod scope;
 
+pub(crate) use fluid::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 pub use listing::ListedFault;
-pub(crate) use read::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 pub use reservoir::Reservoir;
 pub use rewrite::{NewValue, RewriteError};
+pub(crate) use schema::of_file as schema;
 
 use crate::built_in;
 use crate::compiled::Compiled;
@@ -53,6 +55,11 @@ use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use std::path::Path;
+
+/// The keys of a system file.
+pub fn keys() -> &'static [crate::format::Key] {
+    read::Text::KEYS
+}
 
 /// The format of system files that this version reads.
 pub(crate) const FORMAT: u32 = 1;
@@ -133,7 +140,7 @@ impl System {
         if let Some(mistakes) = FileType::System.wanted(text) {
             return Err(SystemError::Mistakes { path: path.into(), mistakes });
         }
-        let mut reader = read::Reader::new();
+        let mut reader = read::Reader::default();
         reader.read(text);
         // If the file could not be read at all, further checks would only repeat that.
         let readable = !reader.scope.parts.is_empty() || reader.mistakes.is_empty();
@@ -270,8 +277,7 @@ impl System {
             return Ok(curve);
         }
         let value = if least < min { least } else { largest };
-        let input = self.network().inputs[input].id.clone();
-        Err(SignalError::Leaves { input, value, min, max, unit })
+        Err(SignalError::leaves(&self.network().inputs[input].id, value, (min, max), unit))
     }
 
     /// The default values of all inputs as constant signals.

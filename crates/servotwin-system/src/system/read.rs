@@ -1,152 +1,110 @@
 //! Reads TOML into a [`Scope`]: sections, components, connections, inputs and sensors. Mistakes are collected, and
 //! reading continues.
 
-mod reservoir;
-
-use super::mistake::SystemMistake;
+use super::fluid::{FLUID, MODULUS, OF_ALL, POINT, WITH_MODULUS, WITH_SLOPE, allowed, set_fluid};
 use super::reservoir::Reservoir;
 use super::scope::{End, Input, Part, Scope};
-use super::{FORMAT, Sensor};
-use crate::document::{self, Collector, Entry, TextSpan, entries};
+use super::{FORMAT, Sensor, schema};
+use crate::document::{Collector, Diagnostic, Document, Entry, NumberWithUnit, TextSpan, get};
+use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, section};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
 use crate::units;
 use servotwin_model::components::{ALL, find};
-use servotwin_model::fluid::table::{LEAST_STEP_K, Point, Table};
+use servotwin_model::fluid::table::{Point, Table};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table};
 use servotwin_model::network::PortOf;
-use servotwin_model::spec::{
-    Law, Parameter, PortKind, Spec, Unit, declare::parameter, declare::required,
-};
-use toml::de::DeTable;
+use servotwin_model::spec::{Law, Parameter, PortKind, Spec, Unit};
 
-/// Keys of a component that cannot be component names.
-const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
-
-/// The numbers of a fluid, in the order of [`set_fluid`]: first those of all kinds, then those of `table` and `own`,
-/// then those of `own` alone.
-pub(crate) static FLUID: [Parameter; 10] = [
-    parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
-    parameter(
-        "polytropic_exponent",
-        Unit::None,
-        1.4,
-        (1.0, 1.67),
-        "polytropic exponent of the gas",
-    ),
-    parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
-    parameter(
-        "bulk_modulus_slope",
-        Unit::None,
-        11.0,
-        (0.0, 20.0),
-        "rise of the bulk modulus, Pa per pascal",
-    ),
-    parameter(
-        "bulk_modulus_pa",
-        Unit::Pascal,
-        1.6e9,
-        MODULUS_PA,
-        "bulk modulus of the liquid at 40 °C",
-    ),
-    parameter(
-        "bulk_modulus_change",
-        Unit::None,
-        -8e6,
-        (-2e7, 0.0),
-        "change of the bulk modulus, Pa per kelvin",
-    ),
-    parameter(
-        "density_kg_m3",
-        Unit::KilogramPerCubicMetre,
-        880.0,
-        (500.0, 2000.0),
-        "density at 15 °C",
-    ),
-    parameter(
-        "expansion",
-        Unit::None,
-        7e-4,
-        (0.0, 5e-3),
-        "thermal expansion of its volume, per kelvin",
-    ),
-    parameter(
-        "viscosity_40_m2_s",
-        Unit::SquareMetrePerSecond,
-        46e-6,
-        (2e-6, 1e-3),
-        "kinematic viscosity at 40 °C",
-    ),
-    parameter(
-        "viscosity_100_m2_s",
-        Unit::SquareMetrePerSecond,
-        6.8e-6,
-        (1e-6, 5e-4),
-        "kinematic viscosity at 100 °C",
-    ),
-];
-
-/// The allowed bulk modulus, Pa.
-const MODULUS_PA: (f64, f64) = (own::LEAST_BULK_MODULUS_PA, 1e10);
-
-/// Number of entries that every fluid has.
-pub(crate) const OF_ALL: usize = 3;
-/// Number of entries for a table whose points give the bulk modulus.
-const WITH_SLOPE: usize = 4;
-/// Number of entries for a table whose points do not.
-pub(crate) const WITH_MODULUS: usize = 6;
-
-fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
-    match index {
-        0 => fluid.air_fraction = value,
-        1 => fluid.polytropic_exponent = value,
-        2 => fluid.wall_modulus_pa = value,
-        3 => fluid.own.bulk_modulus_slope = value,
-        4 => fluid.own.bulk_modulus_pa = value,
-        5 => fluid.own.bulk_modulus_change = value,
-        6 => fluid.own.density_kg_m3 = value,
-        7 => fluid.own.expansion = value,
-        8 => fluid.own.viscosity_40_m2_s = value,
-        _ => fluid.own.viscosity_100_m2_s = value,
+section! {
+    /// A system file.
+    pub(super) struct Text {
+        #[expect(dead_code, reason = "it is checked before anything else")]
+        must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
+        must name: String = Value::Id, "name in files and commands";
+        may title: Option<String>, "title of the system, one line";
+        #[expect(dead_code, reason = "fluids have keys by their kind")]
+        may fluids: Raw = Value::Ids(&Value::Other(schema::fluid, "the numbers of a fluid")),
+            "fluids of the hydraulic circuits";
+        #[expect(dead_code, reason = "they have components")]
+        may assemblies: Raw = Value::Ids(&Value::Table(AssemblyText::KEYS)),
+            "groups of components that occur several times";
+        #[expect(dead_code, reason = "components have keys by their kind")]
+        may components: Raw = Value::Ids(&Value::Other(
+            schema::component_or_instance,
+            "`kind` and its parameters, or `assembly` and changes of its components",
+        )), "components of the catalog, and instances of assemblies";
+        may system: SystemText, "what is not inside an assembly";
+        may inputs: Ids<InputText>, "commands, loads and boundary values";
+        may sensors: Ids<SensorText>, "signals that are measured and compared with the twin";
+        may reservoirs: Ids<ReservoirText>, "fluid of a hydraulic system that leaks can empty";
     }
 }
 
-/// The numbers of a point in a fluid table; the last is optional.
-pub(crate) static POINT: [Parameter; 4] = [
-    required(
-        "temperature_k",
-        Unit::Kelvin,
-        (200.0, 480.0),
-        "temperature, at least one kelvin above the previous point",
-    ),
-    required(
-        "density_kg_m3",
-        Unit::KilogramPerCubicMetre,
-        (500.0, 2000.0),
-        "density, no more than at the previous, colder point",
-    ),
-    required(
-        "viscosity_m2_s",
-        Unit::SquareMetrePerSecond,
-        (1e-6, 2e-2),
-        "kinematic viscosity, no more than at the previous, colder point",
-    ),
-    required(
-        "bulk_modulus_pa",
-        Unit::Pascal,
-        MODULUS_PA,
-        "bulk modulus of the liquid, no more than at the previous, colder point",
-    ),
-];
-const MODULUS: usize = 3;
+section! {
+    struct AssemblyText {
+        #[expect(dead_code, reason = "components have keys by their kind")]
+        may components: Raw = Value::Ids(&Value::Other(
+            schema::component,
+            "`kind` and its parameters",
+        )), "components of the catalog";
+        may connections: Vec<At<Connection>>, "lists of ports (component.port) that are one node";
+        may inputs: Ids<InputText>, "commands, loads and boundary values of every instance";
+    }
+}
 
-/// The allowed range of a point's number, given that of the point before.
-fn allowed(index: usize, before: Option<f64>) -> (f64, f64) {
-    let Parameter { min, max, .. } = POINT[index];
-    match before {
-        None => (min, max),
-        Some(before) if index == 0 => ((before + LEAST_STEP_K).min(max), max),
-        Some(before) => (min, before),
+section! {
+    #[derive(Default)]
+    struct SystemText {
+        may connections: Vec<At<Connection>>, "lists of ports (component.port) that are one node";
+    }
+}
+
+section! {
+    struct InputText {
+        must unit: Option<At<Unit>>, "unit of its values";
+        must default: Option<f64>, "value where a run gives no signal, in SI";
+        may to: Vec<At<String>>, "signal inputs (component.port) that it feeds";
+    }
+}
+
+section! {
+    struct SensorText {
+        must signal: Option<At<String>>, "signal output (component.port), such as the reading of a sensor";
+        must scale: Option<At<f64>> = Value::Number(1e-9, 1e12, ""),
+            "the size that residuals are divided by, in the signal's unit";
+        may label: Option<String>, "name in figures; default: its id";
+    }
+}
+
+section! {
+    struct ReservoirText {
+        must volume_m3: Option<f64> = Value::Number(1e-6, 10.0, "m³"),
+            "fluid that can leak before the pump has none";
+        must supply: Option<At<String>>, "pressure source that it feeds, whose pressure is an input";
+        must r#return: Option<At<String>>, "tank that leads the fluid back";
+    }
+}
+
+/// The ports and inputs that a connection joins.
+#[derive(Clone, Debug)]
+struct Connection(Vec<At<String>>);
+
+impl Read for Connection {
+    const VALUE: Value = Value::List(2, &Value::Text);
+
+    fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let ends = mistakes.list(entry)?;
+        if ends.len() < 2 {
+            let mistake = Diagnostic::new("a connection joins at least two ports");
+            mistakes.note(&entry.value_at(), mistake);
+        }
+        let end = |end: &Entry| Some(At::new(mistakes.text(end)?.to_owned(), end.value_at()));
+        Some(Connection(ends.iter().filter_map(end).collect()))
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        Connection(vec![])
     }
 }
 
@@ -165,8 +123,9 @@ enum Resolved {
 }
 
 /// The parsed file, as far as it was understood.
+#[derive(Default)]
 pub(super) struct Reader {
-    pub mistakes: Collector<SystemMistake>,
+    pub mistakes: Collector,
     pub fluids: Vec<Named<Option<Fluid>>>,
     pub assemblies: Vec<Named<Scope>>,
     pub scope: Scope,
@@ -174,217 +133,77 @@ pub(super) struct Reader {
     pub reservoirs: Vec<Reservoir>,
     pub name: String,
     pub title: String,
-    /// Whether the file has an unknown section.
-    misspelt: bool,
 }
 
-fn names<'a>(all: impl IntoIterator<Item = &'a str>) -> Vec<String> {
-    all.into_iter().map(str::to_owned).collect()
+/// A word that names nothing.
+fn unknown<'n>(what: &str, word: &str, known: impl IntoIterator<Item = &'n str>) -> Diagnostic {
+    Diagnostic::unknown(format!("unknown {what} '{word}'"), word, known)
 }
 
-/// The mistake for an unknown word.
-fn unknown_word(what: &'static str, word: &str, known: Vec<String>) -> SystemMistake {
-    let nearest = nearest(word, known.iter().map(String::as_str)).map(str::to_owned);
-    SystemMistake::UnknownWord { what, word: word.into(), nearest, known }
-}
-
-fn unknown_key(
-    entry: &Entry,
-    place: impl Into<String>,
-    known: Vec<String>,
-) -> document::TomlMistake {
-    let nearest = nearest(entry.key, known.iter().map(String::as_str)).map(str::to_owned);
-    document::TomlMistake::UnknownKey { key: entry.key.into(), place: place.into(), nearest, known }
-}
-
-fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
-    entries.iter().find(|entry| entry.key == key)
+/// The entries of a section of the file, in order.
+fn members<'a>(all: &[Entry<'a>], section: &str) -> Vec<Entry<'a>> {
+    get(all, section).and_then(Entry::table).unwrap_or_default()
 }
 
 impl Reader {
-    pub(crate) fn new() -> Self {
-        Self {
-            mistakes: Collector::new(),
-            fluids: Vec::new(),
-            assemblies: Vec::new(),
-            scope: Scope::new(),
-            sensors: Vec::new(),
-            reservoirs: Vec::new(),
-            name: String::new(),
-            title: String::new(),
-            misspelt: false,
-        }
-    }
-
     /// Reads a whole file.
-    pub(crate) fn read(&mut self, text: &str) {
-        let root = document::parse(text, &mut self.mistakes);
-        // After a syntax error, the rest of the file cannot be judged.
-        if !self.mistakes.is_empty() {
-            return;
-        }
-        let root = entries(root.get_ref());
-        if self.known_format(&root) {
-            self.head(&root);
-            self.sections(&root);
-        }
-    }
-
-    fn known_format(&mut self, root: &[Entry]) -> bool {
-        let Some(entry) = get(root, "format") else {
-            self.missing(&(0..0), "the file", "format", format!("format = {FORMAT}"));
-            return true;
-        };
-        match entry.number() {
-            Ok(found) if found == f64::from(FORMAT) => true,
-            Ok(found) => {
-                let mistake = document::TomlMistake::Format { found, supported: FORMAT };
-                self.mistakes.note(&entry.value_at(), mistake);
-                false
-            }
-            Err(mistake) => {
-                self.mistakes.note(&entry.value_at(), mistake);
-                true
-            }
-        }
-    }
-
-    fn head(&mut self, root: &[Entry]) {
-        let known = [
-            "format",
-            "name",
-            "title",
-            "fluids",
-            "assemblies",
-            "components",
-            "system",
-            "inputs",
-            "sensors",
-            "reservoirs",
-        ];
-        self.only(root, "the file", &known);
-        // The content of a misspelled section is missing everywhere else.
-        self.misspelt = root.iter().any(|entry| !known.contains(&entry.key));
-        match get(root, "name") {
-            Some(entry) => {
-                self.name = self.text(entry).unwrap_or_default().to_owned();
-                let name = self.name.clone();
-                self.good_name(&name, &entry.value_at());
-            }
-            None => self.missing(&(0..0), "the file", "name", "name = \"my_actuator\"".into()),
-        }
-        self.title = get(root, "title")
-            .and_then(|entry| self.text(entry))
-            .map_or_else(|| self.name.clone(), str::to_owned);
-    }
-
-    fn sections(&mut self, root: &[Entry]) {
-        for entry in self.members(root, "fluids") {
+    pub(super) fn read(&mut self, text: &str) {
+        let Some(document) = Document::parse(text, FORMAT, &mut self.mistakes) else { return };
+        let root = document.root();
+        let text = Text::of(&root, (&(0..0), "the file"), &mut self.mistakes);
+        // What a wrong key was meant for may be missing elsewhere.
+        let mut scope = Scope::new(self.mistakes.is_empty());
+        for entry in members(&root, "fluids") {
             self.fluid(&entry);
         }
-        for entry in self.members(root, "assemblies") {
+        for entry in members(&root, "assemblies") {
             self.assembly(&entry);
         }
-        let mut scope = Scope::new();
-        for entry in self.members(root, "components") {
+        for entry in members(&root, "components") {
             self.component(&mut scope, &entry);
         }
-        for entry in self.members(root, "inputs") {
-            self.input(&mut scope, &entry);
+        scope.broken.extend(members(&root, "inputs").iter().map(|input| input.key.to_owned()));
+        self.inputs(&mut scope, text.inputs);
+        self.connections(&mut scope, &text.system.connections);
+        for (id, sensor) in text.sensors.0 {
+            self.sensor(&scope, id.value, sensor);
         }
-        if let Some(system) = get(root, "system").and_then(|entry| self.table(entry)) {
-            let system = entries(system);
-            self.only(&system, "[system]", &["connections"]);
-            self.connections(&mut scope, &system);
+        for (id, reservoir) in text.reservoirs.0 {
+            self.reservoir(&scope, id.value, reservoir);
         }
-        for entry in self.members(root, "sensors") {
-            self.sensor(&scope, &entry);
-        }
-        for entry in self.members(root, "reservoirs") {
-            self.reservoir(&scope, &entry);
-        }
-        scope.complete &= !self.misspelt;
         self.scope = scope;
-    }
-
-    // Plain values.
-
-    fn text<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a str> {
-        let at = entry.value_at();
-        entry.text().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()
-    }
-
-    fn table<'a>(&mut self, entry: &Entry<'a>) -> Option<&'a DeTable<'a>> {
-        // A section's value is its whole text, so the key is the better place.
-        entry.table().map_err(|mistake| self.mistakes.note(&entry.at, mistake)).ok()
-    }
-
-    fn number(&mut self, entry: &Entry) -> Option<f64> {
-        let at = entry.value_at();
-        entry.number().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()
+        self.title = text.title.unwrap_or_else(|| text.name.clone());
+        self.name = text.name;
     }
 
     /// Reads a number within a range.
     fn within(
         &mut self,
         entry: &Entry,
-        (min, max): (f64, f64),
-        unit: Unit,
-        summary: &'static str,
+        range: (f64, f64),
+        (unit, summary): (Unit, &str),
     ) -> Option<f64> {
-        let value = self.number(entry)?;
-        if (min..=max).contains(&value) {
+        let value = self.mistakes.number(entry)?;
+        if (range.0..=range.1).contains(&value) {
             return Some(value);
         }
-        let (key, unit) = (entry.key.into(), unit.symbol());
-        let mistake = document::TomlMistake::OutOfRange { key, value, min, max, unit, summary };
+        let mistake = Diagnostic::out_of_range(entry.key, value, range, unit.symbol(), summary);
         self.mistakes.note(&entry.value_at(), mistake);
         None
     }
 
     /// Reads a number within its declared range.
     fn declared(&mut self, entry: &Entry, declared: &Parameter) -> Option<f64> {
-        self.within(entry, (declared.min, declared.max), declared.unit, declared.summary)
-    }
-
-    /// The entries of a section of the file, in order.
-    fn members<'a>(&mut self, root: &[Entry<'a>], section: &str) -> Vec<Entry<'a>> {
-        let table = get(root, section).and_then(|entry| self.table(entry));
-        table.map_or_else(Vec::new, entries)
-    }
-
-    fn missing(
-        &mut self,
-        at: &TextSpan,
-        place: impl Into<String>,
-        key: &'static str,
-        write: String,
-    ) {
-        let place = place.into();
-        self.mistakes.note(at, document::TomlMistake::Missing { place, key, write });
-    }
-
-    fn only(&mut self, all: &[Entry], place: &str, known: &[&str]) {
-        for entry in all.iter().filter(|entry| !known.contains(&entry.key)) {
-            let known = names(known.iter().copied());
-            self.mistakes.note(&entry.at, unknown_key(entry, place, known));
-        }
-    }
-
-    fn good_name(&mut self, name: &str, at: &TextSpan) {
-        let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
-        if RESERVED.contains(&name) {
-            self.mistakes.note(at, SystemMistake::ReservedName { name: name.into() });
-        } else if name.is_empty() || !name.chars().all(good) {
-            self.mistakes.note(at, SystemMistake::BadName { name: name.into() });
-        }
+        let Parameter { min, max, unit, summary, .. } = *declared;
+        self.within(entry, (min, max), (unit, summary))
     }
 
     // Fluids.
 
     fn fluid(&mut self, entry: &Entry) {
-        self.good_name(entry.key, &entry.at);
-        let value = self.table(entry).and_then(|table| self.fluid_values(entry, &entries(table)));
+        check_id(entry.key, &entry.at, &mut self.mistakes);
+        let all = self.mistakes.table(entry);
+        let value = all.and_then(|all| self.fluid_values(entry, &all));
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
         self.fluids.push(Named { name, at, used: false, value });
     }
@@ -393,7 +212,7 @@ impl Reader {
         let place = format!("fluid '{}'", fluid.key);
         let mut value = Fluid::default();
         let mut sound = true;
-        let word = get(all, "kind").and_then(|entry| entry.text().ok());
+        let word = get(all, "kind").and_then(Entry::text);
         let points = get(all, "points").filter(|_| word == Some(table::NAME));
         let (known, further): (&[Parameter], &[&str]) = match word {
             Some(own::NAME) => (&FLUID, &["kind"]),
@@ -414,13 +233,14 @@ impl Reader {
                 None => sound = false,
             }
         }
-        value.kind = self.liquid(fluid, get(all, "kind"))?;
+        value.kind = self.liquid((&fluid.at, &place), get(all, "kind"))?;
         if value.kind == FluidKind::Table {
-            value.table = self.points(fluid, points, &value.own)?;
+            value.table = self.points((&fluid.at, &place), points, &value.own)?;
         }
         if value.own.viscosity_100_m2_s >= value.own.viscosity_40_m2_s {
-            self.mistakes
-                .note(&fluid.at, SystemMistake::ThickensWhenWarm { fluid: fluid.key.into() });
+            let message = format!("the {place} is no thinner at 100 °C than at 40 °C");
+            let help = "give both viscosity_40_m2_s and viscosity_100_m2_s (1 cSt = 1e-6 m²/s)";
+            self.mistakes.note(&fluid.at, Diagnostic::new(message).with_help(help));
             sound = false;
         }
         sound.then_some(value)
@@ -429,30 +249,28 @@ impl Reader {
     /// Reads the points of a fluid table.
     fn points(
         &mut self,
-        fluid: &Entry,
+        (at, place): (&TextSpan, &str),
         points: Option<&Entry>,
         own: &own::OwnLiquid,
     ) -> Option<Table> {
         let Some(entry) = points else {
             let write = "points = [{ temperature_k = 313.15, density_kg_m3 = 865, viscosity_m2_s = 46e-6 }, …]";
-            self.missing(&fluid.at, format!("fluid '{}'", fluid.key), "points", write.into());
+            self.mistakes.note(at, Diagnostic::missing(place, "points", write));
             return None;
         };
-        let at = entry.value_at();
-        let list = entry.list().map_err(|mistake| self.mistakes.note(&at, mistake)).ok()?;
+        let list = self.mistakes.list(entry)?;
         if list.len() < 2 {
-            let mistake = document::TomlMistake::TooFew { key: entry.key.into(), least: 2 };
-            self.mistakes.note(&at, mistake);
+            let mistake = Diagnostic::new("'points' needs at least 2 entries");
+            self.mistakes.note(&entry.value_at(), mistake);
             return None;
         }
-        let place = format!("a point of fluid '{}'", fluid.key);
+        let place = format!("a point of {place}");
         let own = (!gives_modulus(points)).then_some(own);
         let mut before = [None; 4];
-        let points: Vec<Option<Point>> = (list.iter())
-            .map(|element| {
-                self.point(&Entry::element("a point", element), &place, own, &mut before)
-            })
-            .collect();
+        let point = |element: &Entry| {
+            self.point(&Entry { key: "a point", ..element.clone() }, &place, own, &mut before)
+        };
+        let points: Vec<Option<Point>> = list.iter().map(point).collect();
         Table::new(points.into_iter().collect::<Option<_>>()?)
     }
 
@@ -465,28 +283,31 @@ impl Reader {
         own: Option<&own::OwnLiquid>,
         before: &mut [Option<f64>; 4],
     ) -> Option<Point> {
-        let all = entries(self.table(entry)?);
+        let all = self.mistakes.table(entry)?;
         let others = all.iter().filter(|entry| POINT.iter().all(|p| p.name != entry.key));
-        let meant: Vec<Option<String>> =
+        let meant: Vec<Option<&str>> =
             others.map(|other| self.unknown_number(other, place, &POINT, &[])).collect();
         let mut values = [None; 4];
         for (index, declared) in POINT.iter().enumerate() {
-            let meant = || meant.iter().flatten().any(|name| name == declared.name);
             values[index] = match (get(&all, declared.name), own) {
                 (Some(number), _) => {
                     // A misplaced point is reported by its temperature alone.
                     let ordered = index == 0 || values[0].is_some();
                     let last = before[index].filter(|_| ordered);
-                    before[index] = possible(number, index).or(last);
-                    self.within(number, allowed(index, last), declared.unit, declared.summary)
+                    // The next point is compared with a possible number even if it contradicts the point before, so
+                    // that one mistake is reported once.
+                    let (min, max) = allowed(index, None);
+                    let possible = number.number().filter(|number| (min..=max).contains(number));
+                    before[index] = possible.or(last);
+                    self.within(number, allowed(index, last), (declared.unit, declared.summary))
                 }
-                (None, Some(own)) if index == MODULUS => {
-                    values[0].and_then(|kelvin| self.modulus(entry, own.bulk_modulus_at(kelvin)))
-                }
-                (None, _) if meant() => None,
+                (None, Some(own)) if index == MODULUS => values[0]
+                    .and_then(|kelvin| self.modulus(&entry.at, own.bulk_modulus_at(kelvin))),
+                (None, _) if meant.contains(&Some(declared.name)) => None,
                 (None, _) => {
                     let write = format!("{} = …", declared.name);
-                    self.missing(&entry.at, place, declared.name, write);
+                    let mistake = Diagnostic::missing(place, declared.name, write);
+                    self.mistakes.note(&entry.at, mistake);
                     None
                 }
             };
@@ -501,42 +322,45 @@ impl Reader {
     }
 
     /// Checks a bulk modulus that a law gives for a point.
-    fn modulus(&mut self, point: &Entry, pa: f64) -> Option<f64> {
+    fn modulus(&mut self, at: &TextSpan, pa: f64) -> Option<f64> {
         let Parameter { name, min, max, unit, .. } = POINT[MODULUS];
         if (min..=max).contains(&pa) {
             return Some(pa);
         }
-        let (key, unit) = (name.into(), unit.symbol());
         let summary = "of the liquid here, by its value at 40 °C and bulk_modulus_change";
-        let mistake = document::TomlMistake::OutOfRange { key, value: pa, min, max, unit, summary };
-        self.mistakes.note(&point.at, mistake);
+        let mistake = Diagnostic::out_of_range(name, pa, (min, max), unit.symbol(), summary);
+        self.mistakes.note(at, mistake);
         None
     }
 
-    fn liquid(&mut self, fluid: &Entry, kind: Option<&Entry>) -> Option<FluidKind> {
-        let known = || names(FluidKind::ALL.iter().map(|kind| kind.name()));
+    fn liquid(
+        &mut self,
+        (at, place): (&TextSpan, &str),
+        kind: Option<&Entry>,
+    ) -> Option<FluidKind> {
+        let known: Vec<&str> = FluidKind::ALL.iter().map(|kind| kind.name()).collect();
         let Some(entry) = kind else {
-            let write = format!("kind = \"{}\"", known().join("\" or \""));
-            self.missing(&fluid.at, format!("fluid '{}'", fluid.key), "kind", write);
+            let write = format!("kind = \"{}\"", known.join("\" or \""));
+            self.mistakes.note(at, Diagnostic::missing(place, "kind", write));
             return None;
         };
-        let word = self.text(entry)?;
+        let word = self.mistakes.text(entry)?;
         let found = FluidKind::ALL.iter().copied().find(|kind| kind.name() == word);
         if found.is_none() {
-            self.mistakes.note(&entry.value_at(), unknown_word("liquid", word, known()));
+            self.mistakes.note(&entry.value_at(), unknown("liquid", word, known));
         }
         found
     }
 
     /// The index of a declared fluid.
     fn fluid_named(&mut self, entry: &Entry) -> Option<usize> {
-        let word = self.text(entry)?;
+        let word = self.mistakes.text(entry)?;
         let found = self.fluids.iter().position(|fluid| fluid.name == word);
         match found {
             Some(index) => self.fluids[index].used = true,
             None => {
-                let known = names(self.fluids.iter().map(|fluid| fluid.name.as_str()));
-                self.mistakes.note(&entry.value_at(), unknown_word("fluid", word, known));
+                let known = self.fluids.iter().map(|fluid| fluid.name.as_str());
+                self.mistakes.note(&entry.value_at(), unknown("fluid", word, known));
             }
         }
         found
@@ -545,43 +369,45 @@ impl Reader {
     // Components.
 
     fn assembly(&mut self, entry: &Entry) {
-        self.good_name(entry.key, &entry.at);
-        let mut scope = Scope::new();
-        if let Some(table) = self.table(entry) {
-            let all = entries(table);
-            let place = format!("assembly '{}'", entry.key);
-            self.only(&all, &place, &["components", "connections", "inputs"]);
-            for member in self.members(&all, "components") {
-                self.part(&mut scope, &member);
-            }
-            for member in self.members(&all, "inputs") {
-                self.input(&mut scope, &member);
-            }
-            self.connections(&mut scope, &all);
+        check_id(entry.key, &entry.at, &mut self.mistakes);
+        let all = self.mistakes.table(entry);
+        let is_table = all.is_some();
+        let (before, all) = (self.mistakes.count(), all.unwrap_or_default());
+        let place = format!("assembly '{}'", entry.key);
+        let text = AssemblyText::of(&all, (&entry.at, &place), &mut self.mistakes);
+        let mut scope = Scope::new(is_table && self.mistakes.count() == before);
+        for member in members(&all, "components") {
+            self.part(&mut scope, &member);
         }
+        scope.broken.extend(members(&all, "inputs").iter().map(|input| input.key.to_owned()));
+        self.inputs(&mut scope, text.inputs);
+        self.connections(&mut scope, &text.connections);
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
         self.assemblies.push(Named { name, at, used: false, value: scope });
     }
 
     /// Reads a component of the system, or an instance of an assembly.
     fn component(&mut self, scope: &mut Scope, entry: &Entry) {
-        let all = entry.table().map(entries).unwrap_or_default();
+        let all = entry.table().unwrap_or_default();
         match (get(&all, "assembly"), get(&all, "kind")) {
             (Some(assembly), None) => {
-                self.good_name(entry.key, &entry.at);
+                check_id(entry.key, &entry.at, &mut self.mistakes);
                 if self.instance(scope, entry.key, assembly, &all).is_none() {
-                    scope.broken.push(entry.key.into());
-                    scope.complete = false;
+                    scope.breaks(entry.key);
                 }
             }
             (Some(_), Some(_)) => {
-                self.mistakes
-                    .note(&entry.at, SystemMistake::KindOrAssembly { id: entry.key.into() });
-                scope.broken.push(entry.key.into());
-                scope.complete = false;
+                self.kind_or_assembly(entry);
+                scope.breaks(entry.key);
             }
             (None, _) => self.part(scope, entry),
         }
+    }
+
+    fn kind_or_assembly(&mut self, entry: &Entry) {
+        let message = format!("component '{}' needs either a 'kind' or an 'assembly'", entry.key);
+        let help = "for example: kind = \"volume\"; or assembly = \"actuator\"";
+        self.mistakes.note(&entry.at, Diagnostic::new(message).with_help(help));
     }
 
     fn instance(
@@ -591,10 +417,10 @@ impl Reader {
         assembly: &Entry,
         all: &[Entry],
     ) -> Option<()> {
-        let word = self.text(assembly)?;
+        let word = self.mistakes.text(assembly)?;
         let Some(index) = self.assemblies.iter().position(|a| a.name == word) else {
-            let known = names(self.assemblies.iter().map(|a| a.name.as_str()));
-            self.mistakes.note(&assembly.value_at(), unknown_word("assembly", word, known));
+            let known = self.assemblies.iter().map(|a| a.name.as_str());
+            self.mistakes.note(&assembly.value_at(), unknown("assembly", word, known));
             return None;
         };
         self.assemblies[index].used = true;
@@ -617,45 +443,41 @@ impl Reader {
         }
         let Some(index) = content.part(entry.key) else {
             if !content.is_broken(entry.key) {
-                let known = names(content.parts.iter().map(|part| part.id.as_str()));
+                let known = content.parts.iter().map(|part| part.id.as_str());
                 let place = format!("assembly '{assembly}'");
-                self.mistakes.note(&entry.at, unknown_key(entry, place, known));
+                let mistake = Diagnostic::unknown_key(entry.key, &place, known);
+                self.mistakes.note(&entry.at, mistake);
             }
             return;
         };
-        let Some(table) = self.table(entry) else {
-            return;
-        };
-        let all = entries(table);
+        let Some(all) = self.mistakes.table(entry) else { return };
         if let Some(kind) = get(&all, "kind") {
-            self.mistakes.note(&kind.at, SystemMistake::KindOverridden { id: entry.key.into() });
+            let message = format!("the kind of '{}' cannot be overridden", entry.key);
+            let help = "write a second assembly for another structure";
+            self.mistakes.note(&kind.at, Diagnostic::new(message).with_help(help));
         }
         self.settings(&mut content.parts[index], &all);
     }
 
     /// Reads a component of the catalogue.
     fn part(&mut self, scope: &mut Scope, entry: &Entry) {
-        self.good_name(entry.key, &entry.at);
+        check_id(entry.key, &entry.at, &mut self.mistakes);
         match self.built(entry) {
             Some(part) => scope.add(part),
-            None => {
-                scope.broken.push(entry.key.into());
-                scope.complete = false;
-            }
+            None => scope.breaks(entry.key),
         }
     }
 
     fn built(&mut self, entry: &Entry) -> Option<Part> {
-        let all = entries(self.table(entry)?);
+        let all = self.mistakes.table(entry)?;
         let Some(kind) = get(&all, "kind") else {
-            self.mistakes.note(&entry.at, SystemMistake::KindOrAssembly { id: entry.key.into() });
+            self.kind_or_assembly(entry);
             return None;
         };
-        let word = self.text(kind)?;
+        let word = self.mistakes.text(kind)?;
         let Some(component) = find(word) else {
-            let known = names(ALL.iter().map(|component| component.spec().kind));
-            let mistake = unknown_word("kind of component", word, known);
-            self.mistakes.note(&kind.value_at(), mistake);
+            let known = ALL.iter().map(|component| component.spec().kind);
+            self.mistakes.note(&kind.value_at(), unknown("kind of component", word, known));
             return None;
         };
         let mut part = Part::new(entry.key.into(), entry.at.clone(), component);
@@ -668,39 +490,34 @@ impl Reader {
         let spec = part.spec();
         for entry in all.iter().filter(|entry| entry.key != "kind") {
             match (entry.key, spec.parameter(entry.key)) {
-                (_, Some(index)) => self.parameter(part, entry, index),
+                (_, Some(index)) => match self.declared(entry, &spec.parameters[index]) {
+                    Some(value) => part.parameters[index] = value,
+                    None => unsound(part, index),
+                },
                 ("faults", None) => self.faults(part, entry),
                 ("fluid", None) if spec.reference => match self.fluid_named(entry) {
                     Some(fluid) => part.fluid = Some(fluid),
                     None => part.sound = false,
                 },
                 ("fluid", None) => {
-                    let (id, kind) = (part.id.clone(), spec.kind);
-                    self.mistakes.note(&entry.at, SystemMistake::FluidNotHere { id, kind });
+                    let (id, kind) = (&part.id, spec.kind);
+                    let message = format!("'{id}' ({kind}) takes the fluid of its circuit");
+                    let help = "a fluid is named by the sources and tanks of the circuit";
+                    self.mistakes.note(&entry.at, Diagnostic::new(message).with_help(help));
                 }
                 _ => self.unknown_parameter(part, entry),
             }
         }
     }
 
-    fn parameter(&mut self, part: &mut Part, entry: &Entry, index: usize) {
-        let declared = &part.spec().parameters[index];
-        match self.declared(entry, declared) {
-            Some(value) => part.parameters[index] = value,
-            None => unsound(part, index),
-        }
-    }
-
     fn faults(&mut self, part: &mut Part, entry: &Entry) {
         let spec = part.spec();
-        let Some(table) = self.table(entry) else {
-            return;
-        };
-        for fault in entries(table) {
+        for fault in self.mistakes.table(entry).unwrap_or_default() {
             let Some(index) = spec.fault(fault.key) else {
-                let known = names(spec.faults.iter().map(|fault| fault.name));
+                let known = spec.faults.iter().map(|fault| fault.name);
                 let place = format!("the faults of '{}' ({})", part.id, spec.kind);
-                self.mistakes.note(&fault.at, unknown_key(&fault, place, known));
+                let mistake = Diagnostic::unknown_key(fault.key, &place, known);
+                self.mistakes.note(&fault.at, mistake);
                 continue;
             };
             let declared = &spec.faults[index];
@@ -708,9 +525,9 @@ impl Reader {
                 Law::Add => spec.parameter(declared.parameter).map(|p| spec.parameters[p].unit),
                 Law::Scale | Law::Geometric => None,
             };
-            let range = (declared.full_min, declared.full_max);
-            let unit = unit.unwrap_or(Unit::None);
-            if let Some(full) = self.within(&fault, range, unit, declared.summary) {
+            let (range, unit) =
+                ((declared.full_min, declared.full_max), unit.unwrap_or(Unit::None));
+            if let Some(full) = self.within(&fault, range, (unit, declared.summary)) {
                 part.faults[index] = full;
             }
         }
@@ -718,21 +535,23 @@ impl Reader {
 
     fn unknown_parameter(&mut self, part: &mut Part, entry: &Entry) {
         let spec: &'static Spec = part.spec();
-        if spec.fault(entry.key).is_some() {
-            let key = entry.key.into();
-            self.mistakes.note(&entry.at, SystemMistake::FaultAmongParameters { key });
-        } else if spec.port(entry.key).is_some() {
-            let (key, id) = (entry.key.into(), part.id.clone());
-            self.mistakes.note(&entry.at, SystemMistake::PortAmongParameters { key, id });
+        let (key, id) = (entry.key, &part.id);
+        let (what, help) = if spec.fault(key).is_some() {
+            ("fault", format!("its value at intensity 1 is set by: faults.{key} = …"))
+        } else if spec.port(key).is_some() {
+            ("port", format!("ports are joined in 'connections': [\"{id}.{key}\", …]"))
         } else {
             let extra: &[&str] = if spec.reference { &["fluid", "faults"] } else { &["faults"] };
-            let place = format!("'{}' ({})", part.id, spec.kind);
+            let place = format!("'{id}' ({})", spec.kind);
             let meant = self.unknown_number(entry, &place, spec.parameters, extra);
-            match meant.and_then(|name| spec.parameter(&name)) {
+            match meant.and_then(|name| spec.parameter(name)) {
                 Some(index) => unsound(part, index),
                 None => part.sound = false,
             }
-        }
+            return;
+        };
+        let message = format!("'{key}' is a {what}, no parameter");
+        self.mistakes.note(&entry.at, Diagnostic::new(message).with_help(help));
     }
 
     /// Reports an unknown key among parameters; returns the parameter that was meant.
@@ -742,352 +561,262 @@ impl Reader {
         place: &str,
         parameters: &'static [Parameter],
         extra: &[&str],
-    ) -> Option<String> {
-        if let Some(slip) = units::slip(entry.key, entry.number().ok(), parameters) {
-            let (right, unit) = (slip.parameter.name, slip.parameter.unit);
-            let mistake =
-                SystemMistake::WrongSuffix { key: entry.key.into(), right, unit, si: slip.si };
-            self.mistakes.note(&entry.at, mistake);
-            return Some(right.into());
+    ) -> Option<&'static str> {
+        let finite = entry.number().filter(|number| number.is_finite());
+        if let Some(units::Slip { parameter, si }) = units::slip(entry.key, finite, parameters) {
+            let name = parameter.name;
+            let value = si.map_or("…".into(), |si| NumberWithUnit(si, "").to_string());
+            let mistake = Diagnostic::new(wrong_suffix(entry.key, name, parameter.unit));
+            self.mistakes.note(&entry.at, mistake.with_help(format!("write: {name} = {value}")));
+            return Some(name);
         }
-        let known = parameters.iter().map(|p| p.name).chain(extra.iter().copied());
-        let mistake = unknown_key(entry, place, names(known));
-        let meant = match &mistake {
-            document::TomlMistake::UnknownKey { nearest, .. } => nearest.clone(),
-            _ => None,
-        };
-        self.mistakes.note(&entry.at, mistake);
-        meant
+        let known = || parameters.iter().map(|p| p.name).chain(extra.iter().copied());
+        self.mistakes.note(&entry.at, Diagnostic::unknown_key(entry.key, place, known()));
+        let meant = nearest(entry.key, known())?;
+        parameters.iter().map(|p| p.name).find(|name| *name == meant)
     }
 
     // Connections and signals.
 
-    fn connections(&mut self, scope: &mut Scope, all: &[Entry]) {
-        let Some(entry) = get(all, "connections") else {
-            return;
-        };
-        let list = match entry.list() {
-            Ok(list) => list,
-            Err(mistake) => {
-                self.mistakes.note(&entry.value_at(), mistake);
-                scope.complete = false;
-                return;
-            }
-        };
-        for element in list {
-            self.connection(scope, &Entry::element("a connection", element));
+    fn connections(&mut self, scope: &mut Scope, all: &[At<Connection>]) {
+        for connection in all {
+            self.connection(scope, connection);
         }
     }
 
-    fn connection(&mut self, scope: &mut Scope, entry: &Entry) {
-        let Some((ends, inputs)) = self.ends(scope, entry) else {
-            return;
-        };
-        let first = match inputs[..] {
-            [] => {
-                scope.connections.push(ends);
-                return;
-            }
-            [first] => first,
-            [first, second, ..] => {
-                let id = |input: usize| scope.inputs[input].id.clone();
-                let mistake = SystemMistake::TwoInputs { first: id(first), second: id(second) };
-                self.mistakes.note(&entry.value_at(), mistake);
-                scope.complete = false;
-                return;
-            }
-        };
-        for end in ends {
-            self.feed(scope, first, end);
-        }
-    }
-
-    /// Reads the ports and inputs of one connection.
-    fn ends(&mut self, scope: &mut Scope, entry: &Entry) -> Option<(Vec<End>, Vec<usize>)> {
-        let list = match entry.list() {
-            Ok(list) => list,
-            Err(mistake) => {
-                self.mistakes.note(&entry.value_at(), mistake);
-                scope.complete = false;
-                return None;
-            }
-        };
-        if list.len() < 2 {
-            self.mistakes.note(&entry.value_at(), SystemMistake::TooFewEnds);
-            scope.complete = false;
-        }
+    fn connection(&mut self, scope: &mut Scope, connection: &At<Connection>) {
         let (mut ends, mut inputs): (Vec<End>, Vec<usize>) = Default::default();
-        for element in list {
-            let element = Entry::element("the end of a connection", element);
-            match self.resolve(scope, &element) {
+        for word in &connection.0 {
+            match self.resolve(scope, word) {
                 Some(Resolved::Input(input)) => inputs.push(input),
                 Some(Resolved::Port(port)) if ends.iter().any(|end| end.port == port) => {
-                    let end = scope.port_id(port);
-                    self.mistakes.note(&element.value_at(), SystemMistake::RepeatedEnd { end });
+                    let message = format!("'{}' stands twice in this connection", **word);
+                    self.mistakes.note(&word.at, Diagnostic::new(message));
                 }
-                Some(Resolved::Port(port)) => ends.push(End { port, at: element.value_at() }),
+                Some(Resolved::Port(port)) => ends.push(End { port, at: word.at.clone() }),
                 None => scope.complete = false,
             }
         }
-        Some((ends, inputs))
+        match inputs[..] {
+            [] => scope.connections.push(ends),
+            [first] => ends.into_iter().for_each(|end| self.feed(scope, first, end)),
+            [first, second, ..] => {
+                self.mistakes.note(&connection.at, scope.two_inputs(first, second));
+                scope.complete = false;
+            }
+        }
     }
 
     /// Resolves a name in a connection.
-    fn resolve(&mut self, scope: &Scope, entry: &Entry) -> Option<Resolved> {
-        let word = self.text(entry)?;
+    fn resolve(&mut self, scope: &Scope, word: &At<String>) -> Option<Resolved> {
         if let Some(input) = scope.input(word) {
             return Some(Resolved::Input(input));
         }
         if scope.is_broken(word) {
             return None;
         }
-        let at = entry.value_at();
-        let ports =
-            |index: usize| names(scope.parts[index].spec().ports.iter().map(|port| port.name));
+        let ports = |index: usize| scope.parts[index].spec().ports.iter().map(|port| port.name);
         if let Some(index) = scope.part(word) {
-            let mistake = SystemMistake::NoPort { id: word.into(), known: ports(index) };
-            self.mistakes.note(&at, mistake);
+            let message = format!("'{}' is a component: which of its ports?", **word);
+            let help = format!("its ports: {}", ports(index).collect::<Vec<_>>().join(", "));
+            self.mistakes.note(&word.at, Diagnostic::new(message).with_help(help));
             return None;
         }
         let (id, port) = word.rsplit_once('.').unwrap_or((word, ""));
         let Some(component) = scope.part(id) else {
             let inputs = scope.inputs.iter().map(|input| input.id.as_str());
-            let known = names(scope.parts.iter().map(|part| part.id.as_str()).chain(inputs));
-            self.mistakes.note(&at, unknown_word("component", id, known));
+            let known = scope.parts.iter().map(|part| part.id.as_str()).chain(inputs);
+            self.mistakes.note(&word.at, unknown("component", id, known));
             return None;
         };
         let spec = scope.parts[component].spec();
         if let Some(port) = spec.port(port) {
             return Some(Resolved::Port(PortOf { component, port }));
         }
-        let known = ports(component);
-        self.mistakes.note(
-            &at,
-            SystemMistake::UnknownPort {
-                id: id.into(),
-                kind: spec.kind,
-                port: port.into(),
-                nearest: nearest(port, known.iter().map(String::as_str)).map(str::to_owned),
-                known,
-            },
-        );
+        let message = format!("'{id}' ({}) has no port '{port}'", spec.kind);
+        self.mistakes.note(&word.at, Diagnostic::unknown(message, port, ports(component)));
         None
     }
 
     /// Connects an input to a port.
     fn feed(&mut self, scope: &mut Scope, input: usize, end: End) {
-        let id = || scope.port_id(end.port);
+        let id = scope.port_id(end.port);
         let mistake = match scope.port(end.port).kind {
             PortKind::SignalIn { .. } => {
                 scope.inputs[input].targets.push(end);
                 return;
             }
-            PortKind::SignalOut { .. } => SystemMistake::InputAndOutput {
-                input: scope.inputs[input].id.clone(),
-                output: id(),
-            },
-            kind => SystemMistake::NoSignalInput { end: id(), family: kind.family() },
+            PortKind::SignalOut { .. } => scope.input_and_output(input, &id),
+            kind => {
+                Diagnostic::new(format!("an input cannot feed '{id}', which is {}", kind.family()))
+                    .with_help("inputs feed the signal inputs of components")
+            }
         };
         self.mistakes.note(&end.at, mistake);
         scope.complete = false;
     }
 
-    fn input(&mut self, scope: &mut Scope, entry: &Entry) {
-        self.good_name(entry.key, &entry.at);
-        if scope.has(entry.key) {
-            self.mistakes.note(&entry.at, SystemMistake::DuplicateId { id: entry.key.into() });
-        }
-        let Some(table) = self.table(entry) else {
-            scope.broken.push(entry.key.into());
-            return;
-        };
-        let all = entries(table);
-        let place = format!("input '{}'", entry.key);
-        self.only(&all, &place, &["unit", "default", "to"]);
-        let default = match get(&all, "default") {
-            Some(default) => self.number(default),
-            None => {
-                self.missing(&entry.at, &place, "default", "default = 0.0".into());
-                None
+    /// Adds the inputs of a system or an assembly.
+    fn inputs(&mut self, scope: &mut Scope, inputs: Ids<InputText>) {
+        for (id, text) in inputs.0 {
+            scope.broken.retain(|broken| *broken != *id);
+            if scope.has(&id) {
+                let mistake = Diagnostic::new(format!("there are two things called '{}'", *id));
+                self.mistakes.note(&id.at, mistake.with_help("every id stands for one thing"));
             }
-        };
-        let Some((unit, unit_at)) = self.unit(entry, &place, get(&all, "unit")) else {
-            scope.broken.push(entry.key.into());
-            scope.complete = false;
-            return;
-        };
-        let index = scope.inputs.len();
-        scope.inputs.push(Input {
-            id: entry.key.into(),
-            at: entry.at.clone(),
-            unit,
-            unit_at,
-            default: default.unwrap_or(f64::NAN),
-            targets: Vec::new(),
-        });
-        if let Some(to) = get(&all, "to") {
-            self.targets(scope, index, to);
-        }
-    }
-
-    fn unit(&mut self, of: &Entry, place: &str, entry: Option<&Entry>) -> Option<(Unit, TextSpan)> {
-        let Some(entry) = entry else {
-            let write = "unit = \"Pa\" (or \"1\" for a pure number)".to_owned();
-            self.missing(&of.at, place, "unit", write);
-            return None;
-        };
-        let word = self.text(entry)?;
-        let unit = units::find_si(word);
-        if unit.is_none() {
-            let mistake =
-                SystemMistake::UnknownUnit { word: word.into(), meant: units::meant(word) };
-            self.mistakes.note(&entry.value_at(), mistake);
-        }
-        unit.map(|unit| (unit, entry.value_at()))
-    }
-
-    fn targets(&mut self, scope: &mut Scope, input: usize, to: &Entry) {
-        let list = match to.list() {
-            Ok(list) => list,
-            Err(mistake) => {
-                self.mistakes.note(&to.value_at(), mistake);
-                scope.complete = false;
-                return;
-            }
-        };
-        for element in list {
-            let element = Entry::element("to", element);
-            match self.resolve(scope, &element) {
-                Some(Resolved::Port(port)) => {
-                    self.feed(scope, input, End { port, at: element.value_at() });
+            let Some(unit) = text.unit else {
+                scope.breaks(&id);
+                continue;
+            };
+            let input = scope.inputs.len();
+            let default = text.default.unwrap_or(f64::NAN);
+            scope.inputs.push(Input {
+                id: id.value,
+                at: id.at,
+                unit: unit.value,
+                unit_at: unit.at,
+                default,
+                targets: vec![],
+            });
+            for word in &text.to {
+                match self.resolve(scope, word) {
+                    Some(Resolved::Port(port)) => {
+                        self.feed(scope, input, End { port, at: word.at.clone() });
+                    }
+                    Some(Resolved::Input(other)) => {
+                        self.mistakes.note(&word.at, scope.two_inputs(input, other));
+                        scope.complete = false;
+                    }
+                    None => scope.complete = false,
                 }
-                Some(Resolved::Input(other)) => {
-                    let id = |input: usize| scope.inputs[input].id.clone();
-                    let mistake = SystemMistake::TwoInputs { first: id(input), second: id(other) };
-                    self.mistakes.note(&element.value_at(), mistake);
-                    scope.complete = false;
-                }
-                None => scope.complete = false,
             }
         }
     }
 
-    fn sensor(&mut self, scope: &Scope, entry: &Entry) {
-        self.good_name(entry.key, &entry.at);
-        let Some(table) = self.table(entry) else {
-            return;
-        };
-        let all = entries(table);
-        let place = format!("sensor '{}'", entry.key);
-        self.only(&all, &place, &["signal", "scale", "label"]);
-        let label = get(&all, "label").map_or(Some(entry.key), |label| self.text(label));
-        let port = match get(&all, "signal") {
-            Some(signal) => self.output(scope, signal),
-            None => {
-                let write = "signal = \"sensor_pressure.reading\"".to_owned();
-                self.missing(&entry.at, &place, "signal", write);
-                None
-            }
-        };
-        let unit = port.map_or(Unit::None, |(_, unit)| unit);
-        let scale = match get(&all, "scale") {
-            Some(scale) => {
-                self.within(scale, (1e-9, 1e12), unit, "the size that residuals are divided by")
-            }
-            None => {
-                self.missing(&entry.at, &place, "scale", "scale = 20.684e6".to_owned());
-                None
-            }
-        };
-        let (Some(label), Some((port, unit)), Some(scale)) = (label, port, scale) else {
-            return;
-        };
-        if let Some(at) = get(&all, "scale").map(Entry::value_at) {
-            self.above_noise(&scope.parts[port.component], (entry.key, scale, unit), &at);
-        }
+    fn sensor(&mut self, scope: &Scope, id: String, text: SensorText) {
+        let port = text.signal.and_then(|signal| self.output(scope, &signal));
+        let (Some((port, unit)), Some(scale)) = (port, text.scale) else { return };
+        self.above_noise(&scope.parts[port.component], (&id, unit), &scale);
         self.sensors.push(Sensor {
-            id: entry.key.into(),
-            label: label.into(),
+            label: text.label.unwrap_or_else(|| id.clone()),
+            id,
             signal: scope.port_id(port),
             component: port.component,
             unit,
-            scale,
+            scale: scale.value,
         });
     }
 
     /// Checks that the scale of a sensor exceeds its noise: otherwise residuals would consist of noise.
-    fn above_noise(&mut self, part: &Part, (id, scale, unit): (&str, f64, Unit), at: &TextSpan) {
+    fn above_noise(&mut self, part: &Part, (id, unit): (&str, Unit), scale: &At<f64>) {
         let noise = Imperfection::of_component(part.component, &part.parameters).deviation();
-        if part.sound && noise > scale {
-            let full_scale = part.component.span(&part.parameters).map(|span| span.full_scale);
-            let (sensor, component) = (id.into(), part.id.clone());
-            let mistake = SystemMistake::ScaleBelowNoise {
-                sensor,
-                component,
-                scale,
-                noise,
-                full_scale,
-                unit,
-            };
-            self.mistakes.note(at, mistake);
+        if !part.sound || noise <= scale.value {
+            return;
         }
+        let full_scale = part.component.span(&part.parameters).map(|span| span.full_scale);
+        // Three digits keep the magnitude readable.
+        let noise = format!("{noise:.2e}").parse().unwrap_or(noise);
+        let [scale_of, noise, full_scale] = [scale.value, noise, full_scale.unwrap_or_default()]
+            .map(|value| NumberWithUnit(value, unit.symbol()).to_string());
+        let message = format!(
+            "the scale of sensor '{id}' is {scale_of}, less than noise and steps of '{}': {noise}",
+            part.id
+        );
+        let help = format!(
+            "residuals are divided by it; usual is the full scale of the sensor, {full_scale}"
+        );
+        self.mistakes.note(&scale.at, Diagnostic::new(message).with_help(help));
     }
 
     /// Finds the output that a sensor names.
-    fn output(&mut self, scope: &Scope, entry: &Entry) -> Option<(PortOf, Unit)> {
-        let word = self.text(entry)?;
+    fn output(&mut self, scope: &Scope, word: &At<String>) -> Option<(PortOf, Unit)> {
         if scope.is_broken(word) {
             return None;
         }
-        let parts = scope.parts.iter().enumerate();
-        let outputs: Vec<(String, PortOf, Unit)> = parts
-            .flat_map(|(component, part)| {
-                let ports = part.spec().ports.iter().enumerate();
-                ports.filter_map(move |(port, declared)| match declared.kind {
-                    PortKind::SignalOut { unit } => {
-                        Some((format!("{}.{}", part.id, declared.name), component, port, unit))
-                    }
-                    _ => None,
-                })
-            })
-            .map(|(id, component, port, unit)| (id, PortOf { component, port }, unit))
-            .collect();
-        let found = outputs.iter().find(|(id, ..)| id == word);
+        let outputs: Vec<(String, PortOf, Unit)> = scope.outputs().collect();
+        let found = outputs.iter().find(|(id, ..)| *id == **word);
         if found.is_none() {
             let ids: Vec<&str> = outputs.iter().map(|(id, ..)| id.as_str()).collect();
-            let component = word.rsplit_once('.').map_or(word, |(id, _)| id);
-            let own: Vec<&str> = ids
-                .iter()
-                .copied()
-                .filter(|id| id.rsplit_once('.').is_some_and(|(of, _)| of == component))
-                .collect();
-            let known = match (own.is_empty(), nearest(word, ids)) {
-                (_, Some(near)) => names([near]),
-                (false, None) => names(own),
-                (true, None) => Vec::new(),
+            let component = word.rsplit_once('.').map_or(word.as_str(), |(id, _)| id);
+            let is_own = |id: &&str| id.rsplit_once('.').is_some_and(|(of, _)| of == component);
+            let own: Vec<&str> = ids.iter().copied().filter(is_own).collect();
+            let help = match nearest(word, ids) {
+                Some(near) => format!("outputs: {near}"),
+                None if own.is_empty() => {
+                    "a sensor is a signal output, such as the 'reading' of a pressure_sensor".into()
+                }
+                None => format!("outputs: {}", own.join(", ")),
             };
-            self.mistakes
-                .note(&entry.value_at(), SystemMistake::NoOutput { signal: word.into(), known });
+            let message = format!("'{}' is no signal output of a component", **word);
+            self.mistakes.note(&word.at, Diagnostic::new(message).with_help(help));
         }
         found.map(|&(_, port, unit)| (port, unit))
     }
-}
 
-/// A number of a point that is possible in itself. The next point is compared with it even if it contradicts the point
-/// before, so that one mistake is reported once.
-fn possible(entry: &Entry, index: usize) -> Option<f64> {
-    let (min, max) = allowed(index, None);
-    entry.number().ok().filter(|number| (min..=max).contains(number))
+    fn reservoir(&mut self, scope: &Scope, id: String, text: ReservoirText) {
+        // A component that could not be read is reported where it stands.
+        let readable = |word: &At<String>| !scope.is_broken(word);
+        let source = text.supply.filter(readable).and_then(|word| self.source(scope, &word));
+        let tank = text.r#return.filter(readable).and_then(|word| self.tank(scope, &word));
+        if let (Some(volume_m3), Some((supply, input)), Some(tank)) = (text.volume_m3, source, tank)
+        {
+            self.reservoirs.push(Reservoir { id, volume_m3, supply, input, tank });
+        }
+    }
+
+    /// A pressure source that no other reservoir feeds, with the input that gives its pressure.
+    fn source(&mut self, scope: &Scope, word: &At<String>) -> Option<(usize, usize)> {
+        let driven_by = |component: usize| {
+            let port = scope.parts[component].spec().port("pressure")?;
+            let port = PortOf { component, port };
+            scope.inputs.iter().position(|input| input.targets.iter().any(|end| end.port == port))
+        };
+        let is_free = |source: &usize| self.reservoirs.iter().all(|taken| taken.supply != *source);
+        let free: Vec<(usize, usize)> = (scope.of_kind("pressure_source").filter(is_free))
+            .filter_map(|source| Some((source, driven_by(source)?)))
+            .collect();
+        let id = |source: &(usize, usize)| scope.parts[source.0].id.as_str();
+        let found = free.iter().copied().find(|source| id(source) == **word);
+        if found.is_none() {
+            let help = match free.is_empty() {
+                true => "an input drives a source with: to = [\"supply.pressure\"]".into(),
+                false => format!("known: {}", free.iter().map(id).collect::<Vec<_>>().join(", ")),
+            };
+            let message = format!(
+                "'{}' is no pressure source whose pressure is an input, or has a reservoir already",
+                **word
+            );
+            self.mistakes.note(&word.at, Diagnostic::new(message).with_help(help));
+        }
+        found
+    }
+
+    fn tank(&mut self, scope: &Scope, word: &At<String>) -> Option<usize> {
+        let id = |tank: usize| scope.parts[tank].id.as_str();
+        let found = scope.of_kind("tank").find(|tank| id(*tank) == **word);
+        if found.is_none() {
+            self.mistakes.note(&word.at, unknown("tank", word, scope.of_kind("tank").map(id)));
+        }
+        found
+    }
 }
 
 /// Whether any point gives a bulk modulus.
 fn gives_modulus(points: Option<&Entry>) -> bool {
-    let list = points.and_then(|entry| entry.list().ok()).unwrap_or_default();
-    let name = POINT[MODULUS].name;
-    list.iter().any(|point| {
-        let point = Entry::element("a point", point);
-        point.table().is_ok_and(|table| get(&entries(table), name).is_some())
-    })
+    let list = points.and_then(Entry::list).unwrap_or_default();
+    list.iter().filter_map(Entry::table).any(|all| get(&all, POINT[MODULUS].name).is_some())
+}
+
+/// Describes the wrong name of a parameter with this unit.
+fn wrong_suffix(key: &str, right: &str, unit: Unit) -> String {
+    let symbol = unit.symbol();
+    match right.strip_suffix(unit.suffix()) {
+        _ if unit == Unit::None => format!("'{key}' has a unit, but {right} is a pure number"),
+        Some(bare) if bare == key => {
+            format!("'{key}' lacks its unit: the parameter is {right}, in {symbol}")
+        }
+        _ => format!("'{key}' is not in SI: the parameter is {right}, in {symbol}"),
+    }
 }
 
 /// Marks a component whose parameter could not be read. A required parameter gets a placeholder, so that it is not

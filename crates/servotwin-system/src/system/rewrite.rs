@@ -4,10 +4,9 @@
 //! component, or of the assembly's instance. The temperature, bulk modulus and air content of a circuit are written at
 //! all its sources and tanks. The result is parsed again; if it differs from the intended system, an error is returned.
 
-use super::{System, SystemError};
-use crate::document::{Entry, entries};
+use super::{FORMAT, System, SystemError};
+use crate::document::{Collector, Document, Entry, get};
 use servotwin_model::network::{FLUID_PARAMETERS, Network};
-use toml::de::DeTable;
 
 /// A parameter with its new value.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,8 +54,8 @@ impl System {
     /// # Errors
     /// The layout of the file does not allow a parameter to be written, or the system is impossible with the values.
     pub fn rewritten(&self, head: &[String], values: &[NewValue]) -> Result<String, RewriteError> {
-        let (root, _) = DeTable::parse_recoverable(&self.text);
-        let root = entries(root.get_ref());
+        let document = Document::parse(&self.text, FORMAT, &mut Collector::default());
+        let root = document.as_ref().map(Document::root).unwrap_or_default();
         let components = table(&root, "components").unwrap_or_default();
         let values = self.in_whole_circuits(values);
         let mut edits = Vec::new();
@@ -168,7 +167,7 @@ impl System {
             return Some(Edit { from: span.start, to, text: format!("{value:?}{behind}") });
         }
         // A table may have a header of its own, beside which no other key can stand.
-        let entry = own.iter().find(|entry| entry.table().is_err()).or(own.first())?;
+        let entry = own.iter().find(|entry| entry.table().is_none()).or(own.first())?;
         let first = entry.at.start;
         let line = self.text[..first].rfind('\n').map_or(0, |n| n + 1);
         let before = &self.text[line..first];
@@ -193,8 +192,7 @@ fn parameters(network: &Network) -> Vec<Vec<f64>> {
 }
 
 fn table<'a>(all: &[Entry<'a>], key: &str) -> Option<Vec<Entry<'a>>> {
-    let entry = all.iter().find(|entry| entry.key == key)?;
-    entry.table().ok().map(entries)
+    get(all, key)?.table()
 }
 
 #[cfg(test)]

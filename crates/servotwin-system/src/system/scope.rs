@@ -1,10 +1,10 @@
 //! The parsed content of a system or an assembly: components, inputs and connections, with their places in the file.
 
-use crate::document::TextSpan;
+use crate::document::{Diagnostic, TextSpan};
 use servotwin_model::components::Component;
 use servotwin_model::fluid::Fluid;
 use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
-use servotwin_model::spec::{Port, Spec, Unit};
+use servotwin_model::spec::{Port, PortKind, Spec, Unit};
 use std::collections::BTreeMap;
 
 /// A component as read from the file.
@@ -54,6 +54,9 @@ pub(super) struct Input {
     pub targets: Vec<End>,
 }
 
+/// Help for signals with several sources.
+pub(super) const ONE_SOURCE: &str = "a signal has one source: keep one of them";
+
 /// The content of a system or of an assembly.
 #[derive(Clone, Default)]
 pub(super) struct Scope {
@@ -69,8 +72,45 @@ pub(super) struct Scope {
 }
 
 impl Scope {
-    pub(crate) fn new() -> Self {
-        Self { complete: true, ..Self::default() }
+    pub(crate) fn new(complete: bool) -> Self {
+        Self { complete, ..Self::default() }
+    }
+
+    /// Marks a declaration that could not be read.
+    pub(crate) fn breaks(&mut self, name: &str) {
+        self.broken.push(name.into());
+        self.complete = false;
+    }
+
+    /// The components of a kind.
+    pub(crate) fn of_kind(&self, kind: &'static str) -> impl Iterator<Item = usize> {
+        (0..self.parts.len()).filter(move |part| self.parts[*part].spec().kind == kind)
+    }
+
+    /// All signal outputs of components, with their ids and units.
+    pub(crate) fn outputs(&self) -> impl Iterator<Item = (String, PortOf, Unit)> {
+        let ports = |(component, part): (usize, &Part)| {
+            (0..part.spec().ports.len()).map(move |port| PortOf { component, port })
+        };
+        let ports = self.parts.iter().enumerate().flat_map(ports);
+        ports.filter_map(|port| match self.port(port).kind {
+            PortKind::SignalOut { unit } => Some((self.port_id(port), port, unit)),
+            _ => None,
+        })
+    }
+
+    /// The mistake that two inputs feed one signal.
+    pub(crate) fn two_inputs(&self, first: usize, second: usize) -> Diagnostic {
+        let [first, second] = [first, second].map(|input| &self.inputs[input].id);
+        let message = format!("the inputs '{first}' and '{second}' feed the same signal");
+        Diagnostic::new(message).with_help(ONE_SOURCE)
+    }
+
+    /// The mistake that an input feeds what an output gives.
+    pub(crate) fn input_and_output(&self, input: usize, output: &str) -> Diagnostic {
+        let input = &self.inputs[input].id;
+        let message = format!("the input '{input}' meets the output '{output}'");
+        Diagnostic::new(message).with_help(ONE_SOURCE)
     }
 
     pub(crate) fn part(&self, id: &str) -> Option<usize> {

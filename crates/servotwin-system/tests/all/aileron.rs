@@ -188,7 +188,8 @@ impl Test {
 
     /// The states at rest.
     pub fn settled(&self) -> Vec<f64> {
-        self.ensemble(&[]).settle(&self.variant()).unwrap_or_else(|failure| panic!("{failure:?}"))
+        let settled = self.ensemble(&[]).settle(&self.variant());
+        settled.unwrap_or_else(|failure| panic!("{failure:?}")).0
     }
 
     /// All variables of the system at rest: states, inputs, sums.

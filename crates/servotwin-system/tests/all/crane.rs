@@ -29,7 +29,7 @@ fn a_load_held_by_a_relief_valve_comes_to_rest() {
             inputs: curves.iter().collect(),
             ..Variant::default()
         };
-        let (states, work) = Ensemble::new(program).settle_counted(&variant).unwrap();
+        let (states, work) = Ensemble::new(program).settle(&variant).unwrap();
         assert_eq!((work.unsettled, work.limit_cycles), (0, 0), "null_bias {null_bias}");
         // The valve's zero moves the ram and nothing else.
         let near = |id: &str, expected: f64, tolerance: f64| {
@@ -58,7 +58,7 @@ fn a_loop_that_swings_for_ever_is_measured_to_do_so() {
             inputs: curves.iter().collect(),
             ..Variant::default()
         };
-        let (_, work) = Ensemble::new(&system.program).settle_counted(&variant).unwrap();
+        let (_, work) = Ensemble::new(&system.program).settle(&variant).unwrap();
         (work.unsettled, work.limit_cycles)
     };
     assert_eq!(searched(250.0), (0, 0));

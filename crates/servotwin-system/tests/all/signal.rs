@@ -1,7 +1,9 @@
 //! Tests of values, statistics and errors.
 
+use servotwin_io::document::{Collector, Document, Entry};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
+use servotwin_system::format::{Read, Value, must};
 use servotwin_system::signal::Signal;
 use std::f64::consts::{PI, TAU};
 
@@ -195,30 +197,41 @@ fn mistakes_say_what_is_possible() {
     assert_eq!(error, "a run of 0 s is impossible: greater than 0 is needed");
 }
 
+/// The signals under `key = …` of a file, or its mistakes.
+fn read(text: &str) -> Result<Vec<Signal>, String> {
+    let mut mistakes = Collector::default();
+    let document = Document::parse(text, 1, &mut mistakes).expect("TOML");
+    let key = must("a", Value::Signal, "a signal");
+    let read = |entry: &Entry| Signal::read(entry, key, &mut mistakes);
+    let signals = document.root().iter().filter_map(read).collect();
+    match mistakes.locate(text)[..] {
+        [] => Ok(signals),
+        [ref first, ..] => Err(format!("line {}: {}", first.line, first.message)),
+    }
+}
+
 #[test]
 fn study_files_have_all_forms() {
-    #[derive(Debug)]
-    struct File(std::collections::BTreeMap<String, Signal>);
-    let read = |text: &str| toml::from_str(text).map(File);
-    let file = read(
+    let signals = read(
         "a = 'step:size=10deg,at=0.1s'\n\
          b = { kind = 'step', size = '10deg', at = '0.1s' }\n\
          c = 3\n\
          d = [{ kind = 'step', size = '10deg', at = 0.1 }, '5deg', 0.5]\n",
     )
     .unwrap();
-    assert_eq!(file.0["a"], file.0["b"]);
-    assert_eq!(file.0["c"].to_string(), "constant:value=3");
+    assert_eq!(signals[0], signals[1]);
+    assert_eq!(signals[2].to_string(), "constant:value=3");
     assert_eq!(
-        file.0["d"].to_string(),
+        signals[3].to_string(),
         "step:size=10deg,at=0.1 + constant:value=5deg + constant:value=0.5"
     );
-    let error = read("a = { size = '10deg' }").unwrap_err().to_string();
+    let mistake = |text: &str| read(text).unwrap_err();
+    let error = mistake("a = { size = '10deg' }");
     assert!(error.contains("line 1") && error.contains("a signal needs 'kind'"), "{error}");
-    let error = read("b = 1\na = { kind = 'step', sise = 1 }").unwrap_err().to_string();
+    let error = mistake("b = 1\na = { kind = 'step', sise = 1 }");
     assert!(error.contains("line 2") && error.contains("no parameter 'sise'"), "{error}");
-    assert!(read("a = true").unwrap_err().to_string().contains("a signal: a text, a number"));
-    assert!(read("a = []").unwrap_err().to_string().contains("a signal is missing"));
+    assert!(mistake("a = true").contains("a signal: a text, a number"));
+    assert!(mistake("a = []").contains("a signal is missing"));
 }
 
 #[test]

@@ -57,7 +57,7 @@ fn a_temperature_at_which_a_liquid_would_be_too_soft_is_refused_where_it_is_vari
     assert!(study("338.15").is_none());
     let Some(StudyError::Mistakes { mistakes, .. }) = study("345.65") else { panic!() };
     let told: Vec<String> = mistakes.iter().map(|mistake| mistake.message.clone()).collect();
-    let field = "flights.unit_parameters.supply.temperature_k is 345.65, but must be";
+    let field = "supply.temperature_k = 345.65 is out of range: allowed are";
     assert!(told[0].starts_with(field) && told[0].ends_with(would_be), "{told:?}");
     assert!(mistakes[0].source.contains("supply.temperature_k"), "{}", mistakes[0].source);
 }
@@ -130,7 +130,10 @@ fn a_study_that_a_campaign_would_refuse_is_incomplete_and_says_where() {
     let bare = refused("[0.5]", &format!("{classes}{}", flights(1)));
     assert!(bare.starts_with("tiny.toml:13:2: flights need the section 'realistic'"), "{bare}");
     let untaught = refused("[0.5]", &format!("{classes}{realistic}{}", flights(0)));
-    assert!(untaught.contains("suites.learn.repeats is 0, but must be at least 1"), "{untaught}");
+    assert!(
+        untaught.contains("suites.learn.repeats = 0 is out of range: allowed are at least 1"),
+        "{untaught}"
+    );
 }
 
 #[test]

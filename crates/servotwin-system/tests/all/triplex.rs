@@ -25,7 +25,7 @@ fn at_rest(system: &System, set: &[(&str, f64)], faults: &[&str]) -> impl Fn(&st
         inputs: curves.iter().collect(),
         ..Variant::default()
     };
-    let (states, work) = Ensemble::new(program).settle_counted(&variant).unwrap();
+    let (states, work) = Ensemble::new(program).settle(&variant).unwrap();
     assert_eq!(work.unsettled, 0);
     let names: Vec<String> = program.states().iter().map(|state| state.name.clone()).collect();
     move |id| states[names.iter().position(|name| name == id).unwrap_or_else(|| panic!("{id}"))]

@@ -10,7 +10,7 @@
 
 use super::FORMAT;
 use super::times::{other_raster, time_columns};
-use super::words::{ColumnMeaning, LONGEST, Named, key, known, splits, words};
+use super::words::{ColumnMeaning, LONGEST, Named, Topic, key, known, splits, words};
 use crate::source::frame::base;
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
@@ -275,7 +275,7 @@ impl<'c> Candidate<'c> {
         let given = known(&self.column.unit).filter(|(_, text)| *text != "-");
         // Of several columns with the name, one that speaks of a measurement is meant, not `twin.p_a`, and one with a
         // unit before one without.
-        let is_measured = 2 * u32::from(!self.meaning.is_other);
+        let is_measured = 2 * u32::from(!self.meaning.has(Topic::Other));
         let grade = |(key, unit): &(String, Option<Named>)| {
             let unit = given.or(*unit);
             let fits = unit.is_none_or(|(unit, _)| unit == target.unit);
@@ -287,7 +287,8 @@ impl<'c> Candidate<'c> {
         if let Some(grade) = self.behind.iter().filter_map(grade).max() {
             return BEHIND + grade;
         }
-        if self.unit.is_some_and(|(unit, _)| unit != target.unit) || self.meaning.is_other {
+        if self.unit.is_some_and(|(unit, _)| unit != target.unit) || self.meaning.has(Topic::Other)
+        {
             return 0;
         }
         if self.is_numbered(target) {
@@ -295,7 +296,9 @@ impl<'c> Candidate<'c> {
         }
         let own = match target.role {
             Role::Sensor(quantity) => self.measures(quantity),
-            Role::Command if self.meaning.command => 4 + u32::from(self.meaning.parts.surface),
+            Role::Command if self.meaning.has(Topic::Command) => {
+                4 + u32::from(self.meaning.has(Topic::Surface))
+            }
             Role::Command | Role::Other => 0,
         };
         let Some(number) = self.number(target.actuator, single) else { return 0 };
@@ -317,34 +320,25 @@ impl<'c> Candidate<'c> {
 
     /// How well the words fit a quantity; 0 means not at all.
     fn measures(&self, quantity: Quantity) -> u32 {
-        let ColumnMeaning { pressure, position, command, parts, .. } = self.meaning;
+        use Topic::{ChamberA, ChamberB, Ram, Return, Spool, Supply, Surface};
+        let has = |topic: &Topic| self.meaning.has(*topic);
         let unit = self.unit.map(|(unit, _)| unit);
-        let is_pressure = pressure || unit == Some(Unit::Pascal);
-        let is_position = position || matches!(unit, Some(Unit::Metre | Unit::Radian));
-        let is_one = |own: bool, others: [bool; 3]| own && !others.contains(&true);
-        let (is_quantity, is_part) = match quantity {
-            Quantity::PressureA => {
-                (is_pressure, is_one(parts.chamber_a, [parts.chamber_b, parts.supply, parts.back]))
-            }
-            Quantity::PressureB => {
-                (is_pressure, is_one(parts.chamber_b, [parts.chamber_a, parts.supply, parts.back]))
-            }
-            Quantity::Supply => {
-                (is_pressure, is_one(parts.supply, [parts.back, parts.chamber_a, parts.chamber_b]))
-            }
-            Quantity::Return => {
-                (is_pressure, is_one(parts.back, [parts.supply, parts.chamber_a, parts.chamber_b]))
-            }
-            Quantity::Ram => (is_position, is_one(parts.ram, [parts.spool, parts.surface, false])),
-            Quantity::Spool => {
-                (is_position, is_one(parts.spool, [parts.ram, parts.surface, false]))
-            }
-            Quantity::Surface => {
-                (is_position, is_one(parts.surface, [parts.ram, parts.spool, false]))
-            }
-            Quantity::Other => (false, false),
+        let is_pressure = has(&Topic::Pressure) || unit == Some(Unit::Pascal);
+        let is_position = has(&Topic::Position) || matches!(unit, Some(Unit::Metre | Unit::Radian));
+        let (is_quantity, part) = match quantity {
+            Quantity::PressureA => (is_pressure, ChamberA),
+            Quantity::PressureB => (is_pressure, ChamberB),
+            Quantity::Supply => (is_pressure, Supply),
+            Quantity::Return => (is_pressure, Return),
+            Quantity::Ram => (is_position, Ram),
+            Quantity::Spool => (is_position, Spool),
+            Quantity::Surface => (is_position, Surface),
+            Quantity::Other => return 0,
         };
-        if is_quantity && is_part && !command { 4 } else { 0 }
+        let (motion, pressures) = ([Ram, Spool, Surface], [ChamberA, ChamberB, Supply, Return]);
+        let rivals: &[Topic] = if motion.contains(&part) { &motion } else { &pressures };
+        let is_part = rivals.iter().all(|rival| has(rival) == (*rival == part));
+        if is_quantity && is_part && !has(&Topic::Command) { 4 } else { 0 }
     }
 
     /// How well the number in a name fits the actuator; `None` if it belongs to another actuator.

@@ -3,28 +3,31 @@
 //! `docs/watch.md` describes the format. All mistakes are reported at once, with their places.
 
 mod guess;
-mod mistake;
 mod read;
 mod times;
 mod words;
 
 pub use guess::{Guess, Trust, guess};
-pub use mistake::Mistake;
 pub(crate) use read::LARGEST_RATE_HZ;
 pub(crate) use times::other_raster;
 
 use super::sequencer::{SequencerRules, Stamped};
 use super::source::{LogRow, SourceError, Wanted};
 use servotwin::beside::InputMistake;
+use servotwin::format::Key;
 use servotwin::system::System;
 use servotwin::units::NamedUnit;
 use servotwin_io::document::{Collector, Diagnostic, TextSpan, write_mistakes};
 use servotwin_io::files::{self, FileError};
-use servotwin_io::nearest::nearest;
 use std::path::Path;
 
 /// The format of map files that this version reads.
 pub(crate) const FORMAT: u32 = 1;
+
+/// The keys of a map file.
+pub fn keys() -> &'static [Key] {
+    read::Text::KEYS
+}
 
 /// How columns of a log become signals of a system.
 #[derive(Debug, Clone, PartialEq)]
@@ -265,13 +268,11 @@ impl Map {
     /// Returns every other error unchanged.
     pub fn explain(&self, error: SourceError) -> Result<MapError, SourceError> {
         let SourceError::Lacking { address, columns, known } = error else { return Err(error) };
-        let mut mistakes = Collector::<Mistake>::new();
+        let mut mistakes = Collector::default();
         for column in columns {
             let place = self.wanted.names.iter().position(|name| *name == column);
             let span = place.map_or(0..0, |place| self.places[place].clone());
-            let nearest = nearest(&column, known.iter().map(String::as_str)).map(str::to_owned);
-            let (log, known) = (address.clone(), known.clone());
-            mistakes.note(&span, Mistake::NoColumn { log, column, nearest, known });
+            mistakes.note(&span, read::no_column(&address, &column, &known));
         }
         Ok(MapError::Mistakes { path: self.path.clone(), mistakes: mistakes.locate(&self.text) })
     }

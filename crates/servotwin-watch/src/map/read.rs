@@ -1,21 +1,105 @@
 //! Reads TOML into a [`Map`]. Mistakes are collected, and reading continues.
 
-use super::{Channel, FORMAT, Map, MapError, Mistake, Origin, Time};
+use super::{Channel, FORMAT, Map, MapError, Origin, Time};
 use crate::sequencer::SequencerRules;
 use crate::source::frame::numbered;
 use crate::source::{DATE, Wanted};
+use servotwin::document::{Collector, Diagnostic, Document, Entry, TextSpan};
+use servotwin::format::{At, Key, Read, Value, section};
 use servotwin::system::System;
 use servotwin::units::{self, NamedUnit};
-use servotwin_io::document::{self, Collector, Entry, TextSpan, entries};
 use servotwin_io::moment;
-use servotwin_io::nearest::nearest;
 use servotwin_model::spec::Unit;
-use toml::de::DeTable;
+
+/// The largest rate of rows, Hz.
+pub(crate) const LARGEST_RATE_HZ: f64 = 1e6;
+
+section! {
+    /// A map file.
+    pub(super) struct Text {
+        must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
+        must time: At<TimeText>, "where the times of rows come from";
+        may inputs: At<Channels>, "columns or values of the system's inputs";
+        may sensors: At<Channels>, "columns of its sensors";
+        may samples: SamplesText => SamplesText::stand_in(SamplesText::VALUE),
+            "columns of a log without a header, and when samples are reordered or dropped";
+    }
+}
+
+section! {
+    struct TimeText {
+        may column: Option<At<String>>, "column with the time; or `rate_hz`";
+        may unit: Option<At<String>>, "its unit, or `date` for dates as text; default s";
+        may rate_hz: Option<f64> = Value::Number(1e-3, LARGEST_RATE_HZ, "Hz"),
+            "rows per second, where there is no column with the time";
+    }
+}
+
+section! {
+    struct ChannelText {
+        may column: Option<At<String>>, "column of the log; or `value`";
+        may value: Option<f64> = NUMBER, "the same value always";
+        may unit: Option<At<String>>, "unit of the column or the value; default SI";
+        may factor: f64 = NUMBER => 1.0, "factor before the unit; default 1";
+        may offset: f64 = NUMBER => 0.0, "offset behind the factor, in the unit; default 0";
+        may hold_s: f64 = Value::Number(0.0, 1e9, "s") => 0.0,
+            "how long a value replaces missing ones behind it; default 0";
+    }
+}
+
+section! {
+    struct SamplesText {
+        may columns: Option<Vec<String>>, "columns of a log that has no header";
+        may wait_s: f64 = Value::Number(0.0, 10.0, "s") => SequencerRules::default().wait_s,
+            "how long late samples are waited for";
+        may longest_gap_s: f64 = Value::Number(0.01, 3600.0, "s") => SequencerRules::default().longest_gap_s,
+            "behind a longer gap everything begins anew";
+        may witnesses: usize = Value::Whole(2.0, 1e4) => SequencerRules::default().witnesses,
+            "samples that make another clock believed";
+    }
+}
+
+const NUMBER: Value = Value::Number(-1e300, 1e300, "");
+
+/// Inputs or sensors by id. An id with points may be written as nested tables.
+#[derive(Clone, Debug, Default)]
+struct Channels(Vec<(At<String>, ChannelText)>);
+
+impl Read for Channels {
+    const VALUE: Value = Value::Names(0, &ChannelText::VALUE);
+
+    fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
+        let mut channels = Self::default();
+        channels.add("", mistakes.table(entry)?, key, mistakes);
+        Some(channels)
+    }
+
+    fn stand_in(_value: Value) -> Self {
+        Self::default()
+    }
+}
+
+impl Channels {
+    fn add(&mut self, path: &str, all: Vec<Entry>, key: Key, mistakes: &mut Collector) {
+        for entry in all {
+            let id = format!("{path}{}", entry.key);
+            let inner = entry.table().unwrap_or_default();
+            if !inner.is_empty() && inner.iter().all(|entry| entry.table().is_some()) {
+                self.add(&format!("{id}."), inner, key, mistakes);
+            } else if let Some(channel) = ChannelText::read(&entry, key, mistakes) {
+                self.0.push((At::new(id, entry.at), channel));
+            }
+        }
+    }
+}
 
 /// Reads the text of a map file.
 pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, MapError> {
     let mut reader = Reader::new(system);
-    reader.file(text);
+    if let Some(document) = Document::parse(text, FORMAT, &mut reader.mistakes) {
+        let text = Text::of(&document.root(), (&(0..0), "the file"), &mut reader.mistakes);
+        reader.file(text);
+    }
     reader.mark_flags();
     let Reader { mistakes, time, channels, inputs, rules, wanted, places, .. } = reader;
     if !mistakes.is_empty() {
@@ -27,7 +111,7 @@ pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, MapEr
 
 struct Reader<'s> {
     system: &'s System,
-    mistakes: Collector<Mistake>,
+    mistakes: Collector,
     time: Time,
     channels: Vec<Channel>,
     inputs: usize,
@@ -35,14 +119,6 @@ struct Reader<'s> {
     wanted: Wanted,
     places: Vec<TextSpan>,
 }
-
-/// The allowed keys of the file and of each section.
-/// The largest rate of rows, Hz.
-pub(crate) const LARGEST_RATE_HZ: f64 = 1e6;
-const SECTIONS: [&str; 5] = ["format", "time", "inputs", "sensors", "samples"];
-const TIME: [&str; 3] = ["column", "unit", "rate_hz"];
-const CHANNEL: [&str; 6] = ["column", "value", "unit", "factor", "offset", "hold_s"];
-const SAMPLES: [&str; 4] = ["columns", "wait_s", "longest_gap_s", "witnesses"];
 
 impl<'s> Reader<'s> {
     fn new(system: &'s System) -> Self {
@@ -57,50 +133,34 @@ impl<'s> Reader<'s> {
         let sensors = system.sensors.iter().enumerate().map(|(n, sensor)| {
             channel(&sensor.id, sensor.unit, Origin::Nothing, system.readable(n))
         });
-        let channels: Vec<Channel> = inputs.chain(sensors).collect();
-        let inputs = system.network().inputs.len();
         Reader {
             system,
-            mistakes: Collector::new(),
+            mistakes: Collector::default(),
             time: Time::Rate { rate_hz: 1.0 },
-            channels,
-            inputs,
+            channels: inputs.chain(sensors).collect(),
+            inputs: system.network().inputs.len(),
             rules: SequencerRules::default(),
             wanted: Wanted::default(),
             places: vec![],
         }
     }
 
-    fn file(&mut self, text: &str) {
-        let root = document::parse(text, &mut self.mistakes);
-        if !self.mistakes.is_empty() {
-            return;
-        }
-        let root = entries(root.get_ref());
-        self.known(&root, "the file", &SECTIONS);
-        if !self.format(&root) {
-            return;
-        }
-        match get(&root, "time").map(Entry::table) {
-            Some(Ok(table)) => self.time(&entries(table)),
-            Some(Err(mistake)) => self.note(&at(&root, "time"), mistake),
-            None => self.missing(&(0..0), "the file", "time", "[time] and column = \"…\""),
-        }
-        for (section, what) in [("inputs", "input"), ("sensors", "sensor")] {
-            match get(&root, section).map(Entry::table) {
-                Some(Ok(table)) => self.channels(table, what, ""),
-                Some(Err(mistake)) => self.note(&at(&root, section), mistake),
-                None => {}
-            }
-        }
-        match get(&root, "samples").map(Entry::table) {
-            Some(Ok(table)) => self.samples(&entries(table)),
-            Some(Err(mistake)) => self.note(&at(&root, "samples"), mistake),
-            None => {}
+    fn file(&mut self, text: Text) {
+        self.time(text.time);
+        let sensors = text.sensors.at.clone();
+        self.channels("input", text.inputs.value);
+        self.channels("sensor", text.sensors.value);
+        let SamplesText { columns, wait_s, longest_gap_s, witnesses } = text.samples;
+        self.rules = SequencerRules { wait_s, longest_gap_s, witnesses };
+        if let Some(columns) = columns {
+            self.wanted.columns = numbered(columns);
+            self.require_columns();
         }
         let measured = |channel: &Channel| matches!(channel.from, Origin::Column { .. });
         if self.mistakes.is_empty() && !self.channels[self.inputs..].iter().any(measured) {
-            self.mistakes.note(&at(&root, "sensors"), Mistake::NoSensor);
+            let mistake = Diagnostic::new("no sensor has a column: there is nothing to watch");
+            let help = "write: [sensors] and NAME = { column = \"…\" }";
+            self.mistakes.note(&sensors, mistake.with_help(help));
         }
     }
 
@@ -117,279 +177,144 @@ impl<'s> Reader<'s> {
         }
     }
 
-    fn format(&mut self, root: &[Entry]) -> bool {
-        let Some(entry) = get(root, "format") else {
-            self.missing(&(0..0), "the file", "format", &format!("format = {FORMAT}"));
-            return true;
-        };
-        match entry.number() {
-            Ok(found) if found == f64::from(FORMAT) => return true,
-            Ok(found) => {
-                let mistake = document::TomlMistake::Format { found, supported: FORMAT };
-                self.note(&entry.value_at(), mistake);
-            }
-            Err(mistake) => self.note(&entry.value_at(), mistake),
-        }
-        false
-    }
-
-    fn time(&mut self, entries: &[Entry]) {
-        self.known(entries, "[time]", &TIME);
-        let rate = self.number(entries, "rate_hz", (1e-3, LARGEST_RATE_HZ), "rows per second");
-        match (get(entries, "column"), rate) {
+    fn time(&mut self, At { value: TimeText { column, unit, rate_hz }, at }: At<TimeText>) {
+        match (column, rate_hz) {
             (Some(column), None) => {
-                let place = self.column(column);
-                let (unit_s, zero_s) = self.time_unit(entries);
+                let place = self.column(&column);
+                let (unit_s, zero_s) = self.time_unit(unit);
                 self.wanted.time = Some(place);
                 let is_number = !self.wanted.dates && zero_s == 0.0;
                 self.wanted.day = is_number.then_some(moment::DAY_S / unit_s);
                 self.time = Time::Column { place, unit_s, zero_s };
             }
             (None, Some(rate_hz)) => self.time = Time::Rate { rate_hz },
-            (None, None) if get(entries, "rate_hz").is_some() => {}
-            _ => {
-                let span = entries.first().map_or(0..0, |entry| entry.at.clone());
-                let (place, keys) = ("[time]".into(), ("column", "rate_hz"));
-                self.mistakes.note(&span, Mistake::OneOf { place, keys });
-            }
+            (None, None) if self.mistakes.doubtful.contains(&"time") => {}
+            _ => self.one_of(&at, "[time]", ["column", "rate_hz"]),
         }
+    }
+
+    /// Both or neither of two alternative keys.
+    fn one_of(&mut self, at: &TextSpan, place: &str, [one, other]: [&str; 2]) {
+        let message = format!("{place} needs either '{one}' or '{other}'");
+        self.mistakes.note(at, Diagnostic::new(message));
     }
 
     /// The time unit in seconds, and the time of its zero since 1970.
-    fn time_unit(&mut self, entries: &[Entry]) -> (f64, f64) {
-        let Some((entry, word)) = self.text(entries, "unit") else { return (1.0, 0.0) };
-        if word == DATE {
+    fn time_unit(&mut self, unit: Option<At<String>>) -> (f64, f64) {
+        let Some(word) = unit else { return (1.0, 0.0) };
+        if word.value == DATE {
             self.wanted.dates = true;
             return (1.0, 0.0);
         }
-        match units::find(word).and_then(|row| row.to(Unit::Second)) {
-            Some(unit) => unit,
-            None => {
-                let mut known = units::spellings(Unit::Second);
-                known.push(DATE.into());
-                let word = word.to_owned();
-                self.mistakes.note(&entry.value_at(), Mistake::UnknownUnit { word, known });
-                (1.0, 0.0)
-            }
-        }
+        let known = units::find(&word).and_then(|row| row.to(Unit::Second));
+        known.unwrap_or_else(|| {
+            let mut known = units::spellings(Unit::Second);
+            known.push(DATE.into());
+            self.unknown_unit(&word, &known);
+            (1.0, 0.0)
+        })
     }
 
-    /// Reads a section with inputs or sensors. An id with points may be written as nested tables; `path` is the prefix
-    /// so far.
-    fn channels(&mut self, table: &DeTable, what: &'static str, path: &str) {
-        for entry in entries(table) {
-            let range = match what {
-                "input" => 0..self.inputs,
-                _ => self.inputs..self.channels.len(),
-            };
-            let id = format!("{path}{}", entry.key);
-            let known = self.channels[range.clone()].iter().map(|channel| channel.id.clone());
-            let known: Vec<String> = known.collect();
-            let begins = format!("{id}.");
-            match (known.iter().position(|known| *known == id), entry.table()) {
-                (Some(place), Ok(table)) => {
-                    self.channel(range.start + place, &id, &entry.at, &entries(table));
-                }
-                (Some(_), Err(mistake)) => self.note(&entry.value_at(), mistake),
-                (None, Ok(table)) if known.iter().any(|known| known.starts_with(&begins)) => {
-                    self.channels(table, what, &begins);
-                }
-                (None, _) => {
-                    let near = nearest(&id, known.iter().map(String::as_str));
-                    let nearest = near.map(str::to_owned);
-                    self.mistakes.note(&entry.at, Mistake::UnknownId { what, id, nearest, known });
+    fn unknown_unit(&mut self, word: &At<String>, known: &[String]) {
+        let mistake = Diagnostic::new(format!("unknown unit '{}'", **word));
+        let help = format!("known: {}", known.join(", "));
+        self.mistakes.note(&word.at, mistake.with_help(help));
+    }
+
+    fn channels(&mut self, what: &str, Channels(all): Channels) {
+        let range = if what == "input" { 0..self.inputs } else { self.inputs..self.channels.len() };
+        for (id, text) in all {
+            let channels = &self.channels[range.clone()];
+            match channels.iter().position(|channel| channel.id == id.value) {
+                Some(place) => self.channel(range.start + place, &id, text),
+                None => {
+                    let known = channels.iter().map(|channel| channel.id.as_str());
+                    let message = format!("the system has no {what} '{}'", *id);
+                    self.mistakes.note(&id.at, Diagnostic::unknown(message, &id, known));
                 }
             }
         }
     }
 
-    fn channel(&mut self, index: usize, id: &str, at: &TextSpan, entries: &[Entry]) {
-        self.known(entries, &format!("'{id}'"), &CHANNEL);
+    fn channel(&mut self, index: usize, id: &At<String>, text: ChannelText) {
         let unit = match index.checked_sub(self.inputs) {
             None => self.system.network().inputs[index].unit,
             Some(sensor) => self.system.sensors[sensor].unit,
         };
-        let named = self.unit(entries, id, unit);
+        let named = self.unit(text.unit, id, unit);
         let (si, zero) = named.to(unit).unwrap_or((1.0, 0.0));
-        self.channels[index].unit = named;
-        let all = (-1e300, 1e300);
-        let factor = self.number(entries, "factor", all, "before the unit").unwrap_or(1.0);
-        let shift = self.number(entries, "offset", all, "behind the factor").unwrap_or(0.0);
-        let hold_s = self.number(entries, "hold_s", (0.0, 1e9), "how long a value stands, s");
-        self.channels[index].hold_s = hold_s.unwrap_or(0.0);
-        let value = self.number(entries, "value", all, "the same always");
-        match (get(entries, "column"), get(entries, "value")) {
+        let section = if index < self.inputs { "inputs" } else { "sensors" };
+        let ChannelText { factor, offset, hold_s, .. } = text;
+        (self.channels[index].unit, self.channels[index].hold_s) = (named, hold_s);
+        match (text.column, text.value) {
             (Some(column), None) => {
-                let place = self.column(column);
+                let place = self.column(&column);
                 let is_taken = |channel: &&Channel| matches!(channel.from, Origin::Column { place: other, .. } if other == place);
                 // One sensor may also give the pressure that is an input.
                 if index >= self.inputs
                     && let Some(other) = self.channels[self.inputs..].iter().find(is_taken)
                 {
-                    let (column, other) = (self.wanted.names[place].clone(), other.id.clone());
-                    let id = id.to_owned();
-                    self.mistakes.note(at, Mistake::SameColumn { column, id, other });
+                    let (other, id_of, column) = (&other.id, id.as_str(), column.as_str());
+                    let message =
+                        format!("'{other}' and '{id_of}' have the same column '{column}'");
+                    self.mistakes.note(&id.at, Diagnostic::new(message));
                 }
-                let (factor, offset) = (factor * si, shift * si + zero);
+                let (factor, offset) = (factor * si, offset * si + zero);
                 self.channels[index].from = Origin::Column { place, factor, offset };
             }
-            (None, Some(_)) => {
-                let si = (value.unwrap_or(0.0) * factor + shift) * si + zero;
-                self.channels[index].from = Origin::Value(si);
+            (None, Some(value)) => {
+                self.channels[index].from = Origin::Value((value * factor + offset) * si + zero);
             }
-            _ => {
-                let (place, keys) = (format!("'{id}'"), ("column", "value"));
-                self.mistakes.note(at, Mistake::OneOf { place, keys });
-            }
+            (None, None) if self.mistakes.doubtful.contains(&section) => {}
+            _ => self.one_of(&id.at, &format!("'{}'", **id), ["column", "value"]),
         }
     }
 
     /// The named unit of the dimension of `unit`; SI without one.
-    fn unit(&mut self, entries: &[Entry], id: &str, unit: Unit) -> &'static NamedUnit {
+    fn unit(
+        &mut self,
+        word: Option<At<String>>,
+        id: &At<String>,
+        unit: Unit,
+    ) -> &'static NamedUnit {
         let si = NamedUnit::of_si(unit);
-        let Some((entry, word)) = self.text(entries, "unit") else { return si };
-        let (word, known) = (word.to_owned(), units::spellings(unit));
-        let found = units::find(&word);
-        if let Some(row) = found.filter(|row| row.to(unit).is_some()) {
-            return row;
-        }
+        let Some(word) = word else { return si };
+        let (known, found) = (units::spellings(unit), units::find(&word));
         match found {
+            Some(row) if row.to(unit).is_some() => return row,
             Some(_) => {
-                let id = id.to_owned();
-                self.mistakes.note(&entry.value_at(), Mistake::WrongUnit { word, id, unit, known });
+                let (wrong, id, symbol) = (&*word, id.as_str(), unit.symbol());
+                let message = format!("'{wrong}' is no unit of '{id}', which is in {symbol}");
+                let help = format!("known: {}", known.join(", "));
+                self.mistakes.note(&word.at, Diagnostic::new(message).with_help(help));
             }
-            None => {
-                self.mistakes.note(&entry.value_at(), Mistake::UnknownUnit { word, known });
-            }
+            None => self.unknown_unit(&word, &known),
         }
         si
     }
 
-    fn samples(&mut self, entries: &[Entry]) {
-        self.known(entries, "[samples]", &SAMPLES);
-        let wait = "how long late samples are waited for";
-        if let Some(wait_s) = self.number(entries, "wait_s", (0.0, 10.0), wait) {
-            self.rules.wait_s = wait_s;
-        }
-        let gap = "behind a longer gap everything begins anew";
-        if let Some(gap_s) = self.number(entries, "longest_gap_s", (0.01, 3600.0), gap) {
-            self.rules.longest_gap_s = gap_s;
-        }
-        let witnesses = "samples that make another clock believed";
-        if let Some(count) = self.number(entries, "witnesses", (2.0, 1e4), witnesses) {
-            self.rules.witnesses = count as usize;
-        }
-        let Some(list) = get(entries, "columns") else { return };
-        match list.list() {
-            Ok(elements) => {
-                for element in elements {
-                    match Entry::element(list.key, element).text() {
-                        Ok(name) => self.wanted.columns.push(name.to_owned()),
-                        Err(mistake) => self.note(&element.span(), mistake),
-                    }
-                }
-                self.wanted.columns = numbered(std::mem::take(&mut self.wanted.columns));
-                self.require_columns();
-            }
-            Err(mistake) => self.note(&list.value_at(), mistake),
-        }
-    }
-
     /// Checks that a log without a header lists all columns in use.
     fn require_columns(&mut self) {
-        let known = self.wanted.columns.clone();
+        let known = &self.wanted.columns;
         let pairs = self.wanted.names.iter().zip(&self.places);
         for (column, place) in pairs.filter(|(name, _)| !known.contains(name)) {
-            let near = nearest(column, known.iter().map(String::as_str)).map(str::to_owned);
-            let (log, known) = ("the list 'columns'".into(), known.clone());
-            let column = column.clone();
-            self.mistakes.note(place, Mistake::NoColumn { log, column, nearest: near, known });
+            self.mistakes.note(place, no_column("the list 'columns'", column, known));
         }
     }
 
     /// The index of a column among those wanted; adds a new one.
-    fn column(&mut self, entry: &Entry) -> usize {
-        let name = match entry.text() {
-            Ok(name) => name,
-            Err(mistake) => {
-                self.note(&entry.value_at(), mistake);
-                ""
-            }
-        };
-        match self.wanted.names.iter().position(|known| known == name) {
-            Some(place) => place,
-            None => {
-                self.wanted.names.push(name.to_owned());
-                self.places.push(entry.value_at());
-                self.wanted.names.len() - 1
-            }
-        }
-    }
-
-    fn text<'e, 'a>(
-        &mut self,
-        entries: &'e [Entry<'a>],
-        key: &str,
-    ) -> Option<(&'e Entry<'a>, &'a str)> {
-        let entry = get(entries, key)?;
-        match entry.text() {
-            Ok(text) => Some((entry, text)),
-            Err(mistake) => {
-                self.note(&entry.value_at(), mistake);
-                None
-            }
-        }
-    }
-
-    fn number(
-        &mut self,
-        entries: &[Entry],
-        key: &str,
-        (min, max): (f64, f64),
-        summary: &'static str,
-    ) -> Option<f64> {
-        let entry = get(entries, key)?;
-        match entry.number() {
-            Ok(value) if (min..=max).contains(&value) => return Some(value),
-            Ok(value) => {
-                let (key, unit) = (key.to_owned(), "");
-                let mistake =
-                    document::TomlMistake::OutOfRange { key, value, min, max, unit, summary };
-                self.note(&entry.value_at(), mistake);
-            }
-            Err(mistake) => self.note(&entry.value_at(), mistake),
-        }
-        None
-    }
-
-    /// Reports unknown keys of a table.
-    fn known(&mut self, entries: &[Entry], place: &str, known: &[&str]) {
-        for entry in entries.iter().filter(|entry| !known.contains(&entry.key)) {
-            let mistake = document::TomlMistake::UnknownKey {
-                key: entry.key.into(),
-                place: place.into(),
-                nearest: nearest(entry.key, known.iter().copied()).map(str::to_owned),
-                known: known.iter().map(|key| key.to_string()).collect(),
-            };
-            self.note(&entry.at, mistake);
-        }
-    }
-
-    fn missing(&mut self, span: &TextSpan, place: &str, key: &'static str, write: &str) {
-        let (place, write) = (place.to_owned(), write.to_owned());
-        self.note(span, document::TomlMistake::Missing { place, key, write });
-    }
-
-    fn note(&mut self, span: &TextSpan, mistake: document::TomlMistake) {
-        self.mistakes.note(span, mistake);
+    fn column(&mut self, column: &At<String>) -> usize {
+        let place = self.wanted.names.iter().position(|known| *known == column.value);
+        place.unwrap_or_else(|| {
+            self.wanted.names.push(column.value.clone());
+            self.places.push(column.at.clone());
+            self.wanted.names.len() - 1
+        })
     }
 }
 
-fn get<'e, 'a>(entries: &'e [Entry<'a>], key: &str) -> Option<&'e Entry<'a>> {
-    entries.iter().find(|entry| entry.key == key)
-}
-
-/// The span of a key, or the beginning of the file.
-fn at(entries: &[Entry], key: &str) -> TextSpan {
-    get(entries, key).map_or(0..0, |entry| entry.at.clone())
+/// The mistake that a log has no such column.
+pub(super) fn no_column(log: &str, column: &str, known: &[String]) -> Diagnostic {
+    let known = known.iter().map(String::as_str);
+    Diagnostic::unknown(format!("{log} has no column '{column}'"), column, known)
 }

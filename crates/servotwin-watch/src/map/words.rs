@@ -3,184 +3,97 @@
 use servotwin::units;
 use servotwin_model::spec::Unit;
 
-/// The meaning of a column according to its name.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct ColumnMeaning {
-    pub pressure: bool,
-    pub position: bool,
-    pub command: bool,
-    /// The parts that the name mentions, each once.
-    pub parts: Parts,
-    /// Whether a word excludes the column: a status, a rate, a temperature.
-    pub is_other: bool,
+/// What a word of a column's name speaks of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Topic {
+    Pressure,
+    Position,
+    Command,
+    ChamberA,
+    ChamberB,
+    Ram,
+    Spool,
+    Supply,
+    Return,
+    Surface,
+    /// What excludes the column: a status, a rate, a temperature.
+    Other,
 }
 
-/// The parts that a name mentions.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Parts {
-    pub chamber_a: bool,
-    pub chamber_b: bool,
-    pub ram: bool,
-    pub spool: bool,
-    pub supply: bool,
-    pub back: bool,
-    pub surface: bool,
+/// The words for each topic; those from `ChamberA` to `Surface` are parts.
+const WORDS: [(Topic, &str); 11] = [
+    (Topic::Pressure, "p press pres prs pressure druck"),
+    (
+        Topic::Position,
+        "x pos position stroke displacement travel lvdt weg hub stellung lage auslenkung",
+    ),
+    (
+        Topic::Command,
+        "cmd command comm demand dmd setpoint setpt reference soll sollwert sollwinkel \
+         sollweg vorgabe befehl stellbefehl",
+    ),
+    (Topic::ChamberA, "a cha extend extension kolbenseite boreside capside"),
+    (Topic::ChamberB, "b chb retract retraction stangenseite rodside"),
+    (Topic::Ram, "ram rod piston pist cylinder cyl kolben zylinder kolbenstange"),
+    (Topic::Spool, "v spool spl valve vlv servovalve sv ventil schieber steuerschieber"),
+    (Topic::Supply, "s supply sup suppl sply pump versorgung vorlauf zulauf speise"),
+    (Topic::Return, "t return ret rtn tank drain ruecklauf"),
+    (
+        Topic::Surface,
+        "surface surf srf aileron ail rudder rud elevator elev flap ruder querruder klappe \
+         steuerflaeche",
+    ),
+    (
+        Topic::Other,
+        "status stat valid validity flag error err fault alarm limit twin residual band temp \
+         temperature temperatur rate speed velocity geschwindigkeit acc acceleration current \
+         strom force kraft diff delta min max std sigma count counter",
+    ),
+];
+
+fn is_part(word: &str) -> bool {
+    WORDS[3..10].iter().any(|(_, list)| list.split(' ').any(|known| known == word))
 }
 
-const PRESSURE: &[&str] = &["p", "press", "pres", "prs", "pressure", "druck"];
-const POSITION: &[&str] = &[
-    "x",
-    "pos",
-    "position",
-    "stroke",
-    "displacement",
-    "travel",
-    "lvdt",
-    "weg",
-    "hub",
-    "stellung",
-    "lage",
-    "auslenkung",
-];
-const COMMAND: &[&str] = &[
-    "cmd",
-    "command",
-    "comm",
-    "demand",
-    "dmd",
-    "setpoint",
-    "setpt",
-    "reference",
-    "soll",
-    "sollwert",
-    "sollwinkel",
-    "sollweg",
-    "vorgabe",
-    "befehl",
-    "stellbefehl",
-];
-const CHAMBER_A: &[&str] =
-    &["a", "cha", "extend", "extension", "kolbenseite", "boreside", "capside"];
-const CHAMBER_B: &[&str] = &["b", "chb", "retract", "retraction", "stangenseite", "rodside"];
-const RAM: &[&str] =
-    &["ram", "rod", "piston", "pist", "cylinder", "cyl", "kolben", "zylinder", "kolbenstange"];
-const SPOOL: &[&str] = &[
-    "v",
-    "spool",
-    "spl",
-    "valve",
-    "vlv",
-    "servovalve",
-    "sv",
-    "ventil",
-    "schieber",
-    "steuerschieber",
-];
-const SUPPLY: &[&str] =
-    &["s", "supply", "sup", "suppl", "sply", "pump", "versorgung", "vorlauf", "zulauf", "speise"];
-const BACK: &[&str] = &["t", "return", "ret", "rtn", "tank", "drain", "ruecklauf"];
-const SURFACE: &[&str] = &[
-    "surface",
-    "surf",
-    "srf",
-    "aileron",
-    "ail",
-    "rudder",
-    "rud",
-    "elevator",
-    "elev",
-    "flap",
-    "ruder",
-    "querruder",
-    "klappe",
-    "steuerflaeche",
-];
-const OTHER: &[&str] = &[
-    "status",
-    "stat",
-    "valid",
-    "validity",
-    "flag",
-    "error",
-    "err",
-    "fault",
-    "alarm",
-    "limit",
-    "twin",
-    "residual",
-    "band",
-    "temp",
-    "temperature",
-    "temperatur",
-    "rate",
-    "speed",
-    "velocity",
-    "geschwindigkeit",
-    "acc",
-    "acceleration",
-    "current",
-    "strom",
-    "force",
-    "kraft",
-    "diff",
-    "delta",
-    "min",
-    "max",
-    "std",
-    "sigma",
-    "count",
-    "counter",
-];
+/// The topics of a column according to its name.
+#[derive(Debug, Clone)]
+pub(super) struct ColumnMeaning(Vec<Topic>);
 
 impl ColumnMeaning {
     /// Interprets the words of a name.
     pub(super) fn of(words: &[String]) -> Self {
-        let mut meaning = ColumnMeaning::default();
+        let mut meaning = ColumnMeaning(vec![]);
         words.iter().for_each(|word| meaning.add(word));
         meaning
+    }
+
+    /// Whether the name speaks of a topic.
+    pub(super) fn has(&self, topic: Topic) -> bool {
+        self.0.contains(&topic)
     }
 
     fn add(&mut self, word: &str) {
         // A quantity's letter before the word of a part: PSUP, XRAM.
         let quantity = match word.split_at_checked(1) {
-            Some(("p", rest)) if is_part(rest) => Some((PRESSURE, rest)),
-            Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => Some((POSITION, rest)),
+            Some(("p", rest)) if is_part(rest) => Some((Topic::Pressure, rest)),
+            Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => {
+                Some((Topic::Position, rest))
+            }
             _ => None,
         };
-        let whole = all().iter().any(|list| list.contains(&word));
+        let is_whole = WORDS.iter().any(|(_, list)| list.split(' ').any(|known| known == word));
         match quantity {
-            Some((quantity, part)) if !whole => {
-                self.add(quantity[0]);
+            Some((quantity, part)) if !is_whole => {
+                self.0.push(quantity);
                 self.add(part);
             }
-            _ => self.mark(word),
+            _ => {
+                let speaks = |list: &str| list.split(' ').any(|known| speaks_of(word, known));
+                let spoken = WORDS.iter().filter(|(_, list)| speaks(list));
+                self.0.extend(spoken.map(|(topic, _)| *topic));
+            }
         }
     }
-
-    fn mark(&mut self, word: &str) {
-        let is = |list: &[&str]| list.iter().any(|known| speaks_of(word, known));
-        self.pressure |= is(PRESSURE);
-        self.position |= is(POSITION);
-        self.command |= is(COMMAND);
-        self.is_other |= is(OTHER);
-        let parts = &mut self.parts;
-        parts.chamber_a |= is(CHAMBER_A);
-        parts.chamber_b |= is(CHAMBER_B);
-        parts.ram |= is(RAM);
-        parts.spool |= is(SPOOL);
-        parts.supply |= is(SUPPLY);
-        parts.back |= is(BACK);
-        parts.surface |= is(SURFACE);
-    }
-}
-
-fn all() -> [&'static [&'static str]; 11] {
-    [PRESSURE, POSITION, COMMAND, CHAMBER_A, CHAMBER_B, RAM, SPOOL, SUPPLY, BACK, SURFACE, OTHER]
-}
-
-fn is_part(word: &str) -> bool {
-    let parts = [CHAMBER_A, CHAMBER_B, RAM, SPOOL, SUPPLY, BACK, SURFACE];
-    parts.iter().any(|list| list.contains(&word))
 }
 
 /// Whether a word is a known one or a compound with it: Versorgungsdruck, Kolbenweg.
@@ -271,16 +184,16 @@ mod tests {
 
     #[test]
     fn letters_of_quantities_stand_before_parts() {
-        let of = |name: &str| ColumnMeaning::of(&words(name).0);
-        let supply = of("PSUP1");
-        assert!(supply.pressure && supply.parts.supply && !supply.position);
-        let ram = of("XRAM2");
-        assert!(ram.position && ram.parts.ram && !ram.pressure);
-        let both = of("Versorgungsdruck");
-        assert!(both.pressure && both.parts.supply);
-        assert!(of("Kolbenweg").position && of("Kolbenweg").parts.ram);
-        let command = of("AIL_CMD");
-        assert!(command.command && command.parts.surface && !command.parts.chamber_a);
-        assert!(of("PSUP1_status").is_other);
+        let has = |name: &str, topics: &[Topic]| {
+            let meaning = ColumnMeaning::of(&words(name).0);
+            topics.iter().all(|topic| meaning.has(*topic))
+        };
+        use Topic::{ChamberA, Command, Other, Position, Pressure, Ram, Supply, Surface};
+        assert!(has("PSUP1", &[Pressure, Supply]) && !has("PSUP1", &[Position]));
+        assert!(has("XRAM2", &[Position, Ram]) && !has("XRAM2", &[Pressure]));
+        assert!(has("Versorgungsdruck", &[Pressure, Supply]));
+        assert!(has("Kolbenweg", &[Position, Ram]));
+        assert!(has("AIL_CMD", &[Command, Surface]) && !has("AIL_CMD", &[ChamberA]));
+        assert!(has("PSUP1_status", &[Other]));
     }
 }

@@ -181,7 +181,7 @@ wait_s = -1
 ";
     let error = Map::parse(text, "map.toml", &system).unwrap_err().to_string();
     for expected in [
-        "map.toml:3:1: [time] needs either 'column' or 'rate_hz'",
+        "map.toml:2:2: [time] needs either 'column' or 'rate_hz'",
         "map.toml:4:9: the system has no input 'comand'",
         "= nearest: 'command'",
         "map.toml:6:10: 'p_a' needs either 'column' or 'value'",
@@ -189,7 +189,7 @@ wait_s = -1
         "map.toml:12:8: unknown unit 'furlong'",
         "map.toml:13:1: unknown key 'facter' in 'x_p'",
         "= nearest: 'factor'",
-        "map.toml:15:10: wait_s = -1 is out of range: allowed are 0 … 10",
+        "map.toml:15:10: wait_s = -1 s is out of range: allowed are 0 … 10 s",
         "map.toml: 7 mistakes",
     ] {
         assert!(error.contains(expected), "{expected}\n---\n{error}");

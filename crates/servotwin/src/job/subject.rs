@@ -4,6 +4,7 @@ use crate::evaluation::comparison::quick_classifiers;
 use crate::evaluation::data_set::TrainingFilter;
 use crate::evaluation::protocol::{Holding, Protocol};
 use crate::evaluation::{self, EvaluationSettings};
+use crate::format::At;
 use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
 use crate::study::{Plants, Scenario, Study};
 use serde::{Deserialize, Serialize};
@@ -97,11 +98,13 @@ impl Subject {
 
     /// Replaces usual settings by those of the study.
     fn as_asked(self, mut settings: EvaluationSettings, asked: &Evaluating) -> EvaluationSettings {
-        let is_asked = |list: &Option<Vec<Scenario>>| {
-            list.as_ref().map(|settings| settings.contains(&self.scenario()))
+        let is_asked = |list: &Option<At<Vec<At<Scenario>>>>| {
+            let list = list.as_ref();
+            list.map(|list| list.iter().any(|asked| asked.value == self.scenario()))
         };
+        let Evaluating { random_thirds, folds, .. } = *asked;
         for (holding, Rounds { random_thirds, folds }) in [
-            (&mut settings.holding, asked.rounds),
+            (&mut settings.holding, Rounds { random_thirds, folds }),
             (&mut settings.comparison_holding, asked.comparison),
         ] {
             set(&mut holding.seed, asked.seed);
@@ -116,7 +119,7 @@ impl Subject {
             let classifiers = is_asked(&asked.classifiers).map(compared);
             settings.classifiers = classifiers.unwrap_or(settings.classifiers);
         }
-        let growing = asked.trees.get(&self.scenario()).copied().unwrap_or_default();
+        let growing = asked.trees.get(self.scenario().name()).copied().unwrap_or_default();
         for stage in stages(&mut settings.training) {
             grown(stage, growing);
         }
