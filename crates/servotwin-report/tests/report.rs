@@ -2,7 +2,6 @@
 
 use servotwin::campaign::Comparison;
 use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::ambiguity::Ambiguity;
 use servotwin::evaluation::detection::{Curve, Detection, Least};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
@@ -256,11 +255,8 @@ fn evaluation() -> Evaluation {
         baseline: vec![],
         random_thirds: vec![],
         isolation: vec![],
-        reliability: None,
         flips: None,
         classifiers: vec![],
-        ablation: vec![],
-        ambiguity: Ambiguity { pairs: vec![], groups: vec![] },
         stages: vec![],
         false_alarms: None,
     }

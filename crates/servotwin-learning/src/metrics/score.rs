@@ -1,10 +1,11 @@
 //! Scores of predictions.
 
 use alloc::string::String;
+use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::{Confusion, Rate, Trial};
+use super::{Rate, Trial};
 
 /// Quality of the predictions for one question.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -15,7 +16,7 @@ pub struct Score {
     pub balanced_accuracy: Option<f64>,
     /// Names of the classes.
     pub classes: Vec<String>,
-    /// `confusion[truth][predicted]`.
+    /// `confusion[truth][predicted]`, without the rows that have no prediction.
     pub confusion: Vec<Vec<u64>>,
     /// Share of right predictions in each split.
     pub per_split: Vec<Option<f64>>,
@@ -47,17 +48,25 @@ impl Prediction {
 impl Score {
     /// The score of predictions, split by split, with an interval over clusters.
     pub fn of(classes: Vec<String>, splits: &[Vec<Prediction>]) -> Self {
-        let mut confusion = Confusion::new(classes.len());
+        let mut confusion = vec![vec![0; classes.len()]; classes.len()];
+        let mut occurred = vec![0_u64; classes.len()];
         let all = splits.iter().flatten();
-        all.clone().for_each(|prediction| confusion.count(prediction.truth, prediction.said));
+        for &Prediction { truth, said, .. } in all.clone() {
+            occurred[truth as usize] += 1;
+            said.iter().for_each(|&said| confusion[truth as usize][said as usize] += 1);
+        }
+        let recall = |class: usize| confusion[class][class] as f64 / occurred[class] as f64;
+        let there = (0..classes.len()).filter(|&class| occurred[class] > 0);
+        let recalls: Vec<f64> = there.map(recall).collect();
+        let balanced = recalls.iter().sum::<f64>() / recalls.len() as f64;
         let right = |split: &Vec<Prediction>| Rate::of(split, Prediction::is_right).share;
         let per_split = splits.iter().map(right).collect();
         let trials: Vec<Trial> = all.map(Prediction::trial).collect();
         Score {
             accuracy: Rate::clustered(&trials),
-            balanced_accuracy: confusion.balanced_accuracy(),
+            balanced_accuracy: (!recalls.is_empty()).then_some(balanced),
             classes,
-            confusion: confusion.counts().to_vec(),
+            confusion,
             per_split,
         }
     }
@@ -66,7 +75,6 @@ impl Score {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use alloc::vec;
 
     #[test]
     fn a_missing_prediction_is_wrong() {
@@ -77,5 +85,6 @@ mod tests {
         assert_eq!(score.accuracy.share, Some(0.5));
         assert_eq!(score.confusion, [[1, 0], [1, 1]]);
         assert_eq!(score.balanced_accuracy, Some((1.0 + 1.0 / 3.0) / 2.0));
+        assert_eq!(Score::of(vec!["a".into()], &[]).balanced_accuracy, None);
     }
 }

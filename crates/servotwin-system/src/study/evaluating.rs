@@ -8,7 +8,6 @@
 //! learned_bands = ["realistic"]         # scenarios with bands from healthy specimens; others use 3 %
 //! classifiers = ["ideal"]               # scenarios in which classifiers are compared
 //! comparison = { random_thirds = 1, folds = 3 }
-//! ablation = ["realistic"]              # scenarios of the ablation
 //! committee = { trees = 60, depth = 4 }
 //! trees.realistic = { criterion = "gini", depth = 9 }
 //! ```
@@ -39,7 +38,6 @@ section! {
         may classifiers: Option<Vec<String>> = SCENARIOS,
             "scenarios in which classifiers are compared";
         may comparison: Rounds, "how the comparison of classifiers holds out rows";
-        may ablation: Option<Vec<String>> = SCENARIOS, "scenarios in which the ablation runs";
         may committee: Boosting, "committee of boosted trees";
         may trees: BTreeMap<String, TreesText>, "the nine trees of each scenario";
     }
@@ -72,8 +70,6 @@ pub struct Evaluating {
     pub classifiers: Option<Vec<Scenario>>,
     /// How often the comparison of classifiers holds rows out.
     pub comparison: Rounds,
-    /// The scenarios of the ablation.
-    pub ablation: Option<Vec<Scenario>>,
     /// How the committee's boosted trees are grown.
     pub committee: Boosting,
     /// How the nine trees of a scenario are grown.
@@ -138,7 +134,6 @@ impl Evaluating {
         };
         let learned_bands = listed("learned_bands", &text.learned_bands);
         let classifiers = listed("classifiers", &text.classifiers);
-        let ablation = listed("ablation", &text.ablation);
         let trees = all(text.trees.iter().map(|(name, text)| {
             let at = KeyPath::of(&["evaluation", "trees", name]);
             Ok((scenario(reader, &at.name(), name)?, text.growing(&at, reader)?))
@@ -153,7 +148,6 @@ impl Evaluating {
             learned_bands,
             classifiers: classifiers?,
             comparison: text.comparison,
-            ablation: ablation?,
             committee: text.committee,
             trees: trees?.into_iter().collect(),
         })

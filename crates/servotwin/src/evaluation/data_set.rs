@@ -415,27 +415,6 @@ impl DataSet {
         Ok(DataSet { examples: Arc::new(self.examples.hiding(hidden.collect())?), ..self.clone() })
     }
 
-    /// The same data set, in which the stages below A read the sensors of all actuators and their comparisons.
-    ///
-    /// # Errors
-    /// Never for a data set that could be read.
-    pub(crate) fn all_sensors_below(&self) -> Result<Self, EvaluationError> {
-        let all = (0..self.features.len()).collect();
-        let read = vec![all; self.examples.names().actuators.len()];
-        Ok(DataSet { examples: Arc::new(self.examples.reading(read)?), ..self.clone() })
-    }
-
-    /// The feature families, in the order of the features.
-    pub(crate) fn families(&self) -> Vec<String> {
-        let mut families: Vec<String> = vec![];
-        for feature in &self.features {
-            if !families.contains(&feature.family) {
-                families.push(feature.family.clone());
-            }
-        }
-        families
-    }
-
     /// The component of a kind: its name without the last part.
     pub(crate) fn component(&self, kind: u32) -> &str {
         let kind = &self.kinds[kind as usize];
@@ -499,9 +478,10 @@ fn numbers(origins: &[Origin], name: &str) -> Result<Vec<f64>, EvaluationError> 
 }
 
 /// Numbers texts in the order of first occurrence.
-fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
+pub(crate) fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     let mut names: Vec<String> = vec![];
-    let code = |text: &String| match names.iter().position(|name| name == text) {
+    // Equal texts mostly follow one another.
+    let code = |text: &String| match names.iter().rposition(|name| name == text) {
         Some(place) => place as u32,
         None => {
             names.push(text.clone());
@@ -513,7 +493,7 @@ fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
 }
 
 /// Numbers texts in sorted order.
-fn coded(texts: &[String]) -> (Vec<String>, Vec<u32>) {
+pub(crate) fn coded(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     let mut names = texts.to_vec();
     names.sort();
     names.dedup();

@@ -1,12 +1,10 @@
 //! Evaluates the diagnosis with held-out data.
 //!
 //! [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
-//! and the committee under every protocol, the seed paper's trees, all classifiers, ablations, confused faults,
-//! what may stay not isolated, and flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and
-//! seeds give the same bytes, on any number of threads.
+//! and the committee under every protocol, the seed paper's trees, all classifiers, what may stay not isolated, and
+//! flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and seeds give the same
+//! bytes, on any number of threads.
 
-pub(crate) mod ablation;
-pub mod ambiguity;
 pub mod bands;
 pub mod baseline;
 pub mod committee;
@@ -27,18 +25,19 @@ pub use servotwin_learning::metrics;
 use crate::parallel::Workers;
 use bands::Band;
 use baseline::RandomThirds;
-use committee::{Committee, Reliability};
+use committee::Committee;
 use flips::{Flips, Moving};
-use isolation::{Isolation, IsolationInputs};
-use protocol::{Holding, Protocol, ProtocolResult};
-use run::{RowOutcome, first_error};
+use isolation::Isolation;
+use protocol::{Holding, Protocol, ProtocolResult, summary};
+use run::{RowOutcome, Scope};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
-use servotwin_diagnosis::hierarchy::{Hierarchy, Question};
+use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::residual::BAND;
 use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::metrics::Rate;
+use servotwin_learning::splits::Split;
 use servotwin_learning::tree::Criterion;
 
 use crate::study::Purpose;
@@ -68,8 +67,6 @@ pub struct EvaluationSettings {
     pub committee_protocols: Vec<Protocol>,
     /// The classifiers to compare; empty for no comparison.
     pub classifiers: Vec<classifiers::Settings>,
-    /// Whether to run the ablation.
-    pub ablation: bool,
 }
 
 impl Default for EvaluationSettings {
@@ -93,7 +90,6 @@ impl Default for EvaluationSettings {
             protocols: protocol::ALL.into(),
             committee_protocols: OF_COMMITTEE.into(),
             classifiers: comparison::quick_classifiers(),
-            ablation: true,
         }
     }
 }
@@ -103,7 +99,7 @@ impl EvaluationSettings {
     pub(crate) fn quick(mut self) -> Self {
         // Training a committee without each kind of fault in turn would lengthen the evaluation by half.
         self.committee_protocols.retain(|protocol| *protocol == Protocol::NewCommand);
-        EvaluationSettings { ablation: false, ..self }
+        self
     }
 }
 
@@ -170,16 +166,10 @@ pub struct Evaluation {
     pub random_thirds: Vec<RandomThirds>,
     /// What is decided if a fault may stay not isolated, where kinds are left out and under new commands.
     pub isolation: Vec<Isolation>,
-    /// Calibration of the committee's confidence.
-    pub reliability: Option<Reliability>,
     /// Flips of the trees and of the committee.
     pub flips: Option<(Flips, Flips)>,
     /// Results of the classifier comparison.
     pub classifiers: Vec<comparison::Compared>,
-    /// The result without each part.
-    pub ablation: Vec<ablation::Ablation>,
-    /// Confusions between kinds of fault.
-    pub ambiguity: ambiguity::Ambiguity,
     /// The sizes of the final trees.
     pub stages: Vec<StageSize>,
     /// False alarms; `None` without fault-free specimens.
@@ -252,7 +242,7 @@ pub fn train(
 ) -> Result<Trained, EvaluationError> {
     let (data, bands) = banded(data, settings, pools);
     let rows = data.learnt_from(settings.holding.lessons)?;
-    let trees = run::fit(&data, &run::settled(&data, &settings.training), &rows, workers)?;
+    let trees = run::fit(&data, &settings.training, &rows, Scope::All, workers)?;
     let rows = data.learnt_from(settings.committee_lessons)?;
     let committee = committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
     Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
@@ -314,15 +304,7 @@ pub fn evaluate(
         evaluation.classifiers =
             comparison::evaluate(data, &settings.training, list, holding, workers)?;
     }
-    if settings.ablation {
-        progress("taking parts away", 0.8);
-        let training = run::settled(data, &settings.training);
-        // Perturbed windows would not change the comparison of feature families.
-        let still = data.without(|row| row.moved > 0);
-        evaluation.ablation = ablation::evaluate(&still, &training, settings.holding, workers)?;
-    }
     progress("moving windows", 0.9);
-    evaluation.reliability = reliability(data, trained)?;
     evaluation.flips = flips(data, trained, context)?;
     Ok(evaluation)
 }
@@ -335,42 +317,41 @@ fn under_protocols(
     evaluation: &mut Evaluation,
 ) -> Result<(), EvaluationError> {
     let Context { trained, workers, progress, .. } = *context;
-    let EvaluationSettings { training, committee, holding, shutdowns, .. } = settings;
+    let (holding, shutdowns) = (settings.holding, data.commands(&settings.shutdowns));
+    let of_committee = data.for_committee()?;
+    let answers = |protocol: Protocol, data, hierarchy, training, splits: &[Split]| match protocol {
+        Protocol::NewCommand => Ok(vec![run::ask(data, hierarchy, &splits[0].test)?]),
+        _ => run::run(data, training, splits, protocol.scope(), workers),
+    };
     for (place, &protocol) in settings.protocols.iter().enumerate() {
-        progress(protocol.title(), 0.075 * place as f64);
-        if protocol == Protocol::NewCommand {
-            let found = protocol::evaluate_trained(data, &trained.trees, *holding, shutdowns)?;
-            evaluation.protocols.extend(found);
+        progress(protocol.title(), 0.125 * place as f64);
+        let splits = protocol.splits(data, holding)?;
+        if splits.is_empty() {
             continue;
         }
-        let found = protocol::evaluate(protocol, data, training, *holding, shutdowns, workers)?;
-        let Some((result, outcomes)) = found else { continue };
-        if protocol.scope() == run::Scope::AllTracing {
-            evaluation.ambiguity = ambiguity::evaluate(data, &outcomes);
+        let trees = answers(protocol, data, &trained.trees, &settings.training, &splits)?;
+        evaluation.protocols.push(summary(protocol, data, &trees, &shutdowns));
+        // The committee is calibrated on training commands.
+        if !data.has_training() || !settings.committee_protocols.contains(&protocol) {
+            continue;
         }
-        evaluation.protocols.push(result);
-    }
-    // The committee is calibrated on training commands.
-    if !data.has_training() {
-        return Ok(());
-    }
-    progress("committee", 0.3);
-    let holding = Holding { lessons: settings.committee_lessons, ..*holding };
-    let (inputs, of_committee) =
-        (IsolationInputs { data, settings, trained, workers }, data.for_committee()?);
-    for &protocol in &settings.committee_protocols {
-        let (result, outcomes) = if protocol == Protocol::NewCommand {
-            let hierarchy = &trained.committee.hierarchy;
-            (protocol::evaluate_trained(data, hierarchy, holding, shutdowns)?, vec![])
-        } else {
-            let data = &of_committee;
-            let found = protocol::evaluate(protocol, data, committee, holding, shutdowns, workers)?;
-            found.map_or((None, vec![]), |(result, outcomes)| (Some(result), outcomes))
-        };
-        let Some(result) = result else { continue };
-        evaluation.committee.push(result);
+        let holding = Holding { lessons: settings.committee_lessons, ..holding };
+        let splits = protocol.splits(data, holding)?;
+        let hierarchy = &trained.committee.hierarchy;
+        let committee = answers(protocol, &of_committee, hierarchy, &settings.committee, &splits)?;
+        evaluation.committee.push(summary(protocol, data, &committee, &shutdowns));
         if isolation::PROTOCOLS.contains(&protocol) {
-            evaluation.isolation.extend(inputs.evaluate(protocol, &outcomes)?);
+            let pool = run::settled(data, &settings.committee).pool;
+            let voices = [&trees[..], &committee];
+            evaluation.isolation.push(isolation::evaluate(
+                protocol,
+                &of_committee,
+                pool,
+                &splits,
+                voices,
+                &shutdowns,
+                workers,
+            )?);
         }
     }
     Ok(())
@@ -383,17 +364,6 @@ fn unseen(data: &DataSet) -> Vec<usize> {
     }
     let wanted = |row: &data_set::DataRow| !row.is_healthy && row.is_detected();
     data.rows_where(Purpose::Test, wanted)
-}
-
-/// Evaluates the calibration of the committee's confidence.
-fn reliability(data: &DataSet, trained: &Trained) -> Result<Option<Reliability>, EvaluationError> {
-    let rows = unseen(data);
-    if rows.is_empty() {
-        return Ok(None);
-    }
-    let committee = run::ask(data, &trained.committee.hierarchy, &rows)?;
-    let is_right = |o: &RowOutcome| matches!(first_error(data, o), None | Some(Question::Detail));
-    Ok(Some(committee::reliability(&committee, is_right)))
 }
 
 fn flips(

@@ -303,7 +303,7 @@ fn length(
     let for_trees =
         data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
     let rows = for_trees.learnt_from(settings.holding.lessons)?;
-    let trees = run::fit(&for_trees, &run::settled(&data, &settings.training), &rows, workers)?;
+    let trees = run::fit(&for_trees, &settings.training, &rows, run::Scope::All, workers)?;
     let known = data.learnt_from(settings.committee_lessons)?;
     let committee = committee::train(&data.for_committee()?, &settings.committee, &known, workers)?;
     let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();

@@ -217,7 +217,7 @@ fn an_easy_campaign_is_solved_under_every_protocol() {
     let (evaluation, trained, _) = evaluated(0.01, 2);
     let hierarchy = trained.trees;
     assert_eq!(evaluation.protocols.len(), 3, "no training commands, no new command");
-    assert!(evaluation.committee.is_empty() && evaluation.reliability.is_none());
+    assert!(evaluation.committee.is_empty());
     for protocol in [Protocol::RandomThird, Protocol::UnseenIntensity] {
         let result = evaluation.protocol(protocol).unwrap();
         assert!(share(result.end_to_end) > 0.93, "{protocol:?} {:?}", result.end_to_end);
@@ -248,17 +248,6 @@ fn detection_is_counted_against_the_known_threshold() {
     assert_eq!(evaluation.constant_features, ["nothing"]);
     let alarms = evaluation.false_alarms.as_ref().unwrap();
     assert_eq!((alarms.alarms.count, alarms.alarms.of, alarms.tree_shutdowns.count), (0, 30, 0));
-}
-
-#[test]
-fn a_noisy_campaign_names_what_is_confused() {
-    let (evaluation, ..) = evaluated(0.5, 2);
-    let grouped = evaluation.protocol(Protocol::UnseenIntensity).unwrap();
-    assert!(share(grouped.end_to_end) < 0.95);
-    assert!(!evaluation.ambiguity.pairs.is_empty());
-    let errors: u64 = evaluation.ambiguity.pairs.iter().map(|pair| pair.count).sum();
-    let end_to_end = grouped.end_to_end.unwrap();
-    assert_eq!(errors, end_to_end.of - end_to_end.count, "every error is confused with something");
 }
 
 #[test]
@@ -400,7 +389,6 @@ fn new_commands_are_judged_with_what_training_commands_teach() {
     assert_eq!(all.of, 2 * 2 * 10 * 3);
     assert!(share(Some(all)) >= 0.1);
     assert!(trained.committee.least_confidence.is_some());
-    assert!(evaluation.reliability.is_some());
 }
 
 #[test]
@@ -493,24 +481,20 @@ fn no_band_is_wider_than_twice_the_largest_residual_that_taught_it() {
 
 #[test]
 fn a_kind_that_was_not_trained_may_stay_not_isolated() {
-    use servotwin::evaluation::isolation::{IsolationRule, RULE};
     let (evaluation, _) = evaluated_with(&with_training(0.01), &settings(), 2);
     let unknown = evaluation.isolation(Protocol::KindLeftOut).unwrap();
     let known = evaluation.isolation(Protocol::NewCommand).unwrap();
     for isolation in [unknown, known] {
-        let decided = |rule| isolation.rates(rule).unwrap().decided.count;
-        let counts = IsolationRule::ALL.map(decided);
-        assert!(counts.is_sorted_by(|a, b| a >= b), "each rule is stricter: {counts:?}");
-        for rates in &isolation.rules {
-            let wrong = rates.decided.count - rates.right_action.count;
-            assert_eq!(rates.right_or_not_isolated.count + wrong, rates.right_or_not_isolated.of);
-            assert_eq!(rates.right_action.of, rates.decided.count);
-        }
+        let wrong = isolation.decided.count - isolation.right_action.count;
+        let either = isolation.right_or_not_isolated;
+        assert_eq!(either.count + wrong, either.of);
+        assert_eq!(isolation.right_action.of, isolation.decided.count);
+        let of_kinds: u64 = isolation.wrong_kinds.iter().map(|(_, rate)| rate.count).sum();
+        assert_eq!(of_kinds, wrong);
     }
     // Every kind moves the residuals in a direction of its own, so a kind that is left out resembles no other.
-    let unknown = unknown.rates(RULE).unwrap();
     assert!(share(Some(unknown.decided)) < 0.1, "{:?}", unknown.decided);
-    assert_eq!(unknown.wrong_actuator_shutdown.count, 0);
-    assert!(share(Some(known.rates(RULE).unwrap().right_or_not_isolated)) > 0.99);
-    assert!(share(Some(known.rates(RULE).unwrap().decided)) > 0.9);
+    assert_eq!(unknown.safety.wrong_actuator_shutdown.count, 0);
+    assert!(share(Some(known.right_or_not_isolated)) > 0.99);
+    assert!(share(Some(known.decided)) > 0.9);
 }
