@@ -230,11 +230,11 @@ fn evaluation() -> Evaluation {
             needless_shutdown: Rate::new(0, 0),
         }),
         components: vec![],
+        confused: vec![],
     };
     Evaluation {
         detection: Detection {
             detected: Rate::new(5, 8),
-            excluded: Rate::new(3, 8),
             failed: 0,
             curves: vec![
                 curve("leakage_a.leakage", "leakage", [2, 2]),

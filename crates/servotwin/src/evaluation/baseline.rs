@@ -3,9 +3,9 @@
 //!
 //! The paper reports one random third. One third shows little, so the test is repeated with other thirds.
 
-use super::data_set::FeatureInfo;
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
 use super::{DataSet, EvaluationError, EvaluationSettings, Training};
+use crate::campaign::DataFeature;
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ fn prepared(
     data: &DataSet,
     settings: &EvaluationSettings,
 ) -> Result<Option<(DataSet, Training)>, EvaluationError> {
-    let family = |info: &FeatureInfo| info.family == settings.baseline_family;
+    let family = |feature: &DataFeature| feature.family == settings.baseline_family;
     if !data.features.iter().any(family) {
         return Ok(None);
     }

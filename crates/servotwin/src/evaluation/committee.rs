@@ -21,17 +21,8 @@ const FOLDS: usize = 3;
 /// The share of answers on left-out commands that the confidence threshold withholds.
 pub(crate) const WITHHELD: f64 = 0.02;
 
-/// A trained committee.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Committee {
-    /// Calibrated boosted trees.
-    pub hierarchy: Hierarchy,
-    /// The confidence that all but `WITHHELD` of the answers on left-out commands reach; `None` with too few
-    /// commands.
-    pub least_confidence: Option<f64>,
-}
-
-/// Trains the committee on the given rows and calibrates it with commands left out.
+/// Trains the committee on the given rows and calibrates it with commands left out. Also returns the confidence that all
+/// but [`WITHHELD`] of the answers on left-out commands reach; `None` with too few commands.
 ///
 /// # Errors
 /// Training fails.
@@ -40,11 +31,11 @@ pub(crate) fn train(
     settings: &HierarchySettings,
     rows: &[usize],
     workers: Workers,
-) -> Result<Committee, EvaluationError> {
+) -> Result<(Hierarchy, Option<f64>), EvaluationError> {
     let mut hierarchy = run::fit(data, settings, rows, Scope::All, workers)?;
     let groups: Vec<u32> = rows.iter().map(|&row| data.rows[row].flown).collect();
     let Ok(folds) = grouped_k_fold(&groups, FOLDS, 1) else {
-        return Ok(Committee { hierarchy, least_confidence: None });
+        return Ok((hierarchy, None));
     };
     let of = |places: &[usize]| -> Vec<usize> { places.iter().map(|&place| rows[place]).collect() };
     let alone = Workers::new(1);
@@ -73,7 +64,7 @@ pub(crate) fn train(
     }
     confidences.sort_by(f64::total_cmp);
     let place = (WITHHELD * confidences.len() as f64) as usize;
-    Ok(Committee { hierarchy, least_confidence: confidences.get(place).copied() })
+    Ok((hierarchy, confidences.get(place).copied()))
 }
 
 /// The share of all rows whose evidence is below [`evidence_quantile`].

@@ -18,25 +18,27 @@ pub mod model_file;
 pub mod protocol;
 pub(crate) mod run;
 
-pub use data_set::{DataSet, FeatureInfo, TrainingFilter};
+pub use data_set::{DataSet, TrainingFilter};
 pub use error::EvaluationError;
 pub use servotwin_learning::metrics;
 
 use crate::parallel::Workers;
 use bands::Band;
 use baseline::RandomThirds;
-use committee::Committee;
 use flips::{Flips, Moving};
 use isolation::Isolation;
 use protocol::{Holding, Protocol, ProtocolResult, summary};
 use run::{RowOutcome, Scope};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
+use servotwin_diagnosis::diagnoser::{Novelty, Tuning};
 use servotwin_diagnosis::hierarchy::Hierarchy;
+use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::BAND;
 use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::metrics::Rate;
+use servotwin_learning::novelty;
 use servotwin_learning::splits::Split;
 use servotwin_learning::tree::Criterion;
 
@@ -202,17 +204,6 @@ impl Evaluation {
 const OF_COMMITTEE: [Protocol; 3] =
     [Protocol::KindLeftOut, Protocol::UnseenIntensity, Protocol::NewCommand];
 
-/// The trained diagnosis of a scenario.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Trained {
-    /// The learned bands, if in use.
-    pub bands: Option<Vec<Band>>,
-    /// The nine trees.
-    pub trees: Hierarchy,
-    /// The committee.
-    pub committee: Committee,
-}
-
 /// The data with the band that the settings select, and the bands that can be learned from it.
 pub fn banded(
     data: &DataSet,
@@ -239,19 +230,53 @@ pub fn train(
     settings: &EvaluationSettings,
     pools: &[usize],
     workers: Workers,
-) -> Result<Trained, EvaluationError> {
+) -> Result<Panel, EvaluationError> {
     let (data, bands) = banded(data, settings, pools);
-    let rows = data.learnt_from(settings.holding.lessons)?;
-    let trees = run::fit(&data, &settings.training, &rows, Scope::All, workers)?;
+    let bands = bands.filter(|_| settings.learned_bands);
+    let band = |(place, sensor): (usize, &String)| SensorBand {
+        sensor: sensor.clone(),
+        half_width: bands.as_ref().map_or(BAND, |bands| bands[place].half_width),
+    };
+    let bands = data.sensors.iter().enumerate().map(band).collect();
+    train_on(&data, &data, bands, settings, workers)
+}
+
+/// Trains the trees on some rows of a data set, and the committee on all, each on those that the settings select.
+///
+/// # Errors
+/// As [`train`].
+pub(crate) fn train_on(
+    for_trees: &DataSet,
+    data: &DataSet,
+    bands: Vec<SensorBand>,
+    settings: &EvaluationSettings,
+    workers: Workers,
+) -> Result<Panel, EvaluationError> {
+    let rows = for_trees.learnt_from(settings.holding.lessons)?;
+    let trees = run::fit(for_trees, &settings.training, &rows, Scope::All, workers)?;
     let rows = data.learnt_from(settings.committee_lessons)?;
-    let committee = committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
-    Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
+    let (committee, least_confidence) =
+        committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
+    Ok(Panel { bands, least_confidence, trees, committee })
+}
+
+/// The known ranges of the rows from which a committee learns.
+///
+/// # Errors
+/// As [`train`].
+pub(crate) fn novelty(
+    data: &DataSet,
+    settings: &EvaluationSettings,
+) -> Result<Novelty, EvaluationError> {
+    let rows = data.learnt_from(settings.committee_lessons)?;
+    let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
+    Ok(novelty::learn(&data.examples, &rows, &groups, Tuning::default().known_share)?)
 }
 
 /// Inputs of an evaluation besides data and settings.
 pub struct Context<'c> {
     /// The diagnosis trained on all rows.
-    pub trained: &'c Trained,
+    pub trained: &'c Panel,
     /// For each sensor with a band, a number that is equal for like sensors.
     pub pools: &'c [usize],
     /// The same data with every feature, including unused ones, for the paper's trees.
@@ -282,7 +307,7 @@ pub fn evaluate(
     let data = &data;
     let mut evaluation = Evaluation {
         detection: detection::evaluate(data),
-        paper_detection: detection::share(&unbanded, true),
+        paper_detection: detection::share(&unbanded),
         bands,
         features: data.features.len(),
         constant_features: data.constant.clone(),
@@ -337,7 +362,7 @@ fn under_protocols(
         }
         let holding = Holding { lessons: settings.committee_lessons, ..holding };
         let splits = protocol.splits(data, holding)?;
-        let hierarchy = &trained.committee.hierarchy;
+        let hierarchy = &trained.committee;
         let committee = answers(protocol, &of_committee, hierarchy, &settings.committee, &splits)?;
         evaluation.committee.push(summary(protocol, data, &committee, &shutdowns));
         if isolation::PROTOCOLS.contains(&protocol) {
@@ -368,13 +393,13 @@ fn unseen(data: &DataSet) -> Vec<usize> {
 
 fn flips(
     data: &DataSet,
-    trained: &Trained,
+    trained: &Panel,
     context: &Context,
 ) -> Result<Option<(Flips, Flips)>, EvaluationError> {
     let rows = unseen(data);
     let Some(moving) = context.moving.filter(|_| !rows.is_empty()) else { return Ok(None) };
     let of = |hierarchy| flips::evaluate(data, hierarchy, moving, &rows, context.workers);
-    Ok(Some((of(&trained.trees)?, of(&trained.committee.hierarchy)?)))
+    Ok(Some((of(&trained.trees)?, of(&trained.committee)?)))
 }
 
 /// The size of a stage's tree.
@@ -403,7 +428,7 @@ fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) ->
 fn false_alarms(
     unbanded: &DataSet,
     data: &DataSet,
-    trained: &Trained,
+    trained: &Panel,
     shutdowns: &[String],
 ) -> Result<Option<FalseAlarms>, EvaluationError> {
     let healthy = data.rows_where(Purpose::Test, |row| row.is_healthy);
@@ -422,7 +447,7 @@ fn false_alarms(
         Ok((Rate::new(faults as u64, of), Rate::new(shutdowns as u64, of)))
     };
     let (trees, tree_shutdowns) = said(&trained.trees)?;
-    let (committee, committee_shutdowns) = said(&trained.committee.hierarchy)?;
+    let (committee, committee_shutdowns) = said(&trained.committee)?;
     Ok(Some(FalseAlarms {
         paper_alarms: Rate::of(&healthy, |&row| unbanded.rows[row].is_detected()),
         alarms: Rate::new(alarms.len() as u64, of),

@@ -18,13 +18,14 @@ use super::run::{RowOutcome, Scope, first_error, is_right_action, run};
 use crate::parallel::Workers;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
-use servotwin_diagnosis::hierarchy::{Question, StagePlace};
+use servotwin_diagnosis::hierarchy::{HEALTHY, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
 use servotwin_learning::splits::{
     HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
 };
-use std::collections::BTreeSet;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A way to hold rows out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -222,6 +223,21 @@ pub struct ComponentScore {
     pub right: Rate,
 }
 
+/// Wrong answers of one kind about the faults of a kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Confused {
+    /// The true kind, without the actuator.
+    pub kind: String,
+    /// The first question that was answered wrongly.
+    pub question: Question,
+    /// The answer: `healthy`, `another actuator`, or the name of an action or of a fault class.
+    pub taken_for: String,
+    /// The number of such answers.
+    pub count: u64,
+    /// Their share among all tests of the kind.
+    pub share: f64,
+}
+
 /// The result of a hierarchy under a protocol.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProtocolResult {
@@ -243,6 +259,8 @@ pub struct ProtocolResult {
     pub safety: Option<Safety>,
     /// Errors by component.
     pub components: Vec<ComponentScore>,
+    /// Wrong answers by kind of fault, the most frequent first.
+    pub confused: Vec<Confused>,
 }
 
 impl ProtocolResult {
@@ -292,16 +310,17 @@ pub(crate) fn summary(
         protocol,
         title: protocol.title().into(),
         splits: outcomes.len(),
-        stages: stage_scores(data, outcomes, full),
+        stages: stage_scores(data, &counted.outcomes, full),
         end_to_end: full.then_some(right),
         right_action: Some(counted.rate(|_| true, |outcome| is_right_action(data, outcome))),
         isolated_of_all: right.share.zip(detected).filter(|_| full).map(|(a, b)| a * b),
         safety: (!shutdowns.is_empty()).then(safety),
         components: if full { counted.components() } else { vec![] },
+        confused: if full { counted.confused() } else { vec![] },
     }
 }
 
-fn stage_scores(data: &DataSet, outcomes: &[Vec<RowOutcome>], full: bool) -> Vec<StageScore> {
+fn stage_scores(data: &DataSet, outcomes: &[&RowOutcome], full: bool) -> Vec<StageScore> {
     let actuators = data.examples.names().actuators.len();
     let mut places = data.examples.places(true);
     if actuators > 1 {
@@ -312,11 +331,15 @@ fn stage_scores(data: &DataSet, outcomes: &[Vec<RowOutcome>], full: bool) -> Vec
     places.iter().map(|place| stage_score(data, outcomes, place)).collect()
 }
 
-fn stage_score(data: &DataSet, outcomes: &[Vec<RowOutcome>], place: &StagePlace) -> StageScore {
+pub(super) fn stage_score(
+    data: &DataSet,
+    outcomes: &[&RowOutcome],
+    place: &StagePlace,
+) -> StageScore {
     let names = data.examples.names();
     let classes = data.examples.classes(place);
     let local = |class: u32| classes.iter().position(|known| *known == class).map(|c| c as u32);
-    let prediction = |outcome: &RowOutcome| -> Option<Prediction> {
+    let prediction = |outcome: &&RowOutcome| -> Option<Prediction> {
         let truth = data.examples.labels()[outcome.row];
         let row = &data.rows[outcome.row];
         if row.is_healthy || !place.is_asked(truth.actuator, truth.action) {
@@ -335,15 +358,14 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<RowOutcome>], place: &StagePlace)
             said: said.and_then(local),
         })
     };
-    let splits: Vec<Vec<Prediction>> =
-        outcomes.iter().map(|split| split.iter().filter_map(prediction).collect()).collect();
+    let predictions: Vec<Prediction> = outcomes.iter().filter_map(prediction).collect();
     let class_names = classes.iter().map(|&c| names.class_name(place.question, c).to_owned());
     StageScore {
         id: place.id(),
         question: place.question,
         actuator: place.actuator.map(|actuator| names.actuators[actuator as usize].clone()),
         command: place.action.map(|command| names.actions[command as usize].clone()),
-        score: Score::of(class_names.collect(), &splits),
+        score: Score::of(class_names.collect(), &predictions),
     }
 }
 
@@ -441,5 +463,34 @@ impl Counting<'_> {
             }
         };
         names.iter().map(score).collect()
+    }
+
+    fn confused(&self) -> Vec<Confused> {
+        let names = self.data.examples.names();
+        let mut tests = vec![0_u64; self.data.kinds.len()];
+        let mut counts: BTreeMap<(u32, Question, &str), u64> = BTreeMap::new();
+        for outcome in &self.outcomes {
+            let kind = self.data.rows[outcome.row].kind;
+            tests[kind as usize] += 1;
+            let Some(question) = first_error(self.data, outcome) else { continue };
+            let said = match question {
+                Question::Actuator => outcome.said.actuator.map(|_| "another actuator"),
+                Question::Action => outcome.said.action.map(|said| &*names.actions[said as usize]),
+                Question::Detail => outcome.said.detail.map(|said| &*names.details[said as usize]),
+            };
+            *counts.entry((kind, question, said.unwrap_or(HEALTHY))).or_default() += 1;
+        }
+        let confused =
+            |((kind, question, taken_for), count): ((u32, Question, &str), u64)| Confused {
+                kind: self.data.kinds[kind as usize].clone(),
+                question,
+                taken_for: taken_for.to_owned(),
+                count,
+                share: count as f64 / tests[kind as usize] as f64,
+            };
+        let mut all: Vec<Confused> = counts.into_iter().map(confused).collect();
+        // Equally frequent ones stay in the order of the kinds.
+        all.sort_by_key(|confused| Reverse(confused.count));
+        all
     }
 }

@@ -118,7 +118,7 @@ struct Labels<'s> {
 
 impl<'s> Labels<'s> {
     fn new(target: &'s Target, windows: &Table) -> Result<Self, RecordingError> {
-        let (mut classes, codes) = coded(windows.text(&target.column)?);
+        let (mut classes, codes) = coded(windows.text(&target.column)?, Ord::cmp);
         // The empty text is the first.
         let missing = u32::from(classes.first().is_some_and(String::is_empty));
         classes.drain(..missing as usize);
@@ -145,6 +145,7 @@ impl<'s> Labels<'s> {
 }
 
 /// The answer of a classifier for a held-out window.
+#[derive(Clone, Copy)]
 struct Judged {
     window: usize,
     fold: usize,
@@ -264,7 +265,8 @@ impl RecordingStudy {
                 let judge = |&fold: &usize| judge_fold(prepared, &labels, &classifier, fold);
                 let judged = parallel::map(&folds, workers, judge)?;
                 let judged = judged.into_iter().collect::<Result<Vec<_>, RecordingError>>()?;
-                for Judged { window, fold, truth, answer } in judged.iter().flatten() {
+                let judged = judged.concat();
+                for Judged { window, fold, truth, answer } in &judged {
                     let [truth, answer] = [truth, answer].map(|&c| &*labels.classes[c as usize]);
                     let group = &prepared.groups[prepared.group[*window] as usize];
                     let name = classifier.kind().id();
@@ -322,7 +324,7 @@ fn result(
     prepared: &Prepared,
     labels: &Labels,
     classifier: ClassifierKind,
-    judged: &[Vec<Judged>],
+    judged: &[Judged],
 ) -> TargetResult {
     let prediction = |&Judged { window, fold, truth, answer }: &Judged| {
         // Without groups, the windows of a fold depend on each other.
@@ -330,14 +332,12 @@ fn result(
         let cluster = if is_grouped { prepared.group[window] } else { fold as u32 };
         Prediction { cluster, kind: cluster, truth, said: Some(answer) }
     };
-    let splits: Vec<Vec<Prediction>> =
-        judged.iter().map(|fold| fold.iter().map(prediction).collect()).collect();
     let healthy = labels.target.healthy.as_ref();
     let healthy = healthy.and_then(|value| labels.classes.binary_search(value).ok());
     // Of the windows that are healthy, or of the others, those that are answered otherwise.
     let wrong = |is_healthy: bool| {
         let healthy = healthy? as u32;
-        let among = judged.iter().flatten().filter(|own| (own.truth == healthy) == is_healthy);
+        let among = judged.iter().filter(|own| (own.truth == healthy) == is_healthy);
         let is_wrong = |own: &&Judged| (own.answer == healthy) != is_healthy;
         Some(Rate::of(&among.collect::<Vec<_>>(), is_wrong))
     };
@@ -345,7 +345,10 @@ fn result(
         column: labels.target.column.clone(),
         classifier,
         unlabeled: labels.of_window.iter().filter(|class| class.is_none()).count(),
-        score: Score::of(labels.classes.clone(), &splits),
+        score: Score::of(
+            labels.classes.clone(),
+            &judged.iter().map(prediction).collect::<Vec<_>>(),
+        ),
         false_alarms: wrong(true),
         missed: wrong(false),
     }
