@@ -123,8 +123,7 @@ impl Examples {
             read: self.read.iter().map(kept).collect(),
             hidden: kept(&self.hidden),
             views: Arc::new(self.views.iter().map(of_view).collect()),
-            labels: self.labels.clone(),
-            details: self.details.clone(),
+            ..self.clone()
         })
     }
 
@@ -150,10 +149,7 @@ impl Examples {
         Examples {
             views: Arc::new(self.views.iter().enumerate().map(of_view).collect()),
             labels: self.labels.iter().copied().chain(more).collect(),
-            names: self.names.clone(),
-            read: self.read.clone(),
-            hidden: self.hidden.clone(),
-            details: self.details.clone(),
+            ..self.clone()
         }
     }
 
@@ -168,12 +164,10 @@ impl Examples {
         };
         let labels: Vec<Label> = rows.iter().map(|&row| self.labels[row]).collect();
         Examples {
-            names: self.names.clone(),
-            read: self.read.clone(),
-            hidden: self.hidden.clone(),
             views: Arc::new(self.views.iter().map(of_view).collect()),
             details: details_of_actions(&self.names, &labels),
             labels,
+            ..self.clone()
         }
     }
 

@@ -21,9 +21,7 @@ use servotwin_diagnosis::Error;
 use servotwin_diagnosis::hierarchy::{HEALTHY, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
-use servotwin_learning::splits::{
-    HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
-};
+use servotwin_learning::splits::{Split, grouped_k_fold, leave_one_group_out, random_thirds};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -113,7 +111,7 @@ impl Protocol {
         let cases = data.cases.len() as u32;
         let splits = match self {
             Protocol::RandomThird => {
-                thirds(&groups(&|row| cluster(data, row) * cases + row.case), repeats, seed)
+                random_thirds(&groups(&|row| cluster(data, row) * cases + row.case), repeats, seed)
             }
             Protocol::KindLeftOut => leave_one_group_out(&groups(&|row| row.kind)),
             Protocol::UnseenIntensity => {
@@ -160,23 +158,6 @@ pub(super) fn cluster(data: &DataSet, row: &DataRow) -> u32 {
 pub fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
     let row = &data.rows[row];
     Trial { cluster: cluster(data, row), kind: row.kind, holds }
-}
-
-/// Random thirds that keep groups together.
-fn thirds(groups: &[u32], repeats: usize, seed: u64) -> Result<Vec<Split>, Error> {
-    let mut names = groups.to_vec();
-    names.sort_unstable();
-    names.dedup();
-    let spread = |split: &Split| {
-        let is_test = |row: &usize| {
-            let place = names.binary_search(&groups[*row]);
-            place.is_ok_and(|place| split.test.binary_search(&place).is_ok())
-        };
-        let (test, train) = (0..groups.len()).partition(is_test);
-        Split { train, test }
-    };
-    let held_out = repeated_hold_out(names.len(), HELD_OUT, repeats, seed)?;
-    Ok(held_out.iter().map(spread).collect())
 }
 
 /// The score of one stage on the rows that truly belong to it.
