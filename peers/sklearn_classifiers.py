@@ -8,7 +8,6 @@ sklearn_<table>.csv     a public table that scikit-learn ships: features, class,
 sklearn_accuracy.csv    scikit-learn's mean accuracy over the five folds, per table and classifier
 sklearn_log_loss.csv    its mean log loss over the folds, of boosted trees
 sklearn_cart_trees.csv  the nodes of some trees in preorder, where no tie decides
-sklearn_cart_pruning.csv  the pruning paths of the same trees
 
 With `--time` it writes nothing and times fits instead, on the table that the example
 `fit_time` of the crate wrote.
@@ -155,17 +154,6 @@ def write_trees():
                 )
 
 
-def write_pruning():
-    with open(GOLDEN / "sklearn_cart_pruning.csv", "w") as out:
-        out.write(HEADER)
-        out.write("# case: as in sklearn_cart_trees.csv\n")
-        out.write("case,alpha,impurity\n")
-        for case in TREE_CASES:
-            path = tree_model(case, 0).cost_complexity_pruning_path(*case_data(case))
-            for alpha, impurity in zip(path.ccp_alphas, path.impurities):
-                out.write(f"{case},{float(alpha)!r},{float(impurity)!r}\n")
-
-
 def write_golden():
     GOLDEN.mkdir(exist_ok=True)
     lines = []
@@ -193,7 +181,6 @@ def write_golden():
         out.write("table,classifier,log_loss\n")
         out.writelines(losses)
     write_trees()
-    write_pruning()
 
 
 def best_time(model, features, classes):

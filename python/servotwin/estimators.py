@@ -162,14 +162,6 @@ class CartClassifier(_Classifier):
     max_bins : int, optional
         The number of groups of values, 2 to 256, between which thresholds lie. Fewer are faster; all
         values by default.
-    ccp_alpha : float
-        The cost of a leaf in pruning.
-    resolutions : dict, optional
-        For a feature by name (x0, x1, … where rows have no names) the least difference of two values
-        that a question may separate, or a pair of this and of the least distance of a threshold from
-        zero.
-    costs : array_like, optional
-        The cost of each decision, one row for each true class.
 
     Attributes
     ----------
@@ -192,9 +184,6 @@ class CartClassifier(_Classifier):
         min_samples_leaf: int = 1,
         min_impurity_decrease: float = 0.0,
         max_bins: Optional[int] = None,
-        ccp_alpha: float = 0.0,
-        resolutions: Optional[dict[str, Any]] = None,
-        costs: Any = None,
     ) -> None:
         self.criterion = criterion
         self.max_depth = max_depth
@@ -202,16 +191,8 @@ class CartClassifier(_Classifier):
         self.min_samples_leaf = min_samples_leaf
         self.min_impurity_decrease = min_impurity_decrease
         self.max_bins = max_bins
-        self.ccp_alpha = ccp_alpha
-        self.resolutions = resolutions
-        self.costs = costs
 
     def _settings(self) -> dict[str, Any]:
-        def resolution(name: str, value: Any) -> dict[str, Any]:
-            gap, magnitude = value if isinstance(value, (tuple, list)) else (value, 0.0)
-            return {"feature": name, "gap": float(gap), "magnitude": float(magnitude)}
-
-        resolutions = self.resolutions or {}
         return {
             "kind": "cart",
             "criterion": self.criterion,
@@ -220,9 +201,6 @@ class CartClassifier(_Classifier):
             "min_samples_leaf": self.min_samples_leaf,
             "min_impurity_decrease": self.min_impurity_decrease,
             "max_bins": self.max_bins,
-            "ccp_alpha": self.ccp_alpha,
-            "resolutions": [resolution(name, value) for name, value in resolutions.items()],
-            "costs": None if self.costs is None else np.asarray(self.costs, float).tolist(),
         }
 
     @property

@@ -3,7 +3,7 @@
 //! `no_std` with `alloc`. From the bottom up: [`residual`] keeps the statistics of a window, [`windows`] slides windows of
 //! all kinds over the samples and divides residuals by their [`spread`], and [`features`] computes a row of numbers from
 //! one. [`classifiers`] runs trained models behind one trait. [`hierarchy`] runs the trees from the actuator down to the
-//! detail, [`explained`] finds the actions whose training rows resemble a row, and [`panel`] joins bands, trees and
+//! detail, and [`panel`] joins bands, trees and
 //! committee. [`diagnoser`] does all of this sample by sample. The crate `servotwin-learning` trains the models.
 //!
 //! Everything is deterministic: ties go to the lowest index, and the same samples give the same answers bit for bit.
@@ -15,7 +15,6 @@ pub mod calibration;
 pub mod classifiers;
 pub mod diagnoser;
 pub mod error;
-pub mod explained;
 pub mod features;
 pub mod hierarchy;
 pub mod number;

@@ -12,7 +12,6 @@ use servotwin_diagnosis::classifiers::ALL;
 use servotwin_diagnosis::random::Random;
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::{Fit, Settings, cart, predict};
-use servotwin_learning::metrics::Confusion;
 
 const TRAINING_ROWS: usize = 3280;
 const TESTING_ROWS: usize = 1640;
@@ -33,7 +32,9 @@ fn made_up(rows: usize, centres: &[f64], random: &mut Random) -> Samples {
         }
     }
     let names = |prefix: &str, count| (0..count).map(|n| format!("{prefix}{n}")).collect();
-    Samples::from_rows(names("x", FEATURES), names("c", CLASSES), &values, labels)
+    let column = |column: usize| values.iter().skip(column).step_by(FEATURES).copied();
+    let columns = (0..FEATURES).flat_map(column).collect();
+    Samples::from_columns(names("x", FEATURES), names("c", CLASSES), columns, labels)
         .expect("made-up samples are sound")
 }
 
@@ -53,16 +54,15 @@ fn as_csv(parts: [&Samples; 2]) -> String {
 
 fn time_fit(name: &str, settings: &Settings, train: &Samples, test: &Samples) {
     let mut best = f64::INFINITY;
-    let mut accuracy = None;
+    let mut right = 0;
     for _ in 0..3 {
         let start = Instant::now();
         let model = settings.fit(train).expect("default settings fit");
         best = best.min(start.elapsed().as_secs_f64());
         let predicted = predict(&model, test).expect("same features");
-        let table = Confusion::of(CLASSES, test.labels(), &predicted).expect("same rows");
-        accuracy = table.accuracy();
+        right = predicted.iter().zip(test.labels()).filter(|(said, truth)| said == truth).count();
     }
-    println!("{name:20} {best:8.4} s  {:.4}", accuracy.unwrap_or(0.0));
+    println!("{name:20} {best:8.4} s  {:.4}", right as f64 / TESTING_ROWS as f64);
 }
 
 fn main() -> std::io::Result<()> {

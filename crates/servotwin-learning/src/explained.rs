@@ -1,11 +1,23 @@
-//! Learns [`ExplainedActions`]: the scatter within a kind of fault, the rows of every action, and the limit.
+//! Explained actions: whether training rows with an action resemble a new row.
 //!
-//! The limit is the ⌈(1 − α)(n + 1)⌉-th smallest distance of n held-out rows from the training rows of their own
-//! action. Folds of whole groups are held out in turn. A group is what new rows do not share with the training rows: a
-//! command where new commands are judged, one variant where all commands are known.
+//! A classifier that never saw a kind of fault still answers with one of its classes. The rows of the training set
+//! answer a second question: does a known fault with this action lie that far from them?
 //!
-//! The scatter comes from all training rows, so a held-out row takes part in the metric. With many rows for each
-//! feature this matters little.
+//! ```text
+//! d_a = min over training rows r of action a of |L⁻¹ (x − r)|                (1)
+//! action a explains x where d_a ≤ limit                                      (2)
+//! ```
+//!
+//! L is the Cholesky factor of the scatter of the features within one kind of fault at one intensity. Specimens,
+//! commands and noise cause that scatter, which is the unit of (1). The limit is the ⌈(1 − α)(n + 1)⌉-th smallest
+//! distance of n held-out rows from the training rows of their own action (split conformal prediction: Vovk, Gammerman,
+//! Shafer, "Algorithmic Learning in a Random World", 2005; folds instead of one split: Vovk, "Cross-conformal
+//! predictors", Annals of Mathematics and Artificial Intelligence 74, 2015). For exchangeable rows, a known fault is not
+//! explained by its own action with a probability of about the level α. No limit is tuned.
+//!
+//! Folds of whole groups are held out in turn. A group is what new rows do not share with the training rows: a command
+//! where new commands are judged, one variant where all commands are known. The scatter comes from all training rows, so
+//! a held-out row takes part in the metric. With many rows for each feature this matters little.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -14,7 +26,6 @@ use crate::hierarchy::Examples;
 use crate::numeric::cholesky;
 use crate::splits::grouped_k_fold;
 use servotwin_diagnosis::error::{Error, require, same_length};
-use servotwin_diagnosis::explained::{ExplainedActions, nearest, whiten};
 use servotwin_diagnosis::hierarchy::StagePlace;
 use servotwin_diagnosis::numeric::{add_scaled, dot};
 
@@ -28,6 +39,9 @@ const FOLDS: usize = 5;
 /// regular where noise is absent.
 const RIDGE: f64 = 1e-3;
 
+/// The features that [`nearest`] adds between two comparisons.
+const FEATURES_AT_ONCE: usize = 4;
+
 /// The origins of the rows of examples.
 #[derive(Debug, Clone, Copy)]
 pub struct Origins<'o> {
@@ -35,6 +49,31 @@ pub struct Origins<'o> {
     pub clusters: &'o [u32],
     /// For each row of the examples, the group that stays in one fold.
     pub groups: &'o [u32],
+}
+
+/// The training rows of every action, in the metric of (1).
+#[derive(Debug, Clone, PartialEq)]
+pub struct ExplainedActions {
+    /// The features in use, as columns of a row.
+    columns: Vec<usize>,
+    /// Row-major lower triangle of L, square.
+    factor: Vec<f64>,
+    /// For each action, its training rows multiplied by L⁻¹, row after row.
+    rows: Vec<Vec<f64>>,
+    /// The largest distance at which an action explains a row; infinite if there were too few held-out rows.
+    limit: f64,
+}
+
+impl ExplainedActions {
+    /// Whether an action explains a row, which holds all features in the actuator's view. NaN explains nothing.
+    ///
+    /// # Panics
+    /// If the row lacks a column, or the action was not known in training.
+    pub fn explains(&self, row: &[f64], action: usize) -> bool {
+        let mut own: Vec<f64> = self.columns.iter().map(|&column| row[column]).collect();
+        whiten(&self.factor, &mut own);
+        nearest(&own, &self.rows[action]) <= self.limit
+    }
 }
 
 /// Learns from faults of a stage that decides the action, at a level between 0 and 1. `None` if there are no rows or no
@@ -63,7 +102,7 @@ pub fn learn(
     table.chunks_exact_mut(size).for_each(|row| whiten(&factor, row));
     let labels: Vec<u32> = rows.iter().map(|&row| examples.labels()[row].action).collect();
     let mut known = ExplainedActions {
-        columns: examples.columns(place).into_iter().map(|column| column as u32).collect(),
+        columns: examples.columns(place),
         factor,
         rows: vec![vec![]; examples.names().actions.len()],
         limit: limit(&table, size, &labels, &of_rows(origins.groups), level),
@@ -135,13 +174,40 @@ fn limit(table: &[f64], size: usize, labels: &[u32], groups: &[u32], level: f64)
     distances.get(place.max(1) - 1).copied().unwrap_or(f64::INFINITY)
 }
 
+/// Replaces x by L⁻¹ x, with the row-major lower triangle of L.
+fn whiten(factor: &[f64], x: &mut [f64]) {
+    let size = x.len();
+    for place in 0..size {
+        let row = &factor[place * size..];
+        x[place] = (x[place] - dot(&row[..place], &x[..place])) / row[place];
+    }
+}
+
+/// The distance to the nearest of several rows, which follow one another; infinite without rows.
+fn nearest(x: &[f64], rows: &[f64]) -> f64 {
+    let mut least = f64::INFINITY;
+    for row in rows.chunks_exact(x.len().max(1)) {
+        let mut squared = 0.0;
+        for (x, row) in x.chunks(FEATURES_AT_ONCE).zip(row.chunks(FEATURES_AT_ONCE)) {
+            x.iter().zip(row).for_each(|(a, b)| squared += (a - b) * (a - b));
+            // The sum only grows, so this row is not the nearest.
+            if squared >= least {
+                break;
+            }
+        }
+        if squared < least {
+            least = squared;
+        }
+    }
+    libm::sqrt(least)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::hierarchy::Label;
     use alloc::format;
     use alloc::string::String;
-    use servotwin_diagnosis::explained::Explanation;
     use servotwin_diagnosis::hierarchy::{Names, Question};
     use servotwin_diagnosis::random::Random;
 
@@ -188,15 +254,7 @@ mod tests {
 
     fn learn_at(rows: &Rows, level: f64) -> ExplainedActions {
         let origins = Origins { clusters: &rows.clusters, groups: &rows.groups };
-        let known = learn(&rows.examples, &PLACE, &rows.all, origins, level).unwrap().unwrap();
-        known.check().unwrap();
-        known
-    }
-
-    fn explain(known: &ExplainedActions, row: &[f64], action: usize) -> Explanation {
-        let mut distances = vec![0.0; known.rows.len()];
-        known.distances_into(row, &mut known.scratch(), &mut distances).unwrap();
-        known.explanation(&distances, action)
+        learn(&rows.examples, &PLACE, &rows.all, origins, level).unwrap().unwrap()
     }
 
     #[test]
@@ -209,7 +267,7 @@ mod tests {
                 let unexplained = new.all.iter().filter(|&&row| {
                     new.examples.row_into(0, row, &mut values);
                     let action = new.examples.labels()[row].action as usize;
-                    explain(&known, &values, action) == Explanation::No
+                    !known.explains(&values, action)
                 });
                 let share = unexplained.count() as f64 / 1000.0;
                 // Three standard deviations of both the limit and the count.
@@ -225,17 +283,15 @@ mod tests {
         for intensity in 2..10 {
             let mut row = [0.0; FEATURES];
             row[3] = f64::from(intensity);
-            for action in 0..2 {
-                assert_eq!(explain(&known, &row, action), Explanation::No, "{intensity}");
-            }
+            assert!((0..2).all(|action| !known.explains(&row, action)), "{intensity}");
         }
         let strong_leak = [5.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(explain(&known, &strong_leak, 0), Explanation::Only);
-        assert_eq!(explain(&known, &strong_leak, 1), Explanation::No);
+        assert!(known.explains(&strong_leak, 0) && !known.explains(&strong_leak, 1));
+        assert!(!known.explains(&[f64::NAN; FEATURES], 0));
     }
 
     #[test]
-    fn too_few_rows_for_a_level_isolate_nothing() {
+    fn too_few_rows_for_a_level_set_no_limit() {
         let known = learn_at(&rows(60, 1), LEVEL);
         assert_eq!(known.limit, f64::INFINITY, "a hundredth of 60 rows is no row");
         assert!(learn_at(&rows(60, 1), 0.1).limit.is_finite());

@@ -8,7 +8,6 @@
 //! Without pooling, a stage of actuator `k` reads its columns in view 0. If the examples contain healthy rows, A learns
 //! to answer that there is no fault.
 
-use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -124,8 +123,7 @@ impl Examples {
             read: self.read.iter().map(kept).collect(),
             hidden: kept(&self.hidden),
             views: Arc::new(self.views.iter().map(of_view).collect()),
-            labels: self.labels.clone(),
-            details: self.details.clone(),
+            ..self.clone()
         })
     }
 
@@ -151,10 +149,7 @@ impl Examples {
         Examples {
             views: Arc::new(self.views.iter().enumerate().map(of_view).collect()),
             labels: self.labels.iter().copied().chain(more).collect(),
-            names: self.names.clone(),
-            read: self.read.clone(),
-            hidden: self.hidden.clone(),
-            details: self.details.clone(),
+            ..self.clone()
         }
     }
 
@@ -169,23 +164,11 @@ impl Examples {
         };
         let labels: Vec<Label> = rows.iter().map(|&row| self.labels[row]).collect();
         Examples {
-            names: self.names.clone(),
-            read: self.read.clone(),
-            hidden: self.hidden.clone(),
             views: Arc::new(self.views.iter().map(of_view).collect()),
             details: details_of_actions(&self.names, &labels),
             labels,
+            ..self.clone()
         }
-    }
-
-    /// The same examples with other columns for each actuator's stages.
-    ///
-    /// # Errors
-    /// [`Error::LengthMismatch`] and [`Error::IndexOutOfRange`].
-    pub fn reading(&self, read: Vec<Vec<usize>>) -> Result<Self, Error> {
-        same_length("columns to read", self.names.actuators.len(), read.len())?;
-        check_columns(read.iter().flatten(), self.names.features.len())?;
-        Ok(Examples { read, ..self.clone() })
     }
 
     /// The same examples with columns that no stage may read.
@@ -208,14 +191,6 @@ impl Examples {
             Question::Action => (0..self.names.actions.len() as u32).collect(),
             Question::Detail => self.details[place.action.unwrap_or(0) as usize].clone(),
         }
-    }
-
-    /// The name of a class of a question.
-    ///
-    /// # Panics
-    /// If there is no such class.
-    pub(crate) fn class_name(&self, question: Question, class: u32) -> &str {
-        self.names.class_name(question, class)
     }
 
     /// The columns that a stage may read.
@@ -253,7 +228,7 @@ impl Examples {
         let names = columns.iter().map(|&c| self.names.features[c].clone());
         let classes = self.classes(place);
         let class_names =
-            classes.iter().map(|&class| self.class_name(place.question, class).into());
+            classes.iter().map(|&class| self.names.class_name(place.question, class).into());
         let labels = asked.iter().map(|&(_, _, label)| label).collect();
         let samples =
             Samples::from_columns(names.collect(), class_names.collect(), values, labels)?;
@@ -391,20 +366,13 @@ impl HierarchySettings {
         }
     }
 
-    /// The classifier settings of a stage, with only the resolutions and exclusions of features that its samples have.
-    pub(crate) fn of_stage(&self, question: Question, samples: &Samples) -> classifiers::Settings {
-        let mut settings = match question {
+    /// The classifier settings of a stage.
+    fn of_stage(&self, question: Question) -> &classifiers::Settings {
+        match question {
             Question::Actuator => &self.actuator,
             Question::Action => &self.action,
             Question::Detail => &self.detail,
         }
-        .clone();
-        if let classifiers::Settings::Cart(cart) = &mut settings {
-            let known = |name: &String| samples.feature_names().contains(name);
-            cart.resolutions.retain(|limit| known(&limit.feature));
-            cart.excluded_features.retain(known);
-        }
-        settings
     }
 
     /// Trains every stage that has rows.
@@ -439,7 +407,7 @@ impl HierarchySettings {
         let Some((samples, _)) = examples.samples(place, rows, self.mirror)? else {
             return Ok(None);
         };
-        let model = self.of_stage(place.question, &samples).fit(&samples)?;
+        let model = self.of_stage(place.question).fit(&samples)?;
         let columns = examples.columns(place);
         Ok(Some(Stage {
             id: place.id(),

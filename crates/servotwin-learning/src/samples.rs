@@ -78,27 +78,6 @@ impl Samples {
         Ok(samples)
     }
 
-    /// Creates samples from row-major values: all features of the first row, then of the second …
-    ///
-    /// # Errors
-    /// As [`Samples::from_columns`].
-    pub fn from_rows(
-        feature_names: Vec<String>,
-        class_names: Vec<String>,
-        values: &[f64],
-        labels: Vec<u32>,
-    ) -> Result<Self, Error> {
-        let (rows, features) = (labels.len(), feature_names.len());
-        same_length("values", rows * features, values.len())?;
-        let mut columns = vec![0.0; values.len()];
-        for row in 0..rows {
-            for column in 0..features {
-                columns[column * rows + row] = values[row * features + column];
-            }
-        }
-        Samples::from_columns(feature_names, class_names, columns, labels)
-    }
-
     /// Adds a weight for each row. A weight of 2 counts as two equal rows; rows of weight 0 are ignored.
     ///
     /// # Errors
@@ -202,17 +181,8 @@ impl Samples {
         self.weights.as_ref().map_or(1.0, |weights| weights[row])
     }
 
-    /// The index of a feature name.
-    ///
-    /// # Errors
-    /// [`Error::UnknownFeature`].
-    pub(crate) fn feature_index(&self, name: &str) -> Result<usize, Error> {
-        let place = self.feature_names.iter().position(|known| known == name);
-        place.ok_or_else(|| Error::UnknownFeature { name: name.into() })
-    }
-
     /// Weight of each class over all rows.
-    pub fn class_weights(&self) -> Vec<f64> {
+    pub(crate) fn class_weights(&self) -> Vec<f64> {
         let mut totals = vec![0.0; self.classes()];
         for (row, &label) in self.labels.iter().enumerate() {
             totals[label as usize] += self.weight(row);
@@ -220,55 +190,14 @@ impl Samples {
         totals
     }
 
-    /// Only these rows, in this order; a row may occur twice. Class names stay, so that labels keep their meaning.
-    ///
-    /// # Errors
-    /// [`Error::IndexOutOfRange`], [`Error::NoSamples`] without a remaining row of positive weight.
-    pub fn select_rows(&self, rows: &[usize]) -> Result<Self, Error> {
-        check_indices("row", rows, self.rows())?;
-        let mut values = Vec::with_capacity(rows.len() * self.features());
-        for column in self.values.chunks_exact(self.rows()) {
-            values.extend(rows.iter().map(|&row| column[row]));
-        }
-        let selected = Samples {
-            feature_names: self.feature_names.clone(),
-            class_names: self.class_names.clone(),
-            has_missing: self.has_missing && values.iter().any(|value| value.is_nan()),
-            values: Arc::new(values),
-            labels: rows.iter().map(|&row| self.labels[row]).collect(),
-            weights: None,
-        };
-        selected.check_sizes()?;
-        match &self.weights {
-            Some(weights) => selected.with_weights(rows.iter().map(|&row| weights[row]).collect()),
-            None => Ok(selected),
-        }
-    }
-
-    /// The samples with only these feature columns, in this order.
-    ///
-    /// # Errors
-    /// [`Error::IndexOutOfRange`], [`Error::NoFeatures`].
-    pub fn select_columns(&self, columns: &[usize]) -> Result<Self, Error> {
-        check_indices("column", columns, self.features())?;
-        let mut values = Vec::with_capacity(columns.len() * self.rows());
-        for &column in columns {
-            values.extend_from_slice(self.column(column));
-        }
-        let selected = Samples {
-            feature_names: columns.iter().map(|&c| self.feature_names[c].clone()).collect(),
-            class_names: self.class_names.clone(),
-            has_missing: self.has_missing && values.iter().any(|value| value.is_nan()),
-            values: Arc::new(values),
-            labels: self.labels.clone(),
-            weights: self.weights.clone(),
-        };
-        selected.check_sizes()?;
-        Ok(selected)
-    }
-
     fn check(&self) -> Result<(), Error> {
-        self.check_sizes()?;
+        if self.labels.is_empty() {
+            return Err(Error::NoSamples);
+        }
+        if self.feature_names.is_empty() {
+            return Err(Error::NoFeatures);
+        }
+        same_length("values", self.rows() * self.features(), self.values.len())?;
         for (column, values) in self.values.chunks_exact(self.rows()).enumerate() {
             let allowed = |value: &f64| {
                 (-MAX_VALUE..=MAX_VALUE).contains(value) || (self.has_missing && value.is_nan())
@@ -282,23 +211,6 @@ impl Samples {
             Some(row) => Err(Error::LabelOutOfRange { row, label: self.labels[row], classes }),
             None => Ok(()),
         }
-    }
-
-    fn check_sizes(&self) -> Result<(), Error> {
-        if self.labels.is_empty() {
-            return Err(Error::NoSamples);
-        }
-        if self.feature_names.is_empty() {
-            return Err(Error::NoFeatures);
-        }
-        same_length("values", self.rows() * self.features(), self.values.len())
-    }
-}
-
-fn check_indices(what: &'static str, indices: &[usize], length: usize) -> Result<(), Error> {
-    match indices.iter().find(|&&index| index >= length) {
-        Some(&index) => Err(Error::IndexOutOfRange { what, index, length }),
-        None => Ok(()),
     }
 }
 

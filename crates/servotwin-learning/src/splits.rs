@@ -8,7 +8,7 @@ use servotwin_diagnosis::error::{Error, require};
 use servotwin_diagnosis::random::Random;
 
 /// Share of test rows in the seed paper.
-pub const HELD_OUT: f64 = 1.0 / 3.0;
+const HELD_OUT: f64 = 1.0 / 3.0;
 
 /// Training and test rows; no row is in both.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,30 +26,23 @@ impl Split {
     }
 }
 
-/// Holds out a random share of the rows, rounded to the nearest row, with at least one row on each side.
-fn hold_out(rows: usize, held_out: f64, seed: u64) -> Result<Split, Error> {
-    require(held_out > 0.0 && held_out < 1.0, "held_out", held_out, "between 0 and 1")?;
-    enough(2, rows)?;
-    let count = (libm::round(rows as f64 * held_out) as usize).clamp(1, rows - 1);
-    let mut order: Vec<usize> = (0..rows).collect();
-    Random::new(seed).shuffle(&mut order);
-    let mut is_test = vec![false; rows];
-    order[..count].iter().for_each(|&row| is_test[row] = true);
-    Ok(Split::by(rows, |row| is_test[row]))
-}
-
-/// Several independent splits that hold out a random share of the rows, with at least one row on each side.
+/// Several independent splits that hold out a random third of the groups, rounded, with at least one on each side.
 ///
 /// # Errors
-/// [`Error::SettingOutOfRange`] unless `0 < held_out < 1`; [`Error::TooFewForFolds`] for fewer than two rows.
-pub fn repeated_hold_out(
-    rows: usize,
-    held_out: f64,
-    repeats: usize,
-    seed: u64,
-) -> Result<Vec<Split>, Error> {
+/// [`Error::TooFewForFolds`] for fewer than two groups.
+pub fn random_thirds(groups: &[u32], repeats: usize, seed: u64) -> Result<Vec<Split>, Error> {
+    let names = distinct(groups);
+    enough(2, names.len())?;
+    let count = (libm::round(names.len() as f64 * HELD_OUT) as usize).clamp(1, names.len() - 1);
     let mut seeds = Random::new(seed);
-    (0..repeats).map(|_| hold_out(rows, held_out, seeds.next_u64())).collect()
+    let one = |_| {
+        let mut order = names.clone();
+        Random::new(seeds.next_u64()).shuffle(&mut order);
+        order.truncate(count);
+        order.sort_unstable();
+        Split::by(groups.len(), |row| order.binary_search(&groups[row]).is_ok())
+    };
+    Ok((0..repeats).map(one).collect())
 }
 
 /// Folds in which all rows of a group (an operating case, a fault variant) stay together. The largest groups come

@@ -115,14 +115,7 @@ pub static CHAPTERS: &[Chapter] = &[
         id: "errors",
         title: "What errors do",
         is_appendix: false,
-        sections: &[
-            Section { id: "safety", title: "Safety", write: safety::write },
-            Section {
-                id: "ambiguity",
-                title: "Faults taken for each other",
-                write: ambiguity::write,
-            },
-        ],
+        sections: &[Section { id: "safety", title: "Safety", write: safety::write }],
     },
     Chapter {
         id: "work",
@@ -184,7 +177,6 @@ pub static CHAPTERS: &[Chapter] = &[
             },
             Section { id: "confusion", title: "Confusion matrices", write: confusion::write },
             Section { id: "classifiers", title: "Classifiers compared", write: classifiers::write },
-            Section { id: "ablation", title: "What carries the result", write: ablation::write },
         ],
     },
     Chapter {

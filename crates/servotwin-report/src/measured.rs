@@ -10,7 +10,6 @@ use crate::words::{
 };
 use serde::Serialize;
 use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::isolation::RULE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
@@ -270,18 +269,20 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
         }
     }
     for isolation in &evaluation.isolation {
-        let Some(rates) = isolation.rates(RULE) else { continue };
         let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, Some(rate));
-        push("fault isolated", rates.decided);
-        push(&format!("{} right, of isolated", words.action()), rates.right_action);
-        push(&format!("{} right or not isolated", words.action()), rates.right_or_not_isolated);
+        push("fault isolated", isolation.decided);
+        push(&format!("{} right, of isolated", words.action()), isolation.right_action);
+        push(&format!("{} right or not isolated", words.action()), isolation.right_or_not_isolated);
         if words.has_off() && words.has_several() {
             let measure = format!("wrong {} {}", words.unit(), words.switched_off());
-            push(&measure, rates.wrong_actuator_shutdown);
+            push(&measure, isolation.safety.wrong_actuator_shutdown);
         }
         if words.has_off() {
-            push(&format!("{} missed (of detected)", words.off()), rates.missed_shutdown);
-            push(&format!("needless {}", words.off()), rates.needless_shutdown);
+            push(
+                &format!("{} missed (of detected)", words.off()),
+                isolation.safety.missed_shutdown,
+            );
+            push(&format!("needless {}", words.off()), isolation.safety.needless_shutdown);
         }
     }
     rates

@@ -2,7 +2,6 @@
 
 use servotwin::campaign::Comparison;
 use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::ambiguity::Ambiguity;
 use servotwin::evaluation::detection::{Curve, Detection, Least};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
@@ -229,11 +228,11 @@ fn evaluation() -> Evaluation {
             needless_shutdown: Rate::new(0, 0),
         }),
         components: vec![],
+        confused: vec![],
     };
     Evaluation {
         detection: Detection {
             detected: Rate::new(5, 8),
-            excluded: Rate::new(3, 8),
             failed: 0,
             curves: vec![
                 curve("leakage_a.leakage", "leakage", [2, 2]),
@@ -254,11 +253,8 @@ fn evaluation() -> Evaluation {
         baseline: vec![],
         random_thirds: vec![],
         isolation: vec![],
-        reliability: None,
         flips: None,
         classifiers: vec![],
-        ablation: vec![],
-        ambiguity: Ambiguity { pairs: vec![], groups: vec![] },
         stages: vec![],
         false_alarms: None,
     }

@@ -53,10 +53,7 @@ impl Settings {
             min_rows_split: 2,
             min_rows_leaf: 1,
             min_impurity_decrease: 0.0,
-            features: (0..samples.features()).collect(),
             drawn_features: samples.features(),
-            limits: vec![],
-            costs: None,
         })
     }
 }
@@ -77,8 +74,7 @@ impl Fit for Settings {
         let mut trees: Vec<WeightedTree> = vec![];
         while trees.len() < self.rounds {
             normalise(&mut weights);
-            let growth =
-                Growth { samples, weights: &weights, impurity_weights: &weights, rules: &rules };
+            let growth = Growth { samples, weights: &weights, rules: &rules };
             let tree = grow(&growth, presorted, &mut Random::new(0));
             let missed = missed_rows(&tree, samples);
             let error = weights.iter().zip(&missed).filter(|(_, missed)| **missed);

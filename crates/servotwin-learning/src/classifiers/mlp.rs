@@ -204,12 +204,7 @@ impl<'a> Training<'a> {
         let (weights, intercepts) = output.split_at(hidden * classes);
         self.errors.copy_from_slice(intercepts);
         self.hidden.iter_mut().for_each(|unit| *unit = unit.max(0.0));
-        // Common numbers of classes are constants, so that the compiler unrolls the short loops.
-        match classes {
-            2 => add_outputs::<2>(&mut self.errors, &self.hidden, weights),
-            3 => add_outputs::<3>(&mut self.errors, &self.hidden, weights),
-            _ => add_many(&mut self.errors, &self.hidden, weights),
-        }
+        add_many(&mut self.errors, &self.hidden, weights);
         let label = self.labels[row] as usize;
         let of_label = self.errors[label];
         let loss = self.weights[row] * (softmax(&mut self.errors) - of_label);
@@ -227,21 +222,15 @@ impl<'a> Training<'a> {
         add_scaled(intercepts, 1.0, &self.errors);
         let weights = &self.parameters[output_start(self.shape)..];
         let hidden_errors = &mut self.hidden_errors[place * hidden..(place + 1) * hidden];
-        let (units, errors) = (&self.hidden, &self.errors);
-        match classes {
-            2 => outputs_back::<2>(units, errors, weights, slopes, hidden_errors),
-            3 => outputs_back::<3>(units, errors, weights, slopes, hidden_errors),
-            _ => {
-                let units = units.iter().zip(hidden_errors);
-                let weights = weights.chunks_exact(classes);
-                for (((&unit, error), slopes), weights) in
-                    units.zip(slopes.chunks_exact_mut(classes)).zip(weights)
-                {
-                    if unit > 0.0 {
-                        add_scaled(slopes, unit, errors);
-                        *error = dot(weights, errors);
-                    }
-                }
+        // Inactive units pass nothing back.
+        let units = self.hidden.iter().zip(hidden_errors);
+        let weights = weights.chunks_exact(classes);
+        for (((&unit, error), slopes), weights) in
+            units.zip(slopes.chunks_exact_mut(classes)).zip(weights)
+        {
+            if unit > 0.0 {
+                add_scaled(slopes, unit, &self.errors);
+                *error = dot(weights, &self.errors);
             }
         }
     }
@@ -304,44 +293,6 @@ impl<'a> Training<'a> {
         }
         let output_weights = output.to_vec();
         Model { shape: self.shape, hidden_weights, hidden_intercepts, output_weights, epochs, loss }
-    }
-}
-
-/// `sums += units · weights` for a known number of classes.
-fn add_outputs<const CLASSES: usize>(sums: &mut [f64], units: &[f64], weights: &[f64]) {
-    let Some((sums, _)) = sums.split_first_chunk_mut::<CLASSES>() else {
-        return;
-    };
-    for (unit, weights) in units.iter().zip(weights.as_chunks::<CLASSES>().0) {
-        for (sum, weight) in sums.iter_mut().zip(weights) {
-            *sum += unit * weight;
-        }
-    }
-}
-
-/// Adds one row's gradient of the output weights and fills its hidden errors, for a known number of classes. Inactive
-/// units pass nothing back.
-fn outputs_back<const CLASSES: usize>(
-    units: &[f64],
-    errors: &[f64],
-    weights: &[f64],
-    slopes: &mut [f64],
-    hidden_errors: &mut [f64],
-) {
-    let Some((errors, _)) = errors.split_first_chunk::<CLASSES>() else {
-        return;
-    };
-    let weights = weights.as_chunks::<CLASSES>().0;
-    let slopes = slopes.as_chunks_mut::<CLASSES>().0;
-    for (((unit, hidden), weights), slopes) in
-        units.iter().zip(hidden_errors).zip(weights).zip(slopes)
-    {
-        let mut sum = 0.0;
-        for class in 0..CLASSES {
-            slopes[class] += unit * errors[class];
-            sum += weights[class] * errors[class];
-        }
-        *hidden = if *unit > 0.0 { sum } else { 0.0 };
     }
 }
 

@@ -87,10 +87,7 @@ impl Settings {
             min_rows_split: split,
             min_rows_leaf: leaf,
             min_impurity_decrease: 0.0,
-            features: (0..features).collect(),
             drawn_features,
-            limits: vec![],
-            costs: None,
         })
     }
 
@@ -142,7 +139,7 @@ impl Fit for Settings {
         let one_tree = |place| {
             let mut random = Random::stream(self.seed, place as u64);
             let weights = &self.drawn_weights(samples, &mut random);
-            let growth = Growth { samples, weights, impurity_weights: weights, rules: &rules };
+            let growth = Growth { samples, weights, rules: &rules };
             voting(&grow(&growth, presorted, &mut random))
         };
         Ok(Model {

@@ -2,9 +2,9 @@
 //!
 //! Rows are not independent: one fault at one intensity occurs in many cases, and adjacent intensities of one kind are
 //! similar. So intervals come from a bootstrap of whole clusters (a kind at an intensity). A bootstrap of whole kinds
-//! gives a wider interval ([`cluster_bootstrap`]). Rates of independent cases have Wilson's interval.
+//! gives a wider interval. Rates of independent cases have Wilson's interval.
 
-use alloc::vec;
+use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -66,8 +66,12 @@ impl Rate {
     pub fn clustered(trials: &[Trial]) -> Self {
         let count = trials.iter().filter(|trial| trial.holds).count() as u64;
         let plain = Rate::new(count, trials.len() as u64);
-        let (low, high) = interval(trials, |trial| trial.cluster);
-        Rate { low, high, by_kind: Some(interval(trials, |trial| trial.kind)), ..plain }
+        let interval = |cluster: fn(&Trial) -> u32| {
+            let trials = trials.iter().map(|trial| (cluster(trial), trial.holds));
+            cluster_interval(trials, RESAMPLES, SEED)
+        };
+        let (low, high) = interval(|trial| trial.cluster);
+        Rate { low, high, by_kind: Some(interval(|trial| trial.kind)), ..plain }
     }
 
     /// The rate of items that meet a condition.
@@ -77,17 +81,11 @@ impl Rate {
     }
 }
 
-fn interval(trials: &[Trial], cluster: impl Fn(&Trial) -> u32) -> (f64, f64) {
-    let clusters: Vec<u32> = trials.iter().map(cluster).collect();
-    let holds: Vec<f64> = trials.iter().map(|t| f64::from(u8::from(t.holds))).collect();
-    cluster_bootstrap(&clusters, &holds, &vec![1.0; trials.len()], RESAMPLES, SEED)
-}
-
 /// Wilson's interval for `successes` out of `trials`, at `z` standard deviations (1.96 for 95 %); the whole range 0 to
 /// 1 without trials.
 ///
 /// Source: Wilson, Journal of the American Statistical Association 22, 1927.
-pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
+fn wilson_interval(successes: u64, trials: u64, z: f64) -> (f64, f64) {
     if trials == 0 {
         return (0.0, 1.0);
     }
@@ -154,60 +152,46 @@ pub fn find_share(probability: impl Fn(f64) -> f64, value: f64) -> f64 {
     high
 }
 
-/// 95 % interval of a rate `Σ count / Σ of` whose rows form dependent clusters. The percentile bootstrap draws whole
-/// clusters with replacement, `resamples` times, and the interval holds the middle 95 % of the rates. Row `i` belongs
-/// to `clusters[i]` and contributes `count[i]` successes of `of[i]` trials. The same numbers and seed give the same
-/// bits. The order of the rows does not matter if sums are exact.
+/// 95 % interval of the share of trials that hold, each with its cluster. The percentile bootstrap draws whole clusters
+/// with replacement, `resamples` times, and the interval holds the middle 95 % of the shares. The order of the trials
+/// does not matter.
 ///
-/// Clusters without trials are ignored. If all clusters have the same rate (every trial succeeded, none did, or there
-/// is one cluster), resampling cannot show unseen outcomes. The interval is then Wilson's with one trial per cluster,
-/// as if the rows of a cluster always agreed. Its ends use the numbers of successes below and above the rate. So it is
-/// the whole range without clusters, and wide for a single one.
+/// If all clusters have the same share (every trial holds, none does, or there is one cluster), resampling cannot show
+/// unseen outcomes. The interval is then Wilson's with one trial per cluster, as if the trials of a cluster always
+/// agreed. Its ends use the numbers of successes below and above the share. So it is the whole range without clusters,
+/// and wide for a single one.
 ///
 /// Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 13; drawing
 /// clusters: Davison and Hinkley, Bootstrap Methods and their Application, 1997, section 3.8.
-///
-/// # Panics
-/// Unless `clusters`, `count` and `of` have the same length.
-pub fn cluster_bootstrap(
-    clusters: &[u32],
-    count: &[f64],
-    of: &[f64],
+fn cluster_interval(
+    trials: impl Iterator<Item = (u32, bool)>,
     resamples: usize,
     seed: u64,
 ) -> (f64, f64) {
-    assert!(clusters.len() == count.len() && count.len() == of.len(), "one entry per row");
-    let sums = cluster_sums(clusters, count, of);
-    let (successes, trials) =
-        sums.iter().fold((0.0, 0.0), |(count, of), cluster| (count + cluster.0, of + cluster.1));
+    let mut sums: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
+    for (cluster, holds) in trials {
+        let (count, of) = sums.entry(cluster).or_default();
+        *count += f64::from(holds);
+        *of += 1.0;
+    }
+    let sums: Vec<(f64, f64)> = sums.into_values().collect();
+    let add = |(count, of): (f64, f64), own: &(f64, f64)| (count + own.0, of + own.1);
+    let (successes, trials) = sums.iter().fold((0.0, 0.0), add);
     let number = sums.len() as u64;
     if sums.iter().all(|(count, of)| count * trials == successes * of) {
         let whole = if number > 0 { number as f64 * (successes / trials) } else { 0.0 };
         let wilson = |successes: f64| wilson_interval(successes as u64, number, NORMAL_95);
         return (wilson(libm::floor(whole)).0, wilson(libm::ceil(whole)).1);
     }
-    if resamples == 0 {
-        return (0.0, 1.0);
-    }
     let mut random = Random::new(seed);
     let mut resampled = || {
-        let drawn = sums.iter().map(|_| sums[random.index(sums.len())]);
-        let (count, of) = drawn.fold((0.0, 0.0), |(c, o), (count, of)| (c + count, o + of));
+        let drawn = sums.iter().map(|_| &sums[random.index(sums.len())]);
+        let (count, of) = drawn.fold((0.0, 0.0), add);
         count / of
     };
     let mut shares: Vec<f64> = (0..resamples).map(|_| resampled()).collect();
     shares.sort_by(f64::total_cmp);
     (quantile(&shares, 0.025), quantile(&shares, 0.975))
-}
-
-/// The sums of every cluster with trials, in ascending order of the clusters.
-fn cluster_sums(clusters: &[u32], count: &[f64], of: &[f64]) -> Vec<(f64, f64)> {
-    let mut sums = alloc::collections::BTreeMap::new();
-    for ((&cluster, &count), &of) in clusters.iter().zip(count).zip(of) {
-        let sum: &mut (f64, f64) = sums.entry(cluster).or_default();
-        *sum = (sum.0 + count, sum.1 + of);
-    }
-    sums.into_values().filter(|(_, of)| *of > 0.0).collect()
 }
 
 /// A quantile of ascending values, linearly interpolated.
@@ -221,6 +205,7 @@ fn quantile(ascending: &[f64], share: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec;
 
     #[test]
     fn wilson_of_known_values() {
@@ -235,35 +220,31 @@ mod tests {
         assert_eq!(wilson_interval(0, 0, z), (0.0, 1.0));
     }
 
-    /// Rows in clusters of `size`, of which a share `share` succeeds; `together` makes all rows of a cluster agree.
-    fn clustered(number: u32, size: u32, share: f64, together: bool) -> (Vec<u32>, Vec<f64>) {
-        let mut random = Random::new(5);
-        let mut rows = (vec![], vec![]);
-        for cluster in 0..number {
-            let common = random.unit();
-            for _ in 0..size {
-                let own = random.unit();
-                rows.0.push(cluster);
-                rows.1.push(f64::from((if together { common } else { own }) < share));
-            }
-        }
-        rows
+    fn bootstrap(trials: &[(u32, bool)], resamples: usize, seed: u64) -> (f64, f64) {
+        cluster_interval(trials.iter().copied(), resamples, seed)
     }
 
     #[test]
     fn rows_that_agree_within_clusters_count_once() {
         // 100 clusters of 25 rows: independent rows give an interval of 2500 trials. Rows that always agree give one of
         // 100 trials, five times as wide.
-        for (together, trials) in [(false, 2500), (true, 100)] {
-            let (clusters, count) = clustered(100, 25, 0.8, together);
-            let of = vec![1.0; count.len()];
-            let share = count.iter().sum::<f64>() / count.len() as f64;
-            let (low, high) = cluster_bootstrap(&clusters, &count, &of, 4000, 1);
-            let successes = libm::round(share * trials as f64) as u64;
-            let expected = wilson_interval(successes, trials, NORMAL_95);
+        for (together, number) in [(false, 2500), (true, 100)] {
+            let mut random = Random::new(5);
+            let mut trials = vec![];
+            for cluster in 0..100 {
+                let common = random.unit();
+                let own = (0..25).map(|_| if together { common } else { random.unit() });
+                trials.extend(own.map(|own| (cluster, own < 0.8)));
+            }
+            let share = trials.iter().filter(|trial| trial.1).count() as f64 / 2500.0;
+            let (low, high) = bootstrap(&trials, 4000, 1);
+            let successes = libm::round(share * number as f64) as u64;
+            let expected = wilson_interval(successes, number, NORMAL_95);
             let ratio = (high - low) / (expected.1 - expected.0);
             assert!((0.8..1.25).contains(&ratio), "together {together}: {ratio}");
             assert!(low < share && share < high);
+            let back: Vec<(u32, bool)> = trials.iter().rev().copied().collect();
+            assert_eq!(bootstrap(&back, 4000, 1), (low, high));
         }
     }
 
@@ -273,16 +254,14 @@ mod tests {
         let mut held = 0;
         for experiment in 0..400 {
             let mut random = Random::stream(9, experiment);
-            let (mut clusters, mut count, mut of) = (vec![], vec![], vec![]);
+            let mut trials = vec![];
             for cluster in 0..60 {
                 let share = random.between(0.4, 1.0);
                 for _ in 0..5 + random.index(10) {
-                    clusters.push(cluster);
-                    count.push(f64::from(random.unit() < share));
-                    of.push(1.0);
+                    trials.push((cluster, random.unit() < share));
                 }
             }
-            let (low, high) = cluster_bootstrap(&clusters, &count, &of, 300, experiment);
+            let (low, high) = bootstrap(&trials, 300, experiment);
             held += u32::from(low <= 0.7 && 0.7 <= high);
         }
         assert!((360..=395).contains(&held), "{held} of 400");
@@ -290,35 +269,15 @@ mod tests {
 
     #[test]
     fn what_was_never_seen_is_not_excluded() {
-        let clusters = [3, 3, 8, 8, 1, 1, 7];
-        let of = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0];
-        assert_eq!(
-            cluster_bootstrap(&clusters, &[0.0; 7], &of, 100, 0),
-            wilson_interval(0, 3, NORMAL_95)
-        );
-        assert_eq!(
-            cluster_bootstrap(&clusters, &of, &of, 100, 0),
-            wilson_interval(3, 3, NORMAL_95)
-        );
-        assert_eq!(cluster_bootstrap(&[], &[], &[], 100, 0), (0.0, 1.0));
-        assert_eq!(cluster_bootstrap(&[4, 4], &[1.0, 0.0], &[1.0, 1.0], 100, 0), (0.0, 1.0));
+        let all = |holds: bool| [3, 3, 8, 8, 1, 1].map(|cluster| (cluster, holds));
+        assert_eq!(bootstrap(&all(false), 100, 0), wilson_interval(0, 3, NORMAL_95));
+        assert_eq!(bootstrap(&all(true), 100, 0), wilson_interval(3, 3, NORMAL_95));
+        assert_eq!(bootstrap(&[], 100, 0), (0.0, 1.0));
+        assert_eq!(bootstrap(&[(4, true), (4, false)], 100, 0), (0.0, 1.0));
         // Three clusters, each half right.
-        let half = [1.0, 0.0, 1.0, 0.0, 1.0, 0.0];
-        let (low, high) = cluster_bootstrap(&[1, 1, 2, 2, 3, 3], &half, &[1.0; 6], 100, 0);
+        let half = [1, 1, 2, 2, 3, 3].into_iter().zip([true, false].into_iter().cycle());
+        let (low, high) = bootstrap(&half.collect::<Vec<_>>(), 100, 0);
         assert!(low < 0.1 && high > 0.9, "{low} to {high}");
-    }
-
-    #[test]
-    fn the_order_of_rows_does_not_matter_but_the_seed_does() {
-        let (clusters, mut count) = clustered(20, 3, 0.6, true);
-        // Shares that hardly ever coincide.
-        (0..count.len()).for_each(|row| count[row] *= 1.0 - row as f64 / 256.0);
-        let of = vec![1.0; count.len()];
-        let there = cluster_bootstrap(&clusters, &count, &of, 500, 2);
-        let reversed = |list: &[f64]| list.iter().rev().copied().collect::<Vec<f64>>();
-        let back: Vec<u32> = clusters.iter().rev().copied().collect();
-        assert_eq!(cluster_bootstrap(&back, &reversed(&count), &of, 500, 2), there);
-        assert_ne!(cluster_bootstrap(&clusters, &count, &of, 500, 3), there);
     }
 
     #[test]

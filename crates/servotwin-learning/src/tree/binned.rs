@@ -9,7 +9,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::building::{Building, Growth, Parent};
-use super::criterion::{CountEntropyScan, CountScan, Criterion, Scan};
+use super::criterion::{CountEntropyScan, Criterion, GiniScan, Scan};
 use super::histogram::Bins;
 use super::split::{Candidate, divide_rows, separate};
 use servotwin_diagnosis::tree::Tree;
@@ -20,7 +20,7 @@ const TOGETHER: usize = 4;
 /// Grows a tree on rows of weight 1 without missing values.
 pub(crate) fn grow_binned(growth: &Growth, bins: &Bins) -> Tree {
     match growth.rules.criterion {
-        Criterion::Gini => Grower::<CountScan>::new(growth, bins).run(),
+        Criterion::Gini => Grower::<GiniScan>::new(growth, bins).run(),
         Criterion::Entropy => Grower::<CountEntropyScan>::new(growth, bins).run(),
     }
 }
@@ -41,8 +41,6 @@ struct Grower<'a, S> {
     bins: &'a Bins,
     building: Building<'a>,
     scan: S,
-    /// The columns that splits may use.
-    columns: Vec<usize>,
     /// The rows in use, grouped by node.
     rows: Vec<u32>,
     moving: Vec<u32>,
@@ -55,12 +53,9 @@ struct Grower<'a, S> {
 impl<'a, S: Scan + Default> Grower<'a, S> {
     fn new(growth: &'a Growth<'a>, bins: &'a Bins) -> Self {
         let rows = growth.rows();
-        let allowed =
-            |&column: &usize| growth.rules.features.binary_search(&bins.feature(column)).is_ok();
         Grower {
             building: Building::new(growth, &rows),
             scan: S::default(),
-            columns: (0..bins.columns()).filter(allowed).collect(),
             rows,
             moving: vec![],
             classes_of_rows: vec![],
@@ -108,14 +103,15 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     /// Counts a range of rows.
     fn count(&mut self, start: usize, end: usize) -> Vec<u32> {
         let (stride, classes) = (self.stride(), self.growth.samples.classes());
-        let length = self.columns.len() * stride;
+        let length = self.bins.columns() * stride;
         let mut counts = self.idle.pop().unwrap_or_else(|| vec![0; length]);
         counts.fill(0);
         let rows = &self.rows[start..end];
         let labels = self.growth.samples.labels();
         self.classes_of_rows.clear();
         self.classes_of_rows.extend(rows.iter().map(|&row| labels[row as usize]));
-        let groups = counts.chunks_mut(TOGETHER * stride).zip(self.columns.chunks(TOGETHER));
+        let columns: Vec<usize> = (0..self.bins.columns()).collect();
+        let groups = counts.chunks_mut(TOGETHER * stride).zip(columns.chunks(TOGETHER));
         for (counts, columns) in groups {
             match *columns {
                 [a, b, c, d] => {
@@ -161,24 +157,17 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
 
     /// Finds the split of a node and writes it into the tree; `None` leaves the node a leaf.
     fn choose_split(&mut self, node: usize, counts: &[u32]) -> Option<Candidate> {
-        let (mut best, mut forbidden) = (None, vec![]);
-        for (place, counts) in counts.chunks_exact(self.stride()).enumerate() {
-            self.search(self.columns[place], counts, &mut best, &mut forbidden);
+        let mut best = None;
+        for (column, counts) in counts.chunks_exact(self.stride()).enumerate() {
+            self.search(column, counts, &mut best);
         }
-        self.building.settle(node, best, forbidden)
+        self.building.settle(node, best)
     }
 
     /// Tries the thresholds between nonempty bins of a column.
-    fn search(
-        &mut self,
-        column: usize,
-        counts: &[u32],
-        best: &mut Option<Candidate>,
-        forbidden: &mut Vec<Candidate>,
-    ) {
+    fn search(&mut self, column: usize, counts: &[u32], best: &mut Option<Candidate>) {
         let feature = self.bins.feature(column);
         let rules = self.growth.rules;
-        let limits = rules.limits_of(feature);
         let classes = self.growth.samples.classes();
         let in_bin = |counts: &[u32]| counts.iter().sum::<u32>();
         let bins = self.bins.bounds(column).iter().zip(counts.chunks_exact(classes));
@@ -188,7 +177,6 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         let range = last.1 - first.0;
         let total: f64 = self.building.node_weights.iter().sum();
         let (mut left, rows) = (0, total as usize);
-        let mut refused: Option<Candidate> = None;
         self.scan.restart(&self.building.node_weights);
         while let Some(((_, lower), counts)) = bins.next() {
             let Some(((upper, _), _)) = bins.peek() else { break };
@@ -204,16 +192,12 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
             if best.is_some_and(|best| score < best.worth()) {
                 continue;
             }
-            let (threshold, gap) = (separate(*lower, *upper), upper - lower);
-            let margin = gap / range;
-            let missing_left = None;
-            let candidate = Candidate { feature, threshold, gap, margin, score, missing_left };
-            let kept = if limits.allow(threshold, gap) { &mut *best } else { &mut refused };
-            if candidate.beats(kept) {
-                *kept = Some(candidate);
+            let (threshold, margin) = (separate(*lower, *upper), (upper - lower) / range);
+            let candidate = Candidate { feature, threshold, margin, score, missing_left: None };
+            if candidate.beats(best) {
+                *best = Some(candidate);
             }
         }
-        forbidden.extend(refused);
     }
 
     /// Moves the rows of a node to their sides and the threshold halfway between them. Returns the start of the right

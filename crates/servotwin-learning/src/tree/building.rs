@@ -4,35 +4,13 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::criterion::Criterion;
-use super::split::{Candidate, SplitLimits};
+use super::split::Candidate;
 use crate::samples::Samples;
 use servotwin_diagnosis::numeric::arg_max;
-use servotwin_diagnosis::tree::{NewNode, RejectedSplit, Tree};
-
-/// Maximum number of rejected splits kept for a node.
-const REJECTED_PER_NODE: usize = 3;
+use servotwin_diagnosis::tree::{NewNode, Tree};
 
 /// A node with a smaller impurity is not split; it covers the rounding of a pure node's impurity.
 const PURE: f64 = f64::EPSILON;
-
-/// Costs of wrong decisions: `costs[true class][decided class]`.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct SplitCosts(pub Vec<Vec<f64>>);
-
-impl SplitCosts {
-    /// The class with the smallest expected cost for these class weights, the lowest in a tie.
-    fn decide(&self, weights: &[f64]) -> usize {
-        let cost_of = |class: usize| -> f64 {
-            weights.iter().zip(&self.0).map(|(weight, row)| weight * row[class]).sum()
-        };
-        arg_max((0..weights.len()).map(|class| -cost_of(class)))
-    }
-
-    /// The costs of each true class, summed: the factors of the altered priors (Breiman et al. 1984, section 4.4.3).
-    pub(crate) fn prior_factors(&self) -> Vec<f64> {
-        self.0.iter().map(|row| row.iter().sum()).collect()
-    }
-}
 
 /// Rules of splitting.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,21 +20,11 @@ pub(crate) struct SplitRules {
     pub min_rows_split: usize,
     pub min_rows_leaf: usize,
     pub min_impurity_decrease: f64,
-    /// The features that splits may use, ascending, not empty.
-    pub features: Vec<usize>,
-    /// Number of features drawn for each split; all if not less than `features.len()`.
+    /// Number of features drawn for each split; all if there are no more.
     pub drawn_features: usize,
-    /// Limits for every feature of the samples, or empty for none.
-    pub limits: Vec<SplitLimits>,
-    pub costs: Option<SplitCosts>,
 }
 
 impl SplitRules {
-    /// The limits of a feature.
-    pub(crate) fn limits_of(&self, feature: usize) -> SplitLimits {
-        self.limits.get(feature).copied().unwrap_or_default()
-    }
-
     /// Whether a node with this many rows at this depth may be split.
     pub(crate) fn may_split(&self, rows: usize, depth: usize) -> bool {
         depth < self.max_depth && rows >= self.min_rows_split.max(2 * self.min_rows_leaf)
@@ -66,10 +34,8 @@ impl SplitRules {
 /// The data and rules that a tree is grown from.
 pub(crate) struct Growth<'a> {
     pub samples: &'a Samples,
-    /// Weight of each row in counts and decisions; rows of weight 0 are ignored.
+    /// Weight of each row; rows of weight 0 are ignored.
     pub weights: &'a [f64],
-    /// Weight of each row in the impurity.
-    pub impurity_weights: &'a [f64],
     pub rules: &'a SplitRules,
 }
 
@@ -80,9 +46,9 @@ impl Growth<'_> {
         (0..self.samples.rows() as u32).filter(used).collect()
     }
 
-    /// Whether counting suffices: each row has the impurity weight one or zero.
+    /// Whether counting suffices: each row has the weight one or zero.
     pub(crate) fn is_counted(&self) -> bool {
-        self.impurity_weights.iter().all(|&weight| weight == 1.0 || weight == 0.0)
+        self.weights.iter().all(|&weight| weight == 1.0 || weight == 0.0)
     }
 }
 
@@ -94,7 +60,7 @@ pub(super) struct Building<'a> {
     pub growth: &'a Growth<'a>,
     pub tree: Tree,
     total_weight: f64,
-    /// Impurity weights of the classes at the current node.
+    /// Weights of the classes at the current node.
     pub node_weights: Vec<f64>,
 }
 
@@ -102,7 +68,7 @@ impl<'a> Building<'a> {
     pub(crate) fn new(growth: &'a Growth<'a>, rows: &[u32]) -> Self {
         Building {
             tree: Tree::new(growth.samples.features(), growth.samples.classes()),
-            total_weight: rows.iter().map(|&row| growth.impurity_weights[row as usize]).sum(),
+            total_weight: rows.iter().map(|&row| growth.weights[row as usize]).sum(),
             node_weights: vec![],
             growth,
         }
@@ -113,20 +79,16 @@ impl<'a> Building<'a> {
         let growth = self.growth;
         let classes = self.tree.classes();
         let mut counts = vec![0; classes];
-        let mut weights = vec![0.0; classes];
         self.node_weights.clear();
         self.node_weights.resize(classes, 0.0);
         for &row in rows {
             let row = row as usize;
             let class = growth.samples.labels()[row] as usize;
             counts[class] += 1;
-            weights[class] += growth.weights[row];
-            self.node_weights[class] += growth.impurity_weights[row];
+            self.node_weights[class] += growth.weights[row];
         }
-        let decision = match &growth.rules.costs {
-            Some(costs) => costs.decide(&weights),
-            None => arg_max(weights.iter().copied()),
-        };
+        let decision = arg_max(self.node_weights.iter().copied());
+        let weights = self.node_weights.clone();
         let share = self.node_weights.iter().sum::<f64>() / self.total_weight;
         let impurity = growth.rules.criterion.impurity(&self.node_weights);
         let new = NewNode { decision: decision as u32, depth, counts, weights, impurity, share };
@@ -143,42 +105,17 @@ impl<'a> Building<'a> {
         self.growth.rules.may_split(rows, depth) && self.tree.impurity(node) > PURE
     }
 
-    /// Writes the search result of a node into the tree; `None` leaves the node a leaf.
-    pub(crate) fn settle(
-        &mut self,
-        node: usize,
-        best: Option<Candidate>,
-        forbidden: Vec<Candidate>,
-    ) -> Option<Candidate> {
-        self.keep_rejected(node, &best, forbidden);
+    /// Writes the split of a node into the tree; `None` leaves the node a leaf.
+    pub(crate) fn settle(&mut self, node: usize, best: Option<Candidate>) -> Option<Candidate> {
         let best = best?;
-        let decrease = self.decrease_of(node, &best);
+        let total: f64 = self.node_weights.iter().sum();
+        let children = self.growth.rules.criterion.of_children(best.score, total);
+        let decrease = self.tree.share(node) * (self.tree.impurity(node) - children);
         if decrease + f64::EPSILON < self.growth.rules.min_impurity_decrease {
             return None;
         }
         // A useless split (needed for patterns such as exclusive-or) may round below zero.
         self.tree.ask(node, best.feature, best.threshold, decrease.max(0.0));
         Some(best)
-    }
-
-    fn decrease_of(&self, node: usize, candidate: &Candidate) -> f64 {
-        let total: f64 = self.node_weights.iter().sum();
-        let children = self.growth.rules.criterion.of_children(candidate.score, total);
-        self.tree.share(node) * (self.tree.impurity(node) - children)
-    }
-
-    fn keep_rejected(
-        &mut self,
-        node: usize,
-        best: &Option<Candidate>,
-        mut forbidden: Vec<Candidate>,
-    ) {
-        forbidden.retain(|candidate| best.is_none_or(|best| candidate.score > best.score));
-        forbidden.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.feature.cmp(&b.feature)));
-        for candidate in forbidden.into_iter().take(REJECTED_PER_NODE) {
-            let decrease = self.decrease_of(node, &candidate);
-            let Candidate { feature, threshold, gap, .. } = candidate;
-            self.tree.reject(RejectedSplit { node, feature, threshold, gap, decrease });
-        }
     }
 }

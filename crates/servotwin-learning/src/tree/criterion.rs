@@ -99,47 +99,6 @@ impl Scan for GiniScan {
     }
 }
 
-/// The running counts for Gini when every row has weight 1. They give the same bits as the sums of [`GiniScan`], which
-/// are then whole numbers, but only count most rows.
-#[derive(Default)]
-pub(crate) struct CountScan {
-    left: Vec<u32>,
-    totals: Vec<f64>,
-    total: f64,
-}
-
-impl Scan for CountScan {
-    fn restart(&mut self, totals: &[f64]) {
-        self.left.clear();
-        self.left.resize(totals.len(), 0);
-        self.totals.clear();
-        self.totals.extend_from_slice(totals);
-        self.total = totals.iter().sum();
-    }
-
-    #[inline]
-    fn move_left(&mut self, class: usize, _weight: f64) {
-        self.left[class] += 1;
-    }
-
-    #[inline]
-    fn move_many(&mut self, class: usize, count: u32) {
-        self.left[class] += count;
-    }
-
-    #[inline]
-    fn score(&self) -> f64 {
-        let (mut left_total, mut left_squares, mut right_squares) = (0.0, 0.0, 0.0);
-        for (&left, total) in self.left.iter().zip(&self.totals) {
-            let left = f64::from(left);
-            left_total += left;
-            left_squares += left * left;
-            right_squares += (total - left) * (total - left);
-        }
-        left_squares / left_total + right_squares / (self.total - left_total)
-    }
-}
-
 /// The running sums for entropy.
 #[derive(Default)]
 pub(crate) struct EntropyScan {
@@ -255,18 +214,6 @@ mod tests {
     fn running_sums_agree_with_the_definition() {
         check_scan(Criterion::Gini, &mut GiniScan::default());
         check_scan(Criterion::Entropy, &mut EntropyScan::default());
-    }
-
-    #[test]
-    fn counts_give_the_bits_of_the_sums() {
-        let (mut counts, mut sums) = (CountScan::default(), GiniScan::default());
-        counts.restart(&[3.0, 2.0, 4.0]);
-        sums.restart(&[3.0, 2.0, 4.0]);
-        for class in [2, 0, 0, 2, 1, 2, 0, 1] {
-            counts.move_left(class, 1.0);
-            sums.move_left(class, 1.0);
-            assert_eq!(counts.score().to_bits(), sums.score().to_bits());
-        }
     }
 
     #[test]

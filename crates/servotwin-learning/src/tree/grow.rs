@@ -5,9 +5,10 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
+use core::ops::Range;
 
-use super::building::{Building, Growth, Parent, SplitRules};
-use super::criterion::{CountEntropyScan, CountScan, Criterion, EntropyScan, GiniScan, Scan};
+use super::building::{Building, Growth, Parent};
+use super::criterion::{CountEntropyScan, Criterion, EntropyScan, GiniScan, Scan};
 use super::presorted::Presorted;
 use super::split::{Candidate, NodeRows, best_of_feature};
 use servotwin_diagnosis::random::Random;
@@ -16,9 +17,6 @@ use servotwin_diagnosis::tree::Tree;
 /// Grows a tree. Uses `random` only to draw features.
 pub(crate) fn grow(growth: &Growth, presorted: &Presorted, random: &mut Random) -> Tree {
     match growth.rules.criterion {
-        Criterion::Gini if growth.is_counted() => {
-            Grower::<CountScan>::new(growth, presorted).run(random)
-        }
         Criterion::Entropy if growth.is_counted() => {
             Grower::<CountEntropyScan>::new(growth, presorted).run(random)
         }
@@ -59,7 +57,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         let samples = growth.samples;
         let rows = growth.rows();
         let mut sorted = Vec::new();
-        if !draws(growth.rules) {
+        if !draws(growth) {
             let used = |row: &u32| growth.weights[*row as usize] > 0.0;
             sorted.reserve_exact(rows.len() * samples.features());
             for feature in 0..samples.features() {
@@ -81,7 +79,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
     }
 
     fn run(mut self, random: &mut Random) -> Tree {
-        let features = self.growth.rules.features.iter().map(|&feature| feature as u32).collect();
+        let features = (0..self.growth.samples.features() as u32).collect();
         let root = Pending { start: 0, end: self.rows.len(), depth: 0, parent: None, features };
         let mut stack = vec![root];
         while let Some(mut pending) = stack.pop() {
@@ -120,53 +118,27 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         if !self.building.may_split(node, pending.end - pending.start) {
             return None;
         }
-        let mut best: Option<Candidate> = None;
-        let mut forbidden: Vec<Candidate> = Vec::new();
-        if draws(self.growth.rules) {
-            best = self.search_drawn(pending, random, &mut forbidden);
-        } else {
-            self.search_all(pending, &mut best, &mut forbidden);
-        }
-        self.building.settle(node, best, forbidden)
+        let best = match draws(self.growth) {
+            true => self.search_drawn(pending, random),
+            false => self.search_all(pending),
+        };
+        self.building.settle(node, best)
     }
 
     /// Tries all features, and drops those that are constant at this node.
-    fn search_all(
-        &mut self,
-        pending: &mut Pending,
-        best: &mut Option<Candidate>,
-        forbidden: &mut Vec<Candidate>,
-    ) {
+    fn search_all(&mut self, pending: &mut Pending) -> Option<Candidate> {
+        let mut best = None;
         let mut features = core::mem::take(&mut pending.features);
         features.retain(|&feature| {
-            let feature = feature as usize;
-            let first = feature * self.rows.len();
-            let sorted = &self.sorted[first + pending.start..first + pending.end];
-            let column = self.growth.samples.column(feature);
-            if is_constant(sorted, column) {
-                return false;
-            }
-            search(
-                self.growth,
-                &self.building.node_weights,
-                &mut self.scan,
-                sorted,
-                feature,
-                best,
-                forbidden,
-            );
-            true
+            let first = feature as usize * self.rows.len();
+            self.search(first + pending.start..first + pending.end, feature as usize, &mut best)
         });
         pending.features = features;
+        best
     }
 
     /// Tries randomly drawn features until enough of them vary.
-    fn search_drawn(
-        &mut self,
-        pending: &mut Pending,
-        random: &mut Random,
-        forbidden: &mut Vec<Candidate>,
-    ) -> Option<Candidate> {
+    fn search_drawn(&mut self, pending: &mut Pending, random: &mut Random) -> Option<Candidate> {
         let mut best = None;
         let mut constant: Vec<u32> = Vec::new();
         let mut waiting = pending.features.clone();
@@ -174,28 +146,33 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         while tried < self.growth.rules.drawn_features && !waiting.is_empty() {
             let feature = waiting.swap_remove(random.index(waiting.len()));
             self.sort_rows(pending, feature as usize);
-            let column = self.growth.samples.column(feature as usize);
-            let sorted = &self.sorted;
-            if is_constant(sorted, column) {
-                constant.push(feature);
-                continue;
+            match self.search(0..self.sorted.len(), feature as usize, &mut best) {
+                true => tried += 1,
+                false => constant.push(feature),
             }
-            tried += 1;
-            let (scan, feature) = (&mut self.scan, feature as usize);
-            search(
-                self.growth,
-                &self.building.node_weights,
-                scan,
-                sorted,
-                feature,
-                &mut best,
-                forbidden,
-            );
         }
         if !constant.is_empty() {
             pending.features.retain(|feature| !constant.contains(feature));
         }
         best
+    }
+
+    /// Tries a feature on the rows in a range of `sorted` and keeps its best split. Whether the feature varies there.
+    fn search(
+        &mut self,
+        range: Range<usize>,
+        feature: usize,
+        best: &mut Option<Candidate>,
+    ) -> bool {
+        let Growth { samples, weights, rules } = *self.growth;
+        let (sorted, column) = (&self.sorted[range], samples.column(feature));
+        if is_constant(sorted, column) {
+            return false;
+        }
+        let rows = NodeRows { sorted, column, labels: samples.labels(), weights };
+        let totals = &self.building.node_weights;
+        best_of_feature(&rows, feature, rules.min_rows_leaf, totals, &mut self.scan, best);
+        true
     }
 
     /// Sorts the rows of a node by a feature into `sorted`.
@@ -224,7 +201,7 @@ impl<'a, S: Scan + Default> Grower<'a, S> {
         let (goes_left, spare) = (&self.goes_left, &mut self.spare);
         let left = partition(&mut self.rows[pending.start..pending.end], goes_left, spare);
         let largest = left.max(pending.end - pending.start - left);
-        if rules.may_split(largest, pending.depth + 1) && !draws(rules) {
+        if rules.may_split(largest, pending.depth + 1) && !draws(self.growth) {
             for &feature in &pending.features {
                 let feature = feature as usize;
                 // The rows sorted by the split's own feature are already divided, except for rows without a value,
@@ -268,39 +245,14 @@ fn sort_by_rank(keys: &mut Vec<u64>, spare: &mut Vec<u64>) {
 }
 
 /// Whether features are drawn at random for each split.
-fn draws(rules: &SplitRules) -> bool {
-    rules.drawn_features < rules.features.len()
+fn draws(growth: &Growth) -> bool {
+    growth.rules.drawn_features < growth.samples.features()
 }
 
 /// Whether a feature separates no rows: all have the same value, or all have none.
 fn is_constant(sorted: &[u32], column: &[f64]) -> bool {
     let first = column[sorted[0] as usize];
     first == column[sorted[sorted.len() - 1] as usize] || first.is_nan()
-}
-
-/// Tries one feature at a node and keeps its best splits.
-fn search<S: Scan>(
-    growth: &Growth,
-    node_weights: &[f64],
-    scan: &mut S,
-    sorted: &[u32],
-    feature: usize,
-    best: &mut Option<Candidate>,
-    forbidden: &mut Vec<Candidate>,
-) {
-    let rows = NodeRows {
-        sorted,
-        column: growth.samples.column(feature),
-        labels: growth.samples.labels(),
-        weights: growth.impurity_weights,
-    };
-    let limits = growth.rules.limits_of(feature);
-    let min_rows = growth.rules.min_rows_leaf;
-    let offer = best_of_feature(&rows, feature, min_rows, limits, node_weights, scan);
-    if let Some(candidate) = offer.allowed.filter(|candidate| candidate.beats(best)) {
-        *best = Some(candidate);
-    }
-    forbidden.extend(offer.forbidden);
 }
 
 /// Moves the rows that go left to the front and keeps the order on both sides. Returns the number of left rows.

@@ -1,4 +1,4 @@
-//! Growing and pruning of decision trees ([`servotwin_diagnosis::tree`]).
+//! Growing of decision trees ([`servotwin_diagnosis::tree`]).
 //!
 //! One tree serves CART, random forest and AdaBoost. The split search tries rows without a value (NaN) on either side
 //! of every threshold, and alone.
@@ -11,15 +11,13 @@ mod criterion;
 mod grow;
 mod histogram;
 mod presorted;
-mod prune;
 mod split;
 
 pub use criterion::Criterion;
-pub use prune::{PruningStep, prune, pruning_path};
 
 pub(crate) use binned::grow_binned;
-pub(crate) use building::{Growth, SplitCosts, SplitRules};
+pub(crate) use building::{Growth, SplitRules};
 pub(crate) use grow::grow;
 pub(crate) use histogram::Bins;
 pub(crate) use presorted::Presorted;
-pub(crate) use split::{SplitLimits, divide_rows, separate};
+pub(crate) use split::{divide_rows, separate};

@@ -14,9 +14,14 @@ pub(crate) struct Presorted {
 }
 
 /// Bits that sort as unsigned numbers in the order of the values; −0 sorts as 0, and NaN after all numbers.
-fn sortable_bits(value: f64) -> u64 {
+pub(super) fn sortable_bits(value: f64) -> u64 {
     let bits = (value + 0.0).to_bits();
     if bits >> 63 == 1 { !bits } else { bits | (1 << 63) }
+}
+
+/// The value of [`sortable_bits`].
+pub(super) fn value_of_bits(bits: u64) -> f64 {
+    f64::from_bits(if bits >> 63 == 1 { bits & !(1 << 63) } else { !bits })
 }
 
 impl Presorted {
@@ -67,12 +72,13 @@ impl Presorted {
 
 #[cfg(test)]
 mod tests {
-    use super::sortable_bits;
+    use super::{sortable_bits, value_of_bits};
 
     #[test]
     fn bits_sort_as_numbers() {
         let ascending = [f64::MIN, -2.0, -1.0, -5e-324, 0.0, 5e-324, 1.0, f64::MAX];
         assert!(ascending.windows(2).all(|pair| sortable_bits(pair[0]) < sortable_bits(pair[1])));
+        assert_eq!(ascending.map(|value| value_of_bits(sortable_bits(value))), ascending);
         assert_eq!(sortable_bits(-0.0), sortable_bits(0.0));
         assert!(sortable_bits(f64::MAX) < sortable_bits(f64::NAN.copysign(1.0)));
     }

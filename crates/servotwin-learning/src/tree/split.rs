@@ -4,35 +4,12 @@ use super::criterion::Scan;
 use alloc::vec::Vec;
 use servotwin_diagnosis::numeric::MAX_VALUE;
 
-/// Resolution limits of a feature. Zero allows everything.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct SplitLimits {
-    /// Minimum difference of the two values beside a threshold.
-    pub gap: f64,
-    /// Minimum distance of a threshold from zero.
-    pub magnitude: f64,
-}
-
-impl SplitLimits {
-    pub(crate) fn allow(self, threshold: f64, gap: f64) -> bool {
-        gap >= self.gap && libm::fabs(threshold) >= self.magnitude
-    }
-
-    /// Whether all thresholds around two adjacent values are allowed. That is false for a first allowed threshold next
-    /// to forbidden ones.
-    fn allow_around(self, lower: f64, upper: f64) -> bool {
-        let far = 4.0 * self.magnitude;
-        self.gap == 0.0 && (self.magnitude == 0.0 || lower >= far || upper <= -far)
-    }
-}
-
 /// A possible split of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
     pub feature: usize,
     pub threshold: f64,
-    pub gap: f64,
-    /// The gap over the range of the feature's values at the node.
+    /// The gap between the two values beside the threshold, over the range of the feature's values at the node.
     pub margin: f64,
     /// Score of the split; larger is better; comparable within one node.
     pub score: f64,
@@ -64,15 +41,6 @@ impl Candidate {
     }
 }
 
-/// The best splits of one feature at a node.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Offer {
-    /// The best split within the limits; of equally good ones the one in the widest gap.
-    pub allowed: Option<Candidate>,
-    /// The best split outside the limits, if it is better than the allowed ones before it.
-    pub forbidden: Option<Candidate>,
-}
-
 /// The rows of a node with values, labels and weights.
 pub(crate) struct NodeRows<'a> {
     /// Rows in ascending order of the feature.
@@ -81,7 +49,7 @@ pub(crate) struct NodeRows<'a> {
     pub column: &'a [f64],
     /// Label of every row of the samples.
     pub labels: &'a [u32],
-    /// Impurity weight of every row of the samples.
+    /// Weight of every row of the samples.
     pub weights: &'a [f64],
 }
 
@@ -150,57 +118,55 @@ pub(crate) fn divide_rows(
 /// The threshold of the test for a missing value: no number exceeds it.
 const ANY_VALUE: f64 = MAX_VALUE;
 
-/// Tries every threshold of a feature. If the node has rows without a value, it tries every threshold with these on
-/// either side, and the test for a missing value. `totals` are the node's weights. It omits splits that send all rows
-/// to one side. The rows must have two different values, or a value and a missing one.
+/// Tries every threshold of a feature and keeps the best split. If the node has rows without a value, it tries every
+/// threshold with these on either side, and the test for a missing value. `totals` are the node's weights. It omits
+/// splits that send all rows to one side. The rows must have two different values, or a value and a missing one.
 pub(crate) fn best_of_feature<S: Scan>(
     rows: &NodeRows,
     feature: usize,
     min_rows: usize,
-    limits: SplitLimits,
     totals: &[f64],
     scan: &mut S,
-) -> Offer {
+    best: &mut Option<Candidate>,
+) {
     let known = rows.known();
     let missing = rows.sorted.len() - known;
     scan.restart(totals);
-    let mut offer = Offer::default();
-    if missing == 0 {
-        try_thresholds(rows, known, None, feature, min_rows, limits, scan, &mut offer);
-        return offer;
-    }
-    try_thresholds(rows, known, Some(false), feature, min_rows, limits, scan, &mut offer);
-    if known >= min_rows && missing >= min_rows {
-        // The scan has left the last value on the right.
-        scan.restart(totals);
-        rows.sorted[..known].iter().for_each(|&row| rows.move_left(row, scan));
-        let (threshold, score) = (ANY_VALUE, scan.score());
-        let (gap, margin, missing_left) = (f64::MAX, 1.0, Some(false));
-        let given = Candidate { feature, threshold, gap, margin, score, missing_left };
-        if given.beats(&offer.allowed) {
-            offer.allowed = Some(given);
+    let mut own = None;
+    let missing_left = (missing > 0).then_some(false);
+    try_thresholds(rows, known, missing_left, feature, min_rows, scan, &mut own);
+    if missing > 0 {
+        if known >= min_rows && missing >= min_rows {
+            // The scan has left the last value on the right.
+            scan.restart(totals);
+            rows.sorted[..known].iter().for_each(|&row| rows.move_left(row, scan));
+            let (threshold, margin, score) = (ANY_VALUE, 1.0, scan.score());
+            let given = Candidate { feature, threshold, margin, score, missing_left };
+            if given.beats(&own) {
+                own = Some(given);
+            }
         }
+        scan.restart(totals);
+        rows.sorted[known..].iter().for_each(|&row| rows.move_left(row, scan));
+        try_thresholds(rows, known, Some(true), feature, min_rows, scan, &mut own);
     }
-    scan.restart(totals);
-    rows.sorted[known..].iter().for_each(|&row| rows.move_left(row, scan));
-    try_thresholds(rows, known, Some(true), feature, min_rows, limits, scan, &mut offer);
-    offer
+    if let Some(own) = own.filter(|own| own.beats(best)) {
+        *best = Some(own);
+    }
 }
 
 /// Tries every threshold of a feature that can be the best. A threshold between two values whose rows all have one
 /// class cannot. Impurity is concave there (Fayyad and Irani, Machine Learning 8, 1992), also with the same rows
 /// without a value on one side. `scan` must have started with the node's weights, with rows without a value moved left
 /// if they go there.
-#[expect(clippy::too_many_arguments, reason = "the innermost loop of all training")]
 fn try_thresholds<S: Scan>(
     rows: &NodeRows,
     known: usize,
     missing_left: Option<bool>,
     feature: usize,
     min_rows: usize,
-    limits: SplitLimits,
     scan: &mut S,
-    offer: &mut Offer,
+    best: &mut Option<Candidate>,
 ) {
     if known < 2 {
         return;
@@ -212,10 +178,7 @@ fn try_thresholds<S: Scan>(
     let may_skip = min_rows <= 1;
     let value_at = |place: usize| rows.column[rows.sorted[place] as usize];
     let range = value_at(known - 1) - value_at(0);
-    let mut worth = match &offer.allowed {
-        Some(best) => best.worth(),
-        None => f64::NEG_INFINITY,
-    };
+    let mut worth = best.as_ref().map_or(f64::NEG_INFINITY, Candidate::worth);
     let mut value = rows.column[rows.sorted[0] as usize];
     // With more rows on the left, too few remain on the right.
     let needed = min_rows.saturating_sub(right_before).max(1);
@@ -229,11 +192,7 @@ fn try_thresholds<S: Scan>(
         let same_class = rows.labels[row] == rows.labels[next_row];
         if next > value {
             let lower = core::mem::replace(&mut value, next);
-            let skipped = may_skip
-                && is_pure
-                && same_class
-                && rows.is_single(left)
-                && limits.allow_around(lower, next);
+            let skipped = may_skip && is_pure && same_class && rows.is_single(left);
             is_pure = true;
             if skipped || left + left_before < min_rows {
                 continue;
@@ -241,16 +200,11 @@ fn try_thresholds<S: Scan>(
             let score = scan.score();
             // First the comparison that nearly all thresholds fail.
             if score >= worth {
-                let (threshold, gap) = (separate(lower, next), next - lower);
-                let margin = gap / range;
-                let candidate = Candidate { feature, threshold, gap, margin, score, missing_left };
-                if limits.allow(threshold, gap) {
-                    if candidate.beats(&offer.allowed) {
-                        worth = candidate.worth();
-                        offer.allowed = Some(candidate);
-                    }
-                } else if candidate.beats(&offer.forbidden) {
-                    offer.forbidden = Some(candidate);
+                let (threshold, margin) = (separate(lower, next), (next - lower) / range);
+                let candidate = Candidate { feature, threshold, margin, score, missing_left };
+                if candidate.beats(best) {
+                    worth = candidate.worth();
+                    *best = Some(candidate);
                 }
             }
         } else {

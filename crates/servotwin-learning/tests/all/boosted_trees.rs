@@ -1,10 +1,9 @@
 //! Boosted trees: a tree worked out by hand, and what must hold for all.
 
-use crate::tables::{golden_table, samples};
+use crate::tables::{golden_table, log_loss, samples, select_rows};
 use servotwin_diagnosis::classifiers::Classifier;
 use servotwin_diagnosis::classifiers::boosted_trees::Model;
 use servotwin_learning::Samples;
-use servotwin_learning::calibration::Forecasts;
 use servotwin_learning::classifiers::Fit;
 use servotwin_learning::classifiers::boosted_trees::Settings;
 
@@ -55,7 +54,7 @@ fn every_tree_lowers_the_loss_of_the_training_rows() {
     let loss = |trees| {
         let model = Settings { trees, ..Settings::default() }.fit(&table).unwrap();
         assert_eq!(model.trees.len(), trees);
-        Forecasts::new(3, &shares(&model, &table), table.labels()).unwrap().log_loss()
+        log_loss(&shares(&model, &table), table.labels())
     };
     let losses: Vec<f64> = (1..=8).map(|k| loss(8 * k)).collect();
     assert!(losses.windows(2).all(|pair| pair[1] < pair[0]), "{losses:?}");
@@ -95,7 +94,7 @@ fn neither_order_of_rows_nor_numbers_of_classes_count() {
     let (table, _) = golden_table("wine");
     let plain = shares(&Settings::default().fit(&table).unwrap(), &table);
     let mixed: Vec<usize> = (0..table.rows()).map(|row| row * 67 % table.rows()).collect();
-    let other_order = Settings::default().fit(&table.select_rows(&mixed).unwrap()).unwrap();
+    let other_order = Settings::default().fit(&select_rows(&table, &mixed)).unwrap();
     assert!(all_near(&shares(&other_order, &table), &plain));
     let renamed = changed(&table, |value| value, |label| (label + 1) % 3);
     let of_renamed = shares(&Settings::default().fit(&renamed).unwrap(), &table);

@@ -1,5 +1,6 @@
 //! Rows without a value: a branch that is learnt, in every classifier made of trees.
 
+use crate::tables::select_rows;
 use proptest::prelude::*;
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
@@ -7,7 +8,7 @@ use servotwin_diagnosis::tree::Tree;
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::cart::Settings;
 use servotwin_learning::classifiers::{self, Fit, predict};
-use servotwin_learning::tree::{Criterion, prune};
+use servotwin_learning::tree::Criterion;
 
 /// Samples from columns, NaN where there is no value.
 fn with_missing(columns: &[Vec<f64>], labels: &[u32]) -> Samples {
@@ -103,9 +104,8 @@ proptest! {
         for (node, passed) in passed.iter().enumerate() {
             prop_assert_eq!(tree.counts(node).iter().sum::<u32>(), *passed, "node {}", node);
         }
-        let pruned = prune(&tree, 0.0);
-        let json = serde_json::to_string(&pruned).unwrap();
-        prop_assert_eq!(serde_json::from_str::<Tree>(&json).unwrap(), pruned);
+        let json = serde_json::to_string(&tree).unwrap();
+        prop_assert_eq!(serde_json::from_str::<Tree>(&json).unwrap(), tree);
     }
 
     #[test]
@@ -169,7 +169,7 @@ fn rows_without_weight_are_as_if_they_were_not_there() {
     let mut weights = vec![0.0; 80];
     kept.iter().for_each(|&row| weights[row] = 1.0);
     let weighted = samples.clone().with_weights(weights).unwrap();
-    let selected = samples.select_rows(&kept).unwrap();
+    let selected = select_rows(&samples, &kept);
     for kind in [ClassifierKind::Cart, ClassifierKind::RandomForest, ClassifierKind::Adaboost] {
         let settings = classifiers::Settings::default_of(kind);
         assert_eq!(settings.fit(&weighted).unwrap(), settings.fit(&selected).unwrap(), "{kind:?}");

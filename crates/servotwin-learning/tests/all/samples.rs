@@ -11,8 +11,8 @@ fn names(prefix: &str, count: usize) -> Vec<String> {
 #[test]
 fn not_a_number_is_named_by_column_and_row() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1.1e100] {
-        let values = [1.0, 2.0, 3.0, 4.0, 5.0, bad];
-        let error = Samples::from_rows(names("x", 2), names("c", 1), &values, vec![0; 3]);
+        let values = vec![1.0, 3.0, 5.0, 2.0, 4.0, bad];
+        let error = Samples::from_columns(names("x", 2), names("c", 1), values, vec![0; 3]);
         let error = error.unwrap_err();
         assert_eq!(error, Error::NotFinite { column: "x1".into(), row: 2 });
         assert_eq!(error.to_string(), "feature `x1`, row 2: value is not finite or too large");
@@ -47,22 +47,5 @@ fn weights_are_checked() {
     assert_eq!(weighted(&[1.0, -1.0]).unwrap_err(), error);
     assert!(weighted(&[1.0, f64::NAN]).is_err());
     assert!(weighted(&[1.0]).is_err());
-    assert_eq!(weighted(&[1.0, 0.5]).unwrap().class_weights(), [1.0, 0.5]);
-}
-
-#[test]
-fn selections_keep_names_and_weights() {
-    let table = samples(&[&[1.0, 10.0], &[2.0, 20.0], &[3.0, 30.0]], &[0, 1, 2]);
-    let table = table.with_weights(vec![1.0, 2.0, 3.0]).unwrap();
-    let part = table.select_rows(&[2, 0]).unwrap();
-    assert_eq!((part.column(1), part.labels()), (&[30.0, 10.0][..], &[2, 0][..]));
-    assert_eq!(part.weights(), Some(&[3.0, 1.0][..]));
-    assert_eq!(part.class_names().len(), 3);
-    let narrow = table.select_columns(&[1]).unwrap();
-    assert_eq!(narrow.feature_names(), ["x1"]);
-    assert_eq!(narrow.column(0), [10.0, 20.0, 30.0]);
-    assert_eq!(table.select_rows(&[]).unwrap_err(), Error::NoSamples);
-    assert_eq!(table.select_columns(&[]).unwrap_err(), Error::NoFeatures);
-    let error = Error::IndexOutOfRange { what: "row", index: 3, length: 3 };
-    assert_eq!(table.select_rows(&[3]).unwrap_err(), error);
+    assert_eq!(weighted(&[1.0, 0.5]).unwrap().weights(), Some(&[1.0, 0.5][..]));
 }

@@ -2,6 +2,7 @@
 
 use proptest::prelude::*;
 use servotwin_learning::splits::*;
+use std::collections::BTreeSet;
 
 fn check_partition(splits: &[Split], rows: usize) {
     let mut tested = vec![0; rows];
@@ -27,12 +28,14 @@ proptest! {
     }
 
     #[test]
-    fn held_out(rows in 2usize..100, share in 0.01f64..0.99, seed: u64) {
-        let split = &repeated_hold_out(rows, share, 1, seed).unwrap()[0];
-        let expected = ((rows as f64 * share).round() as usize).clamp(1, rows - 1);
-        prop_assert_eq!(split.test.len(), expected);
-        prop_assert_eq!(split.train.len() + split.test.len(), rows);
-        prop_assert!(split.test.iter().all(|row| !split.train.contains(row)));
+    fn thirds(groups in prop::collection::vec(0u32..30, 40..80), seed: u64) {
+        let split = &random_thirds(&groups, 1, seed).unwrap()[0];
+        let names = |rows: &[usize]| rows.iter().map(|&row| groups[row]).collect::<BTreeSet<_>>();
+        let (train, test) = (names(&split.train), names(&split.test));
+        prop_assert!(train.is_disjoint(&test));
+        let expected = ((train.len() + test.len()) as f64 / 3.0).round() as usize;
+        prop_assert_eq!(test.len(), expected);
+        prop_assert_eq!(split.train.len() + split.test.len(), groups.len());
     }
 }
 
@@ -48,16 +51,16 @@ fn groups_left_out_one_by_one() {
 
 #[test]
 fn repeats_differ_but_come_again() {
-    let splits = repeated_hold_out(30, HELD_OUT, 4, 1).unwrap();
+    let rows: Vec<u32> = (0..30).collect();
+    let splits = random_thirds(&rows, 4, 1).unwrap();
     assert!(splits.iter().all(|split| split.test.len() == 10));
     assert_ne!(splits[0], splits[1]);
-    assert_eq!(splits, repeated_hold_out(30, HELD_OUT, 4, 1).unwrap());
+    assert_eq!(splits, random_thirds(&rows, 4, 1).unwrap());
 }
 
 #[test]
 fn too_little_to_split_is_an_error() {
-    assert!(repeated_hold_out(1, 0.5, 1, 0).is_err());
-    assert!(repeated_hold_out(10, 1.0, 1, 0).is_err());
+    assert!(random_thirds(&[2, 2], 1, 0).is_err());
     assert!(grouped_k_fold(&[0, 1], 1, 0).is_err());
     assert!(grouped_k_fold(&[0, 0, 0, 1], 3, 0).is_err());
     assert!(leave_one_group_out(&[2, 2]).is_err());

@@ -1,5 +1,6 @@
 //! Samples for the tests: golden tables, and small made-up ones.
 
+use servotwin_diagnosis::calibration::MIN_PROBABILITY;
 use servotwin_diagnosis::random::Random;
 use servotwin_learning::Samples;
 use servotwin_learning::splits::Split;
@@ -26,7 +27,7 @@ pub fn golden_table(name: &str) -> (Samples, Vec<usize>) {
     let folds = records.iter().map(|r| r[features + 1].parse().unwrap()).collect();
     let classes = labels.iter().max().unwrap() + 1;
     let class_names = (0..classes).map(|class| class.to_string()).collect();
-    (Samples::from_rows(names, class_names, &values, labels).unwrap(), folds)
+    (from_rows(names, class_names, &values, labels), folds)
 }
 
 /// The splits that test each of the first folds once.
@@ -38,12 +39,43 @@ pub fn splits_by_fold(folds: &[usize], tested: usize) -> Vec<Split> {
     (0..tested).map(split).collect()
 }
 
+/// Samples from row-major values.
+pub fn from_rows(
+    names: Vec<String>,
+    class_names: Vec<String>,
+    values: &[f64],
+    labels: Vec<u32>,
+) -> Samples {
+    let column = |column: usize| values.iter().skip(column).step_by(names.len()).copied();
+    let columns = (0..names.len()).flat_map(column).collect();
+    Samples::from_columns(names, class_names, columns, labels).unwrap()
+}
+
+/// Only these rows and columns, in this order, with their weights.
+fn select(samples: &Samples, rows: &[usize], columns: &[usize]) -> Samples {
+    let column = |&column: &usize| rows.iter().map(move |&row| samples.column(column)[row]);
+    let names = columns.iter().map(|&column| samples.feature_names()[column].clone());
+    let labels = rows.iter().map(|&row| samples.labels()[row]).collect();
+    let values = columns.iter().flat_map(column).collect();
+    let classes = samples.class_names().to_vec();
+    let selected = Samples::with_missing(names.collect(), classes, values, labels).unwrap();
+    selected.with_weights(rows.iter().map(|&row| samples.weight(row)).collect()).unwrap()
+}
+
+pub fn select_rows(samples: &Samples, rows: &[usize]) -> Samples {
+    select(samples, rows, &(0..samples.features()).collect::<Vec<_>>())
+}
+
+pub fn select_columns(samples: &Samples, columns: &[usize]) -> Samples {
+    select(samples, &(0..samples.rows()).collect::<Vec<_>>(), columns)
+}
+
 /// Samples from rows, with numbered features and classes.
 pub fn samples(rows: &[&[f64]], labels: &[u32]) -> Samples {
     let names = (0..rows[0].len()).map(|feature| format!("x{feature}")).collect();
     let classes = labels.iter().max().unwrap() + 1;
     let class_names = (0..classes).map(|class| format!("c{class}")).collect();
-    Samples::from_rows(names, class_names, &rows.concat(), labels.to_vec()).unwrap()
+    from_rows(names, class_names, &rows.concat(), labels.to_vec())
 }
 
 /// Three well separated clouds in four features; the features have different scales.
@@ -60,4 +92,11 @@ pub fn clouds(rows: usize, seed: u64) -> Samples {
         })
         .collect();
     samples(&values.iter().map(Vec::as_slice).collect::<Vec<_>>(), &labels)
+}
+
+/// Mean log loss of row-major probabilities, in nats.
+pub fn log_loss(shares: &[f64], labels: &[u32]) -> f64 {
+    let rows = shares.chunks_exact(shares.len() / labels.len()).zip(labels);
+    rows.map(|(row, &label)| -row[label as usize].max(MIN_PROBABILITY).ln()).sum::<f64>()
+        / labels.len() as f64
 }

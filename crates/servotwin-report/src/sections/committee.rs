@@ -1,18 +1,14 @@
-//! The committee compared with the trees: its right answers, the calibration of its confidence, and what may stay not
-//! isolated.
+//! The committee compared with the trees: its right answers, and what may stay not isolated.
 
 use crate::Material;
 use crate::lines::{self, Who};
-use crate::looks;
 use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
-use crate::words::{by_kind, chosen, number, percent, share, spoken, stacked};
-use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule, RULE};
+use crate::words::{by_kind, chosen, share, spoken, stacked};
+use servotwin::evaluation::isolation::{Isolation, LEVEL};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
-use servotwin_plot::SemanticColor;
-use servotwin_plot::lines::{Curve, Lines};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {
@@ -38,7 +34,6 @@ pub fn write(material: &Material, page: &mut Page) {
                 result.title
             ));
     }
-    believed(&results, words, page);
     isolation(&results, words, page);
 }
 
@@ -71,151 +66,92 @@ fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-/// Writes how well the confidence is calibrated.
-fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
-    let mut lines = Lines::new("", "confidence", "share of right answers");
-    lines.y_range = Some((0.0, 1.0));
-    let mut grid = HtmlTable::new([
-        ("scenario", Alignment::Left),
-        ("answers", Alignment::Right),
-        ("in the most confident tenth", Alignment::Right),
-        ("Brier score", Alignment::Right),
-        ("calibration error", Alignment::Right),
-    ]);
+/// Writes what trees and committee decide together if a fault may stay not isolated.
+fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
+    let mut grid = HtmlTable::new(heads(words));
+    let mut wrong = vec![];
     for result in results {
-        let Some(reliability) = &result.evaluation.reliability else { continue };
-        let points = reliability.bins.iter().map(|&(mean, share, _)| (mean, share)).collect();
-        lines =
-            lines.with(Curve::new(&result.title, points).looking(looks::subject(result.subject)));
-        let answers: u64 = reliability.bins.iter().map(|bin| bin.2).sum();
-        let sure = reliability.bins.iter().filter(|bin| bin.0 >= 0.9).map(|bin| bin.2).sum::<u64>();
-        grid.push(vec![
-            result.title.clone(),
-            answers.to_string(),
-            percent((answers > 0).then(|| sure as f64 / answers as f64)),
-            number(reliability.brier),
-            number(reliability.calibration_error),
-        ]);
+        for isolation in &result.evaluation.isolation {
+            grid.push(row(result, isolation, words));
+            wrong.extend(wrong_kinds(result, isolation, words));
+        }
     }
     if grid.is_empty() {
         return;
     }
-    page.heading("How far its confidence can be believed");
-    let ideal = Curve::new("as sure as right", vec![(0.0, 0.0), (1.0, 1.0)]).unmarked();
-    let ideal = ideal.looking(SemanticColor::Plain(1).look());
-    page.figure(
-        "reliability",
-        lines.with(ideal).draw(),
-        &format!(
-            "Reliability: answers about {} on new commands, gathered by tenths of confidence. On the \
-             straight line what is said with 90 % is right nine times in ten; points below it are too \
-             sure. Points of low confidence stand for few answers.",
-            words.action()
-        ),
-    );
+    page.heading("Faults that may stay not isolated");
+    page.text(&format!(
+        "A fault of an unknown kind has no right class. It should stay “not isolated”: something is wrong with this \
+         {}, nothing is {} because of it, and a person or the limits of the system decide. A fault is isolated where \
+         trees and committee agree, and training rows of their answer resemble it, in units of the scatter of faults \
+         of one kind and intensity.",
+        words.unit(),
+        words.switched_off(),
+    ));
     page.table(
         &grid,
-        "The Brier score is the mean squared distance of confidence from being right (1) or wrong (0); \
-         the calibration error the mean distance of confidence from the share of right answers over \
-         the tenths. Both are best at zero.",
-    );
-}
-
-/// Writes what is decided if a fault may stay not isolated.
-fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
-    let mut begun = false;
-    for result in results {
-        for isolation in &result.evaluation.isolation {
-            if !begun {
-                page.heading("Faults that may stay not isolated");
-                page.text(&unknown_kinds(words));
-                begun = true;
-            }
-            page.table(&rules(isolation, words), &format!(
-                "Scenario: {}; {}. Counts are of detected faults. The limit of resemblance leaves {} % of \
-                 held-out known faults unlike the training rows of their own answer, and nothing else sets it.{}",
-                result.title,
-                words.adapted(&isolation.title),
-                chosen(100.0 * isolation.level),
-                match words.has_off() {
-                    true => format!(" A {} also counts as missed if the fault is not isolated.", words.off()),
-                    false => String::new(),
-                },
-            ));
-            page.text(&wrong_kinds(isolation));
-        }
-    }
-}
-
-/// The kinds of fault that the rule decides wrongly, in words.
-fn wrong_kinds(isolation: &Isolation) -> String {
-    let named =
-        |(kind, rate): &(String, Rate)| format!("{} ({} of {})", spoken(kind), rate.count, rate.of);
-    let named: Vec<String> = isolation.wrong_kinds.iter().take(WRONG_KINDS).map(named).collect();
-    match isolation.wrong_kinds.len() {
-        0 => "The rule in bold decides no fault wrongly.".into(),
-        all if all > WRONG_KINDS => format!(
-            "The rule in bold decides some faults of {all} kinds wrongly, most often {}.",
-            named.join(", ")
+        &format!(
+            "Counts are of detected faults. The limit of resemblance leaves {} % of held-out known faults unlike the \
+             training rows of their own answer, and nothing else sets it.{}",
+            chosen(100.0 * LEVEL),
+            match words.has_off() {
+                true => format!(
+                    " A {} also counts as missed if the fault is not isolated.",
+                    words.off()
+                ),
+                false => String::new(),
+            },
         ),
-        _ => format!("The rule in bold decides some faults wrongly: {}.", named.join(", ")),
-    }
+    );
+    wrong.iter().for_each(|text| page.text(text));
 }
 
 /// The number of wrongly decided kinds that are named.
 const WRONG_KINDS: usize = 5;
 
-fn unknown_kinds(words: &Vocabulary) -> String {
-    format!(
-        "A fault of an unknown kind has no right class. It should stay “not isolated”: something is wrong \
-         with this {}, nothing is {} because of it, and a person or the limits of the system decide. Each \
-         rule below is stricter than the one before. The last two compare a fault with the training rows of \
-         each answer, in units of the scatter of faults of one kind and intensity.",
-        words.unit(),
-        words.switched_off(),
-    )
+/// The kinds of fault that are decided wrongly, in words; `None` without any.
+fn wrong_kinds(
+    result: &SubjectResult,
+    isolation: &Isolation,
+    words: &Vocabulary,
+) -> Option<String> {
+    let named =
+        |(kind, rate): &(String, Rate)| format!("{} ({} of {})", spoken(kind), rate.count, rate.of);
+    let named: Vec<String> = isolation.wrong_kinds.iter().take(WRONG_KINDS).map(named).collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "Scenario {}, {}: some faults of {} kinds are decided wrongly, most often {}.",
+            result.title,
+            words.adapted(&isolation.title),
+            isolation.wrong_kinds.len(),
+            named.join(", ")
+        )
+    })
 }
 
-/// A table with one row for each rule.
-fn rules(isolation: &Isolation, words: &Vocabulary) -> HtmlTable {
+fn heads(words: &Vocabulary) -> Vec<(String, Alignment)> {
     let (off, several) = (words.has_off(), words.has_off() && words.has_several());
-    let mut heads = vec![
-        ("decided".to_owned(), Alignment::Left),
-        ("share decided".to_owned(), Alignment::Right),
-        (format!("{} right, of decided", words.action()), Alignment::Right),
-        ("right or not isolated".to_owned(), Alignment::Right),
+    let left = ["scenario", "held out"].map(|head| (head.to_owned(), Alignment::Left));
+    let mut titles = vec![
+        "share decided".to_owned(),
+        format!("{} right, of decided", words.action()),
+        "right or not isolated".to_owned(),
     ];
-    if several {
-        heads
-            .push((format!("healthy {} {}", words.unit(), words.switched_off()), Alignment::Right));
-    }
-    if off {
-        heads.push((format!("{} missed", words.off()), Alignment::Right));
-        heads.push((format!("needless {}", words.off()), Alignment::Right));
-    }
-    let mut grid = HtmlTable::new(heads);
-    for rates in &isolation.rules {
-        let mut row = vec![decided_where(rates).to_owned()];
-        let shown = [rates.decided, rates.right_action, rates.right_or_not_isolated];
-        row.extend(shown.map(counted));
-        row.extend(several.then(|| counted(rates.wrong_actuator_shutdown)));
-        row.extend(off.then(|| counted(rates.missed_shutdown)));
-        row.extend(off.then(|| counted(rates.needless_shutdown)));
-        match rates.rule {
-            RULE => grid.push_strong(row),
-            _ => grid.push(row),
-        }
-    }
-    grid
+    titles.extend(several.then(|| format!("healthy {} {}", words.unit(), words.switched_off())));
+    titles.extend(off.then(|| format!("{} missed", words.off())));
+    titles.extend(off.then(|| format!("needless {}", words.off())));
+    left.into_iter().chain(titles.into_iter().map(|title| (title, Alignment::Right))).collect()
 }
 
-fn decided_where(rates: &IsolationRates) -> &'static str {
-    match rates.rule {
-        IsolationRule::Always => "always, by the committee",
-        IsolationRule::Agreement => "where the trees agree",
-        IsolationRule::Explained => "and rows of the same answer resemble it",
-        IsolationRule::ExplainedAlone => "and rows of no other answer do",
-    }
+fn row(result: &SubjectResult, isolation: &Isolation, words: &Vocabulary) -> Vec<String> {
+    let (off, several) = (words.has_off(), words.has_off() && words.has_several());
+    let mut rates =
+        vec![isolation.decided, isolation.right_action, isolation.right_or_not_isolated];
+    rates.extend(several.then_some(isolation.safety.wrong_actuator_shutdown));
+    rates.extend(off.then_some(isolation.safety.missed_shutdown));
+    rates.extend(off.then_some(isolation.safety.needless_shutdown));
+    let titles = [result.title.clone(), words.adapted(&isolation.title)];
+    titles.into_iter().chain(rates.into_iter().map(counted)).collect()
 }
 
 /// A share with its count below it.

@@ -1,8 +1,6 @@
 //! The sections of the report, one file each; [`super::CHAPTERS`] sets their order.
 
-pub(crate) mod ablation;
 pub(crate) mod actuator_tree;
-pub(crate) mod ambiguity;
 pub(crate) mod bands;
 pub(crate) mod classifiers;
 pub(crate) mod commands;

@@ -4,6 +4,7 @@ use super::cell::{FmeaCell, rate_in_words, span_in_words};
 use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns, STRONG};
+use servotwin::evaluation::protocol::{Confused, Protocol};
 use servotwin::flight::judge::KindLatency;
 use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::results::SubjectResult;
@@ -351,26 +352,24 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fme
         Ok(found) => found,
         Err(cell) => return cell,
     };
-    let pairs = result.evaluation.ambiguity.pairs.iter().enumerate();
-    let own: Vec<_> = pairs.filter(|(_, pair)| pair.kind == subject.kind).collect();
-    let mut parts: Vec<String> = own
-        .iter()
-        .map(|(_, pair)| {
-            if pair.taken_for == HEALTHY {
-                return format!("no fault at all ({:.1} % of its tests)", 100.0 * pair.share);
-            }
-            let wrong = match pair.question {
-                Question::Actuator => "actuator",
-                Question::Action => "action",
-                Question::Detail => "fault class",
-            };
-            format!("{} ({:.1} % of its tests, wrong {wrong})", pair.taken_for, 100.0 * pair.share)
-        })
-        .collect();
+    let protocol = result.evaluation.protocol(Protocol::UnseenIntensity);
+    let all = protocol.iter().flat_map(|protocol| &protocol.confused).enumerate();
+    let own: Vec<_> = all.filter(|(_, confused)| confused.kind == subject.kind).collect();
+    let in_words = |(_, confused): &(usize, &Confused)| {
+        let share = format!("{:.1} % of its tests", 100.0 * confused.share);
+        match confused.question {
+            _ if confused.taken_for == HEALTHY => format!("no fault at all ({share})"),
+            Question::Actuator => format!("{} ({share})", confused.taken_for),
+            Question::Action => format!("{} ({share}, wrong action)", confused.taken_for),
+            Question::Detail => format!("{} ({share}, wrong fault class)", confused.taken_for),
+        }
+    };
+    let mut parts: Vec<String> = own.iter().map(in_words).collect();
     let rows: Vec<String> = own.iter().map(|(row, _)| (row + 1).to_string()).collect();
+    let list = "protocols, unseen_intensity, confused";
     let mut evidence = match rows.is_empty() {
-        true => format!("{place} ambiguity.pairs: none of this kind"),
-        false => format!("{place} ambiguity.pairs entries {}", rows.join(", ")),
+        true => format!("{place} {list}: none of this kind"),
+        false => format!("{place} {list}: entries {}", rows.join(", ")),
     };
     if let Some(metrics) = sources.results.and_then(|results| results.flown())
         && let Some((_, count)) = metrics.wrong_kinds.iter().find(|(kind, _)| *kind == subject.kind)

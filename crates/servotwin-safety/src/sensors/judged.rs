@@ -112,7 +112,7 @@ impl SetTree {
         }
         let labels: Vec<u32> = samples.iter().map(|&(.., class)| class).collect();
         let classes = labels.iter().max().map_or(0, |most| most + 1);
-        let names = columns.iter().map(|&column| runs.data.features[column].name.clone());
+        let names = columns.iter().map(|&column| runs.data.features[column].feature.name.clone());
         let classes = (0..classes).map(|class| class.to_string());
         let samples = Samples::from_columns(names.collect(), classes.collect(), values, labels)?;
         Ok(SetTree { model: settings.fit(&samples)?, columns })
@@ -160,7 +160,7 @@ impl SetTrees {
             let mut samples = seen.clone();
             samples.retain(|&(.., actuator)| actuator == unit as u32);
             samples.iter_mut().for_each(|(row, _, class)| *class = runs.data.rows[*row].kind);
-            let is_own = |column: &usize| runs.data.features[*column].units == [unit];
+            let is_own = |column: &usize| runs.data.features[*column].feature.actuators == [unit];
             let mut readable = columns.clone();
             if names.actuators.len() > 1 && columns.iter().any(is_own) {
                 readable.retain(is_own);

@@ -72,7 +72,8 @@ impl SensorRuns {
             None => vec![BAND; candidates.list.len()],
         };
         let all = data_features(study).into_iter().map(|own| own.feature);
-        let known = |feature: &Feature| data.features.iter().any(|own| own.name == feature.name);
+        let known =
+            |feature: &Feature| data.features.iter().any(|own| own.feature.name == feature.name);
         let switches_off = data.examples.names().actions.iter();
         Ok(SensorRuns {
             bands,
@@ -154,7 +155,9 @@ fn subject(results: &StudyResultsFolder, extra: bool) -> Subject {
 /// Adds the largest residual of the extra sensor, which is a feature like others.
 fn add_extra(data: &mut DataSet, sensor: &CandidateSensor) {
     let name = format!("largest_{}", sensor.id);
-    let Some(column) = data.features.iter().position(|own| own.name == name) else { return };
+    let Some(column) = data.features.iter().position(|own| own.feature.name == name) else {
+        return;
+    };
     let mut values = vec![0.0; data.features.len()];
     for (place, row) in data.rows.iter_mut().enumerate() {
         data.examples.row_into(0, place, &mut values);

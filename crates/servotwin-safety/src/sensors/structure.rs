@@ -74,7 +74,7 @@ pub(crate) fn isolability(
 /// The columns of mean, deviation and gain of every kept sensor.
 fn residual_columns(runs: &SensorRuns, candidates: &Candidates, set: SensorMask) -> Vec<usize> {
     let mut columns = runs.columns_of(candidates, set);
-    columns.retain(|&column| FAMILIES.contains(&runs.data.features[column].family.as_str()));
+    columns.retain(|&column| FAMILIES.contains(&runs.data.features[column].family));
     columns
 }
 

@@ -8,7 +8,6 @@
 //! learned_bands = ["realistic"]         # scenarios with bands from healthy specimens; others use 3 %
 //! classifiers = ["ideal"]               # scenarios in which classifiers are compared
 //! comparison = { random_thirds = 1, folds = 3 }
-//! ablation = ["realistic"]              # scenarios of the ablation
 //! committee = { trees = 60, depth = 4 }
 //! trees.realistic = { criterion = "gini", depth = 9 }
 //! ```
@@ -35,7 +34,6 @@ section! {
         may pub classifiers: Option<At<Vec<At<Scenario>>>>,
             "scenarios in which classifiers are compared";
         may pub comparison: Rounds, "how the comparison of classifiers holds out rows";
-        may pub ablation: Option<At<Vec<At<Scenario>>>>, "scenarios in which the ablation runs";
         may pub committee: Boosting, "committee of boosted trees";
         may pub trees: Names<Growing>, "the nine trees of each scenario";
     }
@@ -90,7 +88,7 @@ impl Evaluating {
             Scenario::Fitted => text.realistic.is_some() && text.fitted.is_some(),
         };
         let known = || Scenario::ALL.into_iter().filter(is_there).map(Scenario::name);
-        let lists = [&self.learned_bands, &self.classifiers, &self.ablation].into_iter().flatten();
+        let lists = [&self.learned_bands, &self.classifiers].into_iter().flatten();
         let listed = lists.flat_map(|list| &list.value);
         let listed = listed.map(|scenario| (scenario.name(), &scenario.at));
         let mut result = Ok(());

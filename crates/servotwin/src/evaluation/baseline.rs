@@ -3,9 +3,9 @@
 //!
 //! The paper reports one random third. One third shows little, so the test is repeated with other thirds.
 
-use super::data_set::FeatureInfo;
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
 use super::{DataSet, EvaluationError, EvaluationSettings, Training};
+use crate::campaign::DataFeature;
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 
@@ -48,7 +48,7 @@ fn prepared(
     data: &DataSet,
     settings: &EvaluationSettings,
 ) -> Result<Option<(DataSet, Training)>, EvaluationError> {
-    let family = |info: &FeatureInfo| info.family == settings.baseline_family;
+    let family = |feature: &DataFeature| feature.family == settings.baseline_family;
     if !data.features.iter().any(family) {
         return Ok(None);
     }
@@ -66,11 +66,12 @@ pub(crate) fn evaluate(
     workers: Workers,
 ) -> Result<Vec<ProtocolResult>, EvaluationError> {
     let Some((data, training)) = prepared(data, settings)? else { return Ok(vec![]) };
-    let EvaluationSettings { holding, shutdowns, .. } = settings;
+    let shutdowns = data.commands(&settings.shutdowns);
     let mut results = vec![];
     for protocol in PROTOCOLS {
-        let found = protocol::evaluate(protocol, &data, &training, *holding, shutdowns, workers)?;
-        results.extend(found.map(|(result, _)| result));
+        let holding = settings.holding;
+        results
+            .extend(protocol::evaluate(protocol, &data, &training, holding, &shutdowns, workers)?);
     }
     Ok(results)
 }
@@ -85,16 +86,15 @@ pub(crate) fn random_thirds(
     workers: Workers,
 ) -> Result<Vec<RandomThirds>, EvaluationError> {
     let Some((data, training)) = prepared(data, settings)? else { return Ok(vec![]) };
-    let EvaluationSettings { holding, shutdowns, .. } = settings;
-    let seeds: Vec<u64> = (0..REPEATS).map(|repeat| holding.seed + repeat).collect();
+    let seeds: Vec<u64> = (0..REPEATS).map(|repeat| settings.holding.seed + repeat).collect();
     let judged = parallel::map(&seeds, workers, |&seed| {
-        let holding = Holding { repeats: 1, seed, ..*holding };
+        let holding = Holding { repeats: 1, seed, ..settings.holding };
         let alone = Workers::new(1);
-        protocol::evaluate(Protocol::RandomThird, &data, &training, holding, shutdowns, alone)
+        protocol::evaluate(Protocol::RandomThird, &data, &training, holding, &[], alone)
     })?;
     let judged = judged.into_iter().collect::<Result<Vec<_>, _>>()?;
     let accuracies = |stage: &str| {
-        let results = judged.iter().flatten().map(|(result, _)| result);
+        let results = judged.iter().flatten();
         results.filter_map(|result| result.stage(stage)?.accuracy.share).collect()
     };
     let stages =

@@ -2,15 +2,15 @@
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;
-use super::protocol::{Holding, Protocol, trial};
-use super::run::settled;
+use super::protocol::{Holding, Protocol, stage_score};
+use super::run::{RowOutcome, Scope, run};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
-use servotwin_diagnosis::hierarchy::{Question, StagePlace};
-use servotwin_learning::classifiers::{self, Fit};
+use servotwin_diagnosis::classifiers::{ALL, ClassifierKind};
+use servotwin_diagnosis::hierarchy::Question;
+use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::HierarchySettings;
-use servotwin_learning::metrics::{Prediction, Score, Trial};
+use servotwin_learning::metrics::Score;
 use servotwin_learning::splits::Split;
 
 /// Depth of the compared CART tree.
@@ -29,13 +29,6 @@ pub struct Compared {
     pub protocol: Protocol,
     /// The score on the held-out rows.
     pub score: Score,
-}
-
-/// A training with its test.
-struct Job<'a> {
-    settings: classifiers::Settings,
-    place: StagePlace,
-    split: &'a Split,
 }
 
 /// Epochs of the perceptron if it is trained many times: as in scikit-learn's run in `golden/`, a quarter of the
@@ -67,70 +60,35 @@ pub(crate) fn evaluate(
     holding: Holding,
     workers: Workers,
 ) -> Result<Vec<Compared>, EvaluationError> {
-    let hierarchy = settled(data, hierarchy);
-    let asks = |place: &StagePlace| place.question != Question::Detail;
-    // Pooled stages need the views; without them every actuator has its own stage.
-    let places = data.examples.places(data.examples.views() > 1);
-    let places: Vec<StagePlace> = places.into_iter().filter(asks).collect();
+    let with = |classifier: &classifiers::Settings| HierarchySettings {
+        mirror: hierarchy.mirror,
+        pool: hierarchy.pool,
+        ..HierarchySettings::all(classifier.clone())
+    };
+    let mut places = data.examples.places(true);
+    places.retain(|place| place.question != Question::Detail);
     let mut compared = vec![];
     for protocol in [Protocol::RandomThird, Protocol::headline(data)] {
         let splits = protocol.splits(data, holding)?;
-        if splits.is_empty() {
-            continue;
-        }
-        let mut jobs = vec![];
+        let jobs: Vec<(HierarchySettings, &Split)> =
+            list.iter().flat_map(|c| splits.iter().map(move |split| (with(c), split))).collect();
+        let judged = parallel::map(&jobs, workers, |(training, split)| {
+            run(data, training, std::slice::from_ref(*split), Scope::Action, Workers::new(1))
+        })?;
+        let judged: Vec<Vec<RowOutcome>> =
+            judged.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
         for place in &places {
-            for settings in list {
-                let job = |split| Job { settings: settings.clone(), place: *place, split };
-                jobs.extend(splits.iter().map(job));
+            for (classifier, outcomes) in list.iter().zip(judged.chunks(splits.len().max(1))) {
+                let outcomes: Vec<&RowOutcome> = outcomes.iter().flatten().collect();
+                compared.push(Compared {
+                    classifier: classifier.kind().id().into(),
+                    title: classifier.kind().title().into(),
+                    stage: place.id(),
+                    protocol,
+                    score: stage_score(data, &outcomes, place).score,
+                });
             }
-        }
-        let results = parallel::map(&jobs, workers, |job| test(data, &hierarchy, job))?;
-        let results: Result<Vec<Vec<Prediction>>, _> = results.into_iter().collect();
-        for (jobs, predictions) in jobs.chunks(splits.len()).zip(results?.chunks(splits.len())) {
-            compared.push(of_splits(data, protocol, &jobs[0], predictions));
         }
     }
     Ok(compared)
-}
-
-fn of_splits(
-    data: &DataSet,
-    protocol: Protocol,
-    job: &Job,
-    predictions: &[Vec<Prediction>],
-) -> Compared {
-    let names = data.examples.names();
-    let classes = data.examples.classes(&job.place);
-    let classes = classes.iter().map(|&c| names.class_name(job.place.question, c).to_owned());
-    let kind = job.settings.kind();
-    Compared {
-        classifier: kind.id().into(),
-        title: kind.title().into(),
-        stage: job.place.id(),
-        protocol,
-        score: Score::of(classes.collect(), predictions),
-    }
-}
-
-fn test(
-    data: &DataSet,
-    hierarchy: &HierarchySettings,
-    job: &Job,
-) -> Result<Vec<Prediction>, EvaluationError> {
-    let samples = |rows: &[usize], mirror| data.examples.samples(&job.place, rows, mirror);
-    let train = samples(&job.split.train, hierarchy.mirror)?;
-    let test = samples(&job.split.test, false)?;
-    let (Some((train, _)), Some((test, rows))) = (train, test) else {
-        return Ok(vec![]);
-    };
-    let model = job.settings.fit(&train)?;
-    debug_assert_eq!(model.features(), test.features());
-    let predicted = classifiers::predict(&model, &test)?;
-    let truth = test.labels().iter();
-    let prediction = |((&row, &truth), said): ((&usize, &u32), u32)| {
-        let Trial { cluster, kind, .. } = trial(data, row, false);
-        Prediction { cluster, kind, truth, said: Some(said) }
-    };
-    Ok(rows.iter().zip(truth).zip(predicted).map(prediction).collect())
 }

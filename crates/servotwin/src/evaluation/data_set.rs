@@ -1,7 +1,7 @@
 //! The data sets of a scenario for evaluation: features in every view, labels, groups.
 //!
-//! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `actuator`, `command`, `detail`,
-//! `detectable`, `largest:<sensor>` and `f:<feature>`. If the system has like actuators, `m:<feature>` is
+//! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `grade`, `actuator`, `command`, `detail`,
+//! `failure`, `detectable`, `largest:<sensor>` and `f:<feature>`. If the system has like actuators, `m:<feature>` is
 //! the same feature seen from the second one, `m3:<feature>` from the third, and so on
 //! ([`servotwin_diagnosis::hierarchy`]). Rows whose `kind` is `healthy` have no fault. Rows with a text in `failure`
 //! were not simulated to the end; they are counted and left out.
@@ -11,45 +11,16 @@
 use super::error::EvaluationError;
 use super::flips::{Moved, Moving};
 use crate::campaign::columns::view_column;
-use crate::campaign::{data_features, largest_column};
+use crate::campaign::{DataFeature, largest_column};
 use crate::parallel::{self, Workers};
-use crate::study::{Purpose, Study};
-use crate::table::Table;
+use crate::study::Purpose;
+use crate::table::{Table, TableError};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::features::Teaches;
 use servotwin_diagnosis::hierarchy::{HEALTHY, Names};
 use servotwin_learning::hierarchy::{Examples, Label};
+use std::borrow::Cow;
+use std::cmp::Ordering;
 use std::sync::Arc;
-
-/// A feature as described to the evaluation.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FeatureInfo {
-    /// The feature's name.
-    pub name: String,
-    /// The feature family that computes it.
-    pub family: String,
-    /// The actuators whose sensors it uses, from 0.
-    pub units: Vec<usize>,
-    /// The unit of its values.
-    pub unit: String,
-    /// Which diagnoses should learn from it.
-    pub teaches: Teaches,
-}
-
-impl FeatureInfo {
-    /// The features of a study; those that need its extra sensor only if `extra` is set.
-    pub(crate) fn of_study(study: &Study, extra: bool) -> Vec<Self> {
-        let features = data_features(study).into_iter().filter(|f| extra || !f.extra);
-        let info = |f: crate::campaign::DataFeature| FeatureInfo {
-            name: f.feature.name,
-            family: f.family.into(),
-            units: f.feature.actuators,
-            unit: f.feature.unit.into(),
-            teaches: f.feature.teaches,
-        };
-        features.map(info).collect()
-    }
-}
 
 /// The properties of a row besides its features and label.
 #[derive(Debug, Clone, PartialEq)]
@@ -128,7 +99,7 @@ impl TrainingFilter {
 #[derive(Debug, Clone)]
 pub struct DataSet {
     /// The features, in column order.
-    pub features: Vec<FeatureInfo>,
+    pub features: Vec<DataFeature>,
     /// The features and labels of all rows. They are large, so data sets that differ only in bands share them.
     pub examples: Arc<Examples>,
     /// The other properties of the same rows.
@@ -176,7 +147,7 @@ impl DataSet {
     /// A column is missing or of another type, a feature is NaN or infinite, or there is no fault.
     pub fn new(
         tables: &[(Purpose, Table)],
-        features: Vec<FeatureInfo>,
+        features: Vec<DataFeature>,
         units: &[String],
         urgency: &[String],
     ) -> Result<Self, EvaluationError> {
@@ -185,9 +156,10 @@ impl DataSet {
         }
         let (mut origins, mut all) = (vec![], 0);
         for (purpose, table) in tables {
-            let done = rows_that_ran(table)?;
             all += table.row_count();
-            origins.extend(done.into_iter().map(|row| Origin { purpose: *purpose, table, row }));
+            let failures = table.text("failure")?.iter().enumerate();
+            let done = failures.filter(|(_, failure)| failure.is_empty());
+            origins.extend(done.map(|(row, _)| Origin { purpose: *purpose, table, row }));
         }
         let origins = origins.as_slice();
         let column = |name: &str| texts(origins, name);
@@ -208,14 +180,11 @@ impl DataSet {
         let examples = Examples::new(names, read, views, labels)?;
         let sensors = known_sensors(tables);
         let (cases, case) = in_order(&column("case")?);
-        let (flown, command) = match tables.iter().all(|(_, t)| t.names().any(|n| n == "flown")) {
-            true => in_order(&column("flown")?),
-            false => (cases.clone(), case.clone()),
-        };
-        let ((faults, fault), (kind_names, kind)) = (coded(&column("fault")?), coded(&kinds));
+        let (flown, command) = in_order(&column("flown")?);
+        let (faults, fault) = coded(&column("fault")?, Ord::cmp);
+        let (kind_names, kind) = coded(&kinds, Ord::cmp);
         let own_intensity = numbers(origins, "intensity")?;
-        let grades = numbers(origins, "grade").unwrap_or_else(|_| own_intensity.clone());
-        let (intensities, intensity) = coded_numbers(&grades);
+        let (intensities, intensity) = coded(&numbers(origins, "grade")?, f64::total_cmp);
         let moving = flags(origins, "began_on_the_move");
         let moving = moving.unwrap_or_else(|_| vec![false; origins.len()]);
         let detectable = flags(origins, "detectable")?;
@@ -375,7 +344,7 @@ impl DataSet {
     /// [`EvaluationError::NoFeatures`] if none is left.
     pub(crate) fn with_features(
         &self,
-        choice: impl Fn(&FeatureInfo) -> bool,
+        choice: impl Fn(&DataFeature) -> bool,
     ) -> Result<Self, EvaluationError> {
         let kept = |column: &usize| choice(&self.features[*column]);
         let columns: Vec<usize> = (0..self.features.len()).filter(kept).collect();
@@ -394,7 +363,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NoFeatures`] if none is left.
     pub fn taught(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| feature.teaches.of_records())
+        self.with_features(|feature| feature.feature.teaches.of_records())
     }
 
     /// The same data set with only the features for diagnosing sliding windows.
@@ -402,7 +371,7 @@ impl DataSet {
     /// # Errors
     /// [`EvaluationError::NoFeatures`] if none is left.
     pub(crate) fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| feature.teaches.of_windows())
+        self.with_features(|feature| feature.feature.teaches.of_windows())
     }
 
     /// The same data set, in which a committee reads only the features for sliding windows.
@@ -411,29 +380,8 @@ impl DataSet {
     /// Never for a data set that could be read.
     pub(crate) fn for_committee(&self) -> Result<Self, EvaluationError> {
         let columns = 0..self.features.len();
-        let hidden = columns.filter(|&column| !self.features[column].teaches.of_windows());
+        let hidden = columns.filter(|&column| !self.features[column].feature.teaches.of_windows());
         Ok(DataSet { examples: Arc::new(self.examples.hiding(hidden.collect())?), ..self.clone() })
-    }
-
-    /// The same data set, in which the stages below A read the sensors of all actuators and their comparisons.
-    ///
-    /// # Errors
-    /// Never for a data set that could be read.
-    pub(crate) fn all_sensors_below(&self) -> Result<Self, EvaluationError> {
-        let all = (0..self.features.len()).collect();
-        let read = vec![all; self.examples.names().actuators.len()];
-        Ok(DataSet { examples: Arc::new(self.examples.reading(read)?), ..self.clone() })
-    }
-
-    /// The feature families, in the order of the features.
-    pub(crate) fn families(&self) -> Vec<String> {
-        let mut families: Vec<String> = vec![];
-        for feature in &self.features {
-            if !families.contains(&feature.family) {
-                families.push(feature.family.clone());
-            }
-        }
-        families
     }
 
     /// The component of a kind: its name without the last part.
@@ -443,18 +391,9 @@ impl DataSet {
     }
 }
 
-fn rows_that_ran(table: &Table) -> Result<Vec<usize>, EvaluationError> {
-    let all = 0..table.row_count();
-    if !table.names().any(|name| name == "failure") {
-        return Ok(all.collect());
-    }
-    let failures = table.text("failure")?;
-    Ok(all.filter(|&row| failures[row].is_empty()).collect())
-}
-
-fn has_view(table: &Table, view: usize, features: &[FeatureInfo]) -> bool {
+fn has_view(table: &Table, view: usize, features: &[DataFeature]) -> bool {
     let known: std::collections::BTreeSet<&str> = table.names().collect();
-    features.iter().all(|feature| known.contains(view_column(view, &feature.name).as_str()))
+    features.iter().all(|feature| known.contains(view_column(view, &feature.feature.name).as_str()))
 }
 
 /// The sensors whose largest residuals all tables have.
@@ -471,7 +410,7 @@ fn known_sensors(tables: &[(Purpose, Table)]) -> Vec<String> {
 /// Joins a column over the rows of several tables.
 fn gather<'t, T: Clone + 't>(
     origins: &[Origin<'t>],
-    column: impl Fn(&'t Table) -> Result<&'t [T], EvaluationError>,
+    column: impl Fn(&'t Table) -> Result<Cow<'t, [T]>, TableError>,
 ) -> Result<Vec<T>, EvaluationError> {
     let mut values = Vec::with_capacity(origins.len());
     for run in origins.chunk_by(|a, b| std::ptr::eq(a.table, b.table)) {
@@ -482,26 +421,22 @@ fn gather<'t, T: Clone + 't>(
 }
 
 fn texts(origins: &[Origin], name: &str) -> Result<Vec<String>, EvaluationError> {
-    gather(origins, |table| Ok(table.text(name)?))
+    gather(origins, |table| Ok(Cow::Borrowed(table.text(name)?)))
 }
 
 fn flags(origins: &[Origin], name: &str) -> Result<Vec<bool>, EvaluationError> {
-    gather(origins, |table| Ok(table.bool(name)?))
+    gather(origins, |table| Ok(Cow::Borrowed(table.bool(name)?)))
 }
 
 fn numbers(origins: &[Origin], name: &str) -> Result<Vec<f64>, EvaluationError> {
-    let mut values = Vec::with_capacity(origins.len());
-    for run in origins.chunk_by(|a, b| std::ptr::eq(a.table, b.table)) {
-        let column = run[0].table.finite_f64(name)?;
-        values.extend(run.iter().map(|origin| column[origin.row]));
-    }
-    Ok(values)
+    gather(origins, |table| table.finite_f64(name))
 }
 
 /// Numbers texts in the order of first occurrence.
-fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
+pub(crate) fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     let mut names: Vec<String> = vec![];
-    let code = |text: &String| match names.iter().position(|name| name == text) {
+    // Equal texts mostly follow one another.
+    let code = |text: &String| match names.iter().rposition(|name| name == text) {
         Some(place) => place as u32,
         None => {
             names.push(text.clone());
@@ -512,34 +447,27 @@ fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
     (names, codes)
 }
 
-/// Numbers texts in sorted order.
-fn coded(texts: &[String]) -> (Vec<String>, Vec<u32>) {
-    let mut names = texts.to_vec();
-    names.sort();
-    names.dedup();
-    let codes = texts.iter().map(|text| names.binary_search(text).unwrap_or(0) as u32).collect();
-    (names, codes)
-}
-
 /// Numbers values in ascending order.
-fn coded_numbers(numbers: &[f64]) -> (Vec<f64>, Vec<u32>) {
-    let mut names = numbers.to_vec();
-    names.sort_by(f64::total_cmp);
+pub(crate) fn coded<T: Clone + PartialEq>(
+    values: &[T],
+    order: impl Fn(&T, &T) -> Ordering,
+) -> (Vec<T>, Vec<u32>) {
+    let mut names = values.to_vec();
+    names.sort_by(&order);
     names.dedup();
-    let code =
-        |number: &f64| names.binary_search_by(|known| known.total_cmp(number)).unwrap_or(0) as u32;
-    let codes = numbers.iter().map(code).collect();
+    let place = |value: &T| names.binary_search_by(|known| order(known, value)).unwrap_or(0) as u32;
+    let codes = values.iter().map(place).collect();
     (names, codes)
 }
 
 fn names(
     origins: &[Origin],
-    features: &[FeatureInfo],
+    features: &[DataFeature],
     units: &[String],
     urgency: &[String],
 ) -> Result<Names, EvaluationError> {
     let of = |column: &str| -> Result<Vec<String>, EvaluationError> {
-        let mut names = coded(&texts(origins, column)?).0;
+        let mut names = coded(&texts(origins, column)?, Ord::cmp).0;
         names.retain(|name| name != HEALTHY);
         Ok(names)
     };
@@ -549,7 +477,7 @@ fn names(
     let found = of("actuator")?;
     let all_known = found.iter().all(|name| units.contains(name));
     Ok(Names {
-        features: features.iter().map(|feature| feature.name.clone()).collect(),
+        features: features.iter().map(|feature| feature.feature.name.clone()).collect(),
         actuators: if all_known { units.to_vec() } else { found },
         actions: commands,
         details: of("detail")?,
@@ -574,9 +502,9 @@ fn labels(origins: &[Origin], names: &Names) -> Result<Vec<Label>, EvaluationErr
 }
 
 /// For each actuator, the features of its own sensors; all features if it has none.
-fn own_columns(features: &[FeatureInfo], names: &Names) -> Vec<Vec<usize>> {
+fn own_columns(features: &[DataFeature], names: &Names) -> Vec<Vec<usize>> {
     let own = |actuator: usize| {
-        let is_own = |column: &usize| features[*column].units == [actuator];
+        let is_own = |column: &usize| features[*column].feature.actuators == [actuator];
         let own: Vec<usize> = (0..features.len()).filter(is_own).collect();
         let alone = names.actuators.len() == 1 || own.is_empty();
         if alone { (0..features.len()).collect() } else { own }
@@ -587,16 +515,16 @@ fn own_columns(features: &[FeatureInfo], names: &Names) -> Vec<Vec<usize>> {
 fn values(
     origins: &[Origin],
     view: usize,
-    features: &[FeatureInfo],
+    features: &[DataFeature],
 ) -> Result<Vec<f64>, EvaluationError> {
     let mut values = Vec::with_capacity(features.len() * origins.len());
     for feature in features {
-        values.extend(numbers(origins, &view_column(view, &feature.name))?);
+        values.extend(numbers(origins, &view_column(view, &feature.feature.name))?);
     }
     Ok(values)
 }
 
-fn constant_features(values: &[f64], features: &[FeatureInfo], counts: &[bool]) -> Vec<String> {
+fn constant_features(values: &[f64], features: &[DataFeature], counts: &[bool]) -> Vec<String> {
     let is_constant = |column: &[f64]| {
         let mut counted = column.iter().zip(counts).filter(|(_, counts)| **counts);
         let first = counted.next();
@@ -604,7 +532,7 @@ fn constant_features(values: &[f64], features: &[FeatureInfo], counts: &[bool]) 
     };
     let columns = values.chunks_exact(counts.len()).zip(features);
     let constant = columns.filter(|(column, _)| is_constant(column));
-    constant.map(|(_, feature)| feature.name.clone()).collect()
+    constant.map(|(_, feature)| feature.feature.name.clone()).collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Detection: which faults leave the band, and from which intensity on.
 
-use super::data_set::DataSet;
+use super::data_set::{DataRow, DataSet};
 use super::protocol::trial;
 use serde::{Deserialize, Serialize};
 use servotwin_learning::metrics::Rate;
@@ -10,8 +10,6 @@ use servotwin_learning::metrics::Rate;
 pub struct Detection {
     /// Share of the faults that leave the band.
     pub detected: Rate,
-    /// Faults excluded from training because they stay within the band.
-    pub excluded: Rate,
     /// Number of variants that were not simulated to the end.
     pub failed: usize,
     /// For each kind, detection against intensity.
@@ -42,9 +40,9 @@ pub struct Least {
     pub intensity: Option<f64>,
 }
 
-/// The share of faults that are detected or, if `is_detected` is false, not detected.
-pub(crate) fn share(data: &DataSet, is_detected: bool) -> Rate {
-    let holds = |row: usize| trial(data, row, data.rows[row].is_detected() == is_detected);
+/// The share of faults that are detected.
+pub(crate) fn share(data: &DataSet) -> Rate {
+    let holds = |row: usize| trial(data, row, data.rows[row].is_detected());
     Rate::clustered(&data.faults().into_iter().map(holds).collect::<Vec<_>>())
 }
 
@@ -52,8 +50,7 @@ pub(crate) fn share(data: &DataSet, is_detected: bool) -> Rate {
 pub(crate) fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
     Detection {
-        detected: share(data, true),
-        excluded: share(data, false),
+        detected: share(data),
         failed: data.failed,
         curves: kinds(data, &faults).into_iter().map(|kind| curve(data, &faults, kind)).collect(),
         least: least(data, &faults),
@@ -87,10 +84,9 @@ fn curve(data: &DataSet, faults: &[usize], kind: u32) -> Curve {
 }
 
 fn least(data: &DataSet, faults: &[usize]) -> Vec<Least> {
-    let mut order: Vec<&super::data_set::DataRow> =
-        faults.iter().map(|&row| &data.rows[row]).collect();
+    let mut order: Vec<&DataRow> = faults.iter().map(|&row| &data.rows[row]).collect();
     order.sort_by_key(|row| (row.fault, row.case, row.intensity));
-    let of_run = |run: &[&super::data_set::DataRow]| {
+    let of_run = |run: &[&DataRow]| {
         let detected = run.iter().rev().take_while(|row| row.is_detected()).last();
         Least {
             fault: data.faults[run[0].fault as usize].clone(),

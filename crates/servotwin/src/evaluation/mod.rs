@@ -1,12 +1,10 @@
 //! Evaluates the diagnosis with held-out data.
 //!
 //! [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
-//! and the committee under every protocol, the seed paper's trees, all classifiers, ablations, confused faults,
-//! what may stay not isolated, and flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and
-//! seeds give the same bytes, on any number of threads.
+//! and the committee under every protocol, the seed paper's trees, all classifiers, what may stay not isolated, and
+//! flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and seeds give the same
+//! bytes, on any number of threads.
 
-pub(crate) mod ablation;
-pub mod ambiguity;
 pub mod bands;
 pub mod baseline;
 pub mod committee;
@@ -20,25 +18,28 @@ pub mod model_file;
 pub mod protocol;
 pub(crate) mod run;
 
-pub use data_set::{DataSet, FeatureInfo, TrainingFilter};
+pub use data_set::{DataSet, TrainingFilter};
 pub use error::EvaluationError;
 pub use servotwin_learning::metrics;
 
 use crate::parallel::Workers;
 use bands::Band;
 use baseline::RandomThirds;
-use committee::{Committee, Reliability};
 use flips::{Flips, Moving};
-use isolation::{Isolation, IsolationInputs};
-use protocol::{Holding, Protocol, ProtocolResult};
-use run::{RowOutcome, first_error};
+use isolation::Isolation;
+use protocol::{Holding, Protocol, ProtocolResult, summary};
+use run::{RowOutcome, Scope};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
-use servotwin_diagnosis::hierarchy::{Hierarchy, Question};
+use servotwin_diagnosis::diagnoser::{Novelty, Tuning};
+use servotwin_diagnosis::hierarchy::Hierarchy;
+use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::BAND;
 use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::metrics::Rate;
+use servotwin_learning::novelty;
+use servotwin_learning::splits::Split;
 use servotwin_learning::tree::Criterion;
 
 use crate::study::Purpose;
@@ -68,8 +69,6 @@ pub struct EvaluationSettings {
     pub committee_protocols: Vec<Protocol>,
     /// The classifiers to compare; empty for no comparison.
     pub classifiers: Vec<classifiers::Settings>,
-    /// Whether to run the ablation.
-    pub ablation: bool,
 }
 
 impl Default for EvaluationSettings {
@@ -93,7 +92,6 @@ impl Default for EvaluationSettings {
             protocols: protocol::ALL.into(),
             committee_protocols: OF_COMMITTEE.into(),
             classifiers: comparison::quick_classifiers(),
-            ablation: true,
         }
     }
 }
@@ -103,7 +101,7 @@ impl EvaluationSettings {
     pub(crate) fn quick(mut self) -> Self {
         // Training a committee without each kind of fault in turn would lengthen the evaluation by half.
         self.committee_protocols.retain(|protocol| *protocol == Protocol::NewCommand);
-        EvaluationSettings { ablation: false, ..self }
+        self
     }
 }
 
@@ -170,16 +168,10 @@ pub struct Evaluation {
     pub random_thirds: Vec<RandomThirds>,
     /// What is decided if a fault may stay not isolated, where kinds are left out and under new commands.
     pub isolation: Vec<Isolation>,
-    /// Calibration of the committee's confidence.
-    pub reliability: Option<Reliability>,
     /// Flips of the trees and of the committee.
     pub flips: Option<(Flips, Flips)>,
     /// Results of the classifier comparison.
     pub classifiers: Vec<comparison::Compared>,
-    /// The result without each part.
-    pub ablation: Vec<ablation::Ablation>,
-    /// Confusions between kinds of fault.
-    pub ambiguity: ambiguity::Ambiguity,
     /// The sizes of the final trees.
     pub stages: Vec<StageSize>,
     /// False alarms; `None` without fault-free specimens.
@@ -212,17 +204,6 @@ impl Evaluation {
 const OF_COMMITTEE: [Protocol; 3] =
     [Protocol::KindLeftOut, Protocol::UnseenIntensity, Protocol::NewCommand];
 
-/// The trained diagnosis of a scenario.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Trained {
-    /// The learned bands, if in use.
-    pub bands: Option<Vec<Band>>,
-    /// The nine trees.
-    pub trees: Hierarchy,
-    /// The committee.
-    pub committee: Committee,
-}
-
 /// The data with the band that the settings select, and the bands that can be learned from it.
 pub fn banded(
     data: &DataSet,
@@ -249,19 +230,53 @@ pub fn train(
     settings: &EvaluationSettings,
     pools: &[usize],
     workers: Workers,
-) -> Result<Trained, EvaluationError> {
+) -> Result<Panel, EvaluationError> {
     let (data, bands) = banded(data, settings, pools);
-    let rows = data.learnt_from(settings.holding.lessons)?;
-    let trees = run::fit(&data, &run::settled(&data, &settings.training), &rows, workers)?;
+    let bands = bands.filter(|_| settings.learned_bands);
+    let band = |(place, sensor): (usize, &String)| SensorBand {
+        sensor: sensor.clone(),
+        half_width: bands.as_ref().map_or(BAND, |bands| bands[place].half_width),
+    };
+    let bands = data.sensors.iter().enumerate().map(band).collect();
+    train_on(&data, &data, bands, settings, workers)
+}
+
+/// Trains the trees on some rows of a data set, and the committee on all, each on those that the settings select.
+///
+/// # Errors
+/// As [`train`].
+pub(crate) fn train_on(
+    for_trees: &DataSet,
+    data: &DataSet,
+    bands: Vec<SensorBand>,
+    settings: &EvaluationSettings,
+    workers: Workers,
+) -> Result<Panel, EvaluationError> {
+    let rows = for_trees.learnt_from(settings.holding.lessons)?;
+    let trees = run::fit(for_trees, &settings.training, &rows, Scope::All, workers)?;
     let rows = data.learnt_from(settings.committee_lessons)?;
-    let committee = committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
-    Ok(Trained { bands: bands.filter(|_| settings.learned_bands), trees, committee })
+    let (committee, least_confidence) =
+        committee::train(&data.for_committee()?, &settings.committee, &rows, workers)?;
+    Ok(Panel { bands, least_confidence, trees, committee })
+}
+
+/// The known ranges of the rows from which a committee learns.
+///
+/// # Errors
+/// As [`train`].
+pub(crate) fn novelty(
+    data: &DataSet,
+    settings: &EvaluationSettings,
+) -> Result<Novelty, EvaluationError> {
+    let rows = data.learnt_from(settings.committee_lessons)?;
+    let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
+    Ok(novelty::learn(&data.examples, &rows, &groups, Tuning::default().known_share)?)
 }
 
 /// Inputs of an evaluation besides data and settings.
 pub struct Context<'c> {
     /// The diagnosis trained on all rows.
-    pub trained: &'c Trained,
+    pub trained: &'c Panel,
     /// For each sensor with a band, a number that is equal for like sensors.
     pub pools: &'c [usize],
     /// The same data with every feature, including unused ones, for the paper's trees.
@@ -292,7 +307,7 @@ pub fn evaluate(
     let data = &data;
     let mut evaluation = Evaluation {
         detection: detection::evaluate(data),
-        paper_detection: detection::share(&unbanded, true),
+        paper_detection: detection::share(&unbanded),
         bands,
         features: data.features.len(),
         constant_features: data.constant.clone(),
@@ -314,15 +329,7 @@ pub fn evaluate(
         evaluation.classifiers =
             comparison::evaluate(data, &settings.training, list, holding, workers)?;
     }
-    if settings.ablation {
-        progress("taking parts away", 0.8);
-        let training = run::settled(data, &settings.training);
-        // Perturbed windows would not change the comparison of feature families.
-        let still = data.without(|row| row.moved > 0);
-        evaluation.ablation = ablation::evaluate(&still, &training, settings.holding, workers)?;
-    }
     progress("moving windows", 0.9);
-    evaluation.reliability = reliability(data, trained)?;
     evaluation.flips = flips(data, trained, context)?;
     Ok(evaluation)
 }
@@ -335,42 +342,41 @@ fn under_protocols(
     evaluation: &mut Evaluation,
 ) -> Result<(), EvaluationError> {
     let Context { trained, workers, progress, .. } = *context;
-    let EvaluationSettings { training, committee, holding, shutdowns, .. } = settings;
+    let (holding, shutdowns) = (settings.holding, data.commands(&settings.shutdowns));
+    let of_committee = data.for_committee()?;
+    let answers = |protocol: Protocol, data, hierarchy, training, splits: &[Split]| match protocol {
+        Protocol::NewCommand => Ok(vec![run::ask(data, hierarchy, &splits[0].test)?]),
+        _ => run::run(data, training, splits, protocol.scope(), workers),
+    };
     for (place, &protocol) in settings.protocols.iter().enumerate() {
-        progress(protocol.title(), 0.075 * place as f64);
-        if protocol == Protocol::NewCommand {
-            let found = protocol::evaluate_trained(data, &trained.trees, *holding, shutdowns)?;
-            evaluation.protocols.extend(found);
+        progress(protocol.title(), 0.125 * place as f64);
+        let splits = protocol.splits(data, holding)?;
+        if splits.is_empty() {
             continue;
         }
-        let found = protocol::evaluate(protocol, data, training, *holding, shutdowns, workers)?;
-        let Some((result, outcomes)) = found else { continue };
-        if protocol.scope() == run::Scope::AllTracing {
-            evaluation.ambiguity = ambiguity::evaluate(data, &outcomes);
+        let trees = answers(protocol, data, &trained.trees, &settings.training, &splits)?;
+        evaluation.protocols.push(summary(protocol, data, &trees, &shutdowns));
+        // The committee is calibrated on training commands.
+        if !data.has_training() || !settings.committee_protocols.contains(&protocol) {
+            continue;
         }
-        evaluation.protocols.push(result);
-    }
-    // The committee is calibrated on training commands.
-    if !data.has_training() {
-        return Ok(());
-    }
-    progress("committee", 0.3);
-    let holding = Holding { lessons: settings.committee_lessons, ..*holding };
-    let (inputs, of_committee) =
-        (IsolationInputs { data, settings, trained, workers }, data.for_committee()?);
-    for &protocol in &settings.committee_protocols {
-        let (result, outcomes) = if protocol == Protocol::NewCommand {
-            let hierarchy = &trained.committee.hierarchy;
-            (protocol::evaluate_trained(data, hierarchy, holding, shutdowns)?, vec![])
-        } else {
-            let data = &of_committee;
-            let found = protocol::evaluate(protocol, data, committee, holding, shutdowns, workers)?;
-            found.map_or((None, vec![]), |(result, outcomes)| (Some(result), outcomes))
-        };
-        let Some(result) = result else { continue };
-        evaluation.committee.push(result);
+        let holding = Holding { lessons: settings.committee_lessons, ..holding };
+        let splits = protocol.splits(data, holding)?;
+        let hierarchy = &trained.committee;
+        let committee = answers(protocol, &of_committee, hierarchy, &settings.committee, &splits)?;
+        evaluation.committee.push(summary(protocol, data, &committee, &shutdowns));
         if isolation::PROTOCOLS.contains(&protocol) {
-            evaluation.isolation.extend(inputs.evaluate(protocol, &outcomes)?);
+            let pool = run::settled(data, &settings.committee).pool;
+            let voices = [&trees[..], &committee];
+            evaluation.isolation.push(isolation::evaluate(
+                protocol,
+                &of_committee,
+                pool,
+                &splits,
+                voices,
+                &shutdowns,
+                workers,
+            )?);
         }
     }
     Ok(())
@@ -385,26 +391,15 @@ fn unseen(data: &DataSet) -> Vec<usize> {
     data.rows_where(Purpose::Test, wanted)
 }
 
-/// Evaluates the calibration of the committee's confidence.
-fn reliability(data: &DataSet, trained: &Trained) -> Result<Option<Reliability>, EvaluationError> {
-    let rows = unseen(data);
-    if rows.is_empty() {
-        return Ok(None);
-    }
-    let committee = run::ask(data, &trained.committee.hierarchy, &rows)?;
-    let is_right = |o: &RowOutcome| matches!(first_error(data, o), None | Some(Question::Detail));
-    Ok(Some(committee::reliability(&committee, is_right)))
-}
-
 fn flips(
     data: &DataSet,
-    trained: &Trained,
+    trained: &Panel,
     context: &Context,
 ) -> Result<Option<(Flips, Flips)>, EvaluationError> {
     let rows = unseen(data);
     let Some(moving) = context.moving.filter(|_| !rows.is_empty()) else { return Ok(None) };
     let of = |hierarchy| flips::evaluate(data, hierarchy, moving, &rows, context.workers);
-    Ok(Some((of(&trained.trees)?, of(&trained.committee.hierarchy)?)))
+    Ok(Some((of(&trained.trees)?, of(&trained.committee)?)))
 }
 
 /// The size of a stage's tree.
@@ -433,7 +428,7 @@ fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) ->
 fn false_alarms(
     unbanded: &DataSet,
     data: &DataSet,
-    trained: &Trained,
+    trained: &Panel,
     shutdowns: &[String],
 ) -> Result<Option<FalseAlarms>, EvaluationError> {
     let healthy = data.rows_where(Purpose::Test, |row| row.is_healthy);
@@ -452,7 +447,7 @@ fn false_alarms(
         Ok((Rate::new(faults as u64, of), Rate::new(shutdowns as u64, of)))
     };
     let (trees, tree_shutdowns) = said(&trained.trees)?;
-    let (committee, committee_shutdowns) = said(&trained.committee.hierarchy)?;
+    let (committee, committee_shutdowns) = said(&trained.committee)?;
     Ok(Some(FalseAlarms {
         paper_alarms: Rate::of(&healthy, |&row| unbanded.rows[row].is_detected()),
         alarms: Rate::new(alarms.len() as u64, of),

@@ -14,17 +14,16 @@
 
 use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
-use super::run::{RowOutcome, Scope, ask, first_error, run};
+use super::run::{RowOutcome, Scope, first_error, is_right_action, run};
 use crate::parallel::Workers;
-use crate::study::Purpose;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::hierarchy::{Hierarchy, Question, StagePlace};
+use servotwin_diagnosis::Error;
+use servotwin_diagnosis::hierarchy::{HEALTHY, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
-use servotwin_learning::splits::{
-    HELD_OUT, Split, grouped_k_fold, leave_one_group_out, repeated_hold_out,
-};
-use std::collections::BTreeSet;
+use servotwin_learning::splits::{Split, grouped_k_fold, leave_one_group_out, random_thirds};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A way to hold rows out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -84,8 +83,7 @@ impl Protocol {
     pub(crate) fn scope(self) -> Scope {
         match self {
             Protocol::KindLeftOut => Scope::Action,
-            Protocol::UnseenIntensity => Scope::AllTracing,
-            Protocol::RandomThird | Protocol::NewCommand => Scope::All,
+            _ => Scope::All,
         }
     }
 
@@ -94,12 +92,18 @@ impl Protocol {
         matches!(self, Protocol::UnseenIntensity | Protocol::NewCommand)
     }
 
-    /// The splits; empty if there are too few groups or no training commands.
+    /// The splits; empty if there are too few groups, no training commands, or nothing to judge.
     ///
     /// # Errors
     /// [`EvaluationError::NothingDetectable`], or a split cannot be made.
     pub fn splits(self, data: &DataSet, holding: Holding) -> Result<Vec<Split>, EvaluationError> {
+        let names = data.examples.names();
+        let decides_nothing = names.actuators.len() == 1 && names.actions.len() == 1;
+        if decides_nothing && self.scope() == Scope::Action {
+            return Ok(vec![]);
+        }
         let test = data.detectable()?;
+        let learned = || data.learnt_from(holding.lessons);
         let Holding { repeats, folds, seed, .. } = holding;
         let groups = |key: &dyn Fn(&DataRow) -> u32| {
             test.iter().map(|&row| key(&data.rows[row])).collect::<Vec<_>>()
@@ -107,44 +111,42 @@ impl Protocol {
         let cases = data.cases.len() as u32;
         let splits = match self {
             Protocol::RandomThird => {
-                thirds(&groups(&|row| cluster(data, row) * cases + row.case), repeats, seed)?
+                random_thirds(&groups(&|row| cluster(data, row) * cases + row.case), repeats, seed)
             }
-            Protocol::KindLeftOut => left_out(&groups(&|row| row.kind))?,
-            Protocol::UnseenIntensity => folded(&groups(&|row| cluster(data, row)), folds, seed)?,
-            Protocol::NewCommand if !data.has_training() => vec![],
-            Protocol::NewCommand => {
-                let train = data.learnt_from(holding.lessons)?;
-                return Ok(vec![Split { train, test }]);
+            Protocol::KindLeftOut => leave_one_group_out(&groups(&|row| row.kind)),
+            Protocol::UnseenIntensity => {
+                grouped_k_fold(&groups(&|row| cluster(data, row)), folds, seed)
             }
+            Protocol::NewCommand if data.has_training() => {
+                return Ok(vec![Split { train: learned()?, test }]);
+            }
+            Protocol::NewCommand => return Ok(vec![]),
+        };
+        let splits = match splits {
+            Err(Error::TooFewForFolds { .. }) => return Ok(vec![]),
+            splits => splits?,
         };
         let real = |places: &[usize]| places.iter().map(|&place| test[place]).collect();
         let split = |split: &Split| Split { train: real(&split.train), test: real(&split.test) };
-        let splits: Vec<Split> = splits.iter().map(split).collect();
-        match self == Protocol::UnseenIntensity && data.has_training() {
-            true => taught_by_commands(data, &data.learnt_from(holding.lessons)?, splits),
-            false => Ok(splits),
+        let mut splits: Vec<Split> = splits.iter().map(split).collect();
+        if self == Protocol::UnseenIntensity && data.has_training() {
+            splits = taught_by_commands(data, &learned()?, splits);
         }
+        splits.retain(|split| !split.test.is_empty());
+        Ok(splits)
     }
 }
 
 /// The same test rows, learned from rows of training commands without the faults that are tested.
-fn taught_by_commands(
-    data: &DataSet,
-    lessons: &[usize],
-    splits: Vec<Split>,
-) -> Result<Vec<Split>, EvaluationError> {
+fn taught_by_commands(data: &DataSet, lessons: &[usize], splits: Vec<Split>) -> Vec<Split> {
     let of_fold = |Split { test, .. }: Split| {
         let held: BTreeSet<u32> = test.iter().map(|&row| cluster(data, &data.rows[row])).collect();
         let teaches = |row: &DataRow| row.is_healthy || !held.contains(&cluster(data, row));
         let train = lessons.iter().copied().filter(|&row| teaches(&data.rows[row])).collect();
         Split { train, test }
     };
-    let splits = splits.into_iter().map(of_fold);
-    Ok(splits.filter(|split| has_fault(data, &split.train)).collect())
-}
-
-fn has_fault(data: &DataSet, rows: &[usize]) -> bool {
-    rows.iter().any(|&row| !data.rows[row].is_healthy)
+    let has_fault = |split: &Split| split.train.iter().any(|&row| !data.rows[row].is_healthy);
+    splits.into_iter().map(of_fold).filter(has_fault).collect()
 }
 
 /// Index of a kind at an intensity.
@@ -156,47 +158,6 @@ pub(super) fn cluster(data: &DataSet, row: &DataRow) -> u32 {
 pub fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
     let row = &data.rows[row];
     Trial { cluster: cluster(data, row), kind: row.kind, holds }
-}
-
-/// Random thirds that keep groups together.
-fn thirds(groups: &[u32], repeats: usize, seed: u64) -> Result<Vec<Split>, EvaluationError> {
-    let mut names = groups.to_vec();
-    names.sort_unstable();
-    names.dedup();
-    if names.len() < 2 {
-        return Ok(vec![]);
-    }
-    let held_out = repeated_hold_out(names.len(), HELD_OUT, repeats, seed)?;
-    let spread = |split: &Split| {
-        let is_test = |row: &usize| {
-            let place = names.binary_search(&groups[*row]);
-            place.is_ok_and(|place| split.test.binary_search(&place).is_ok())
-        };
-        let (test, train) = (0..groups.len()).partition(is_test);
-        Split { train, test }
-    };
-    Ok(held_out.iter().map(spread).collect())
-}
-
-fn folded(groups: &[u32], folds: usize, seed: u64) -> Result<Vec<Split>, EvaluationError> {
-    if count_groups(groups) < folds {
-        return Ok(vec![]);
-    }
-    Ok(grouped_k_fold(groups, folds, seed)?)
-}
-
-fn left_out(groups: &[u32]) -> Result<Vec<Split>, EvaluationError> {
-    if count_groups(groups) < 2 {
-        return Ok(vec![]);
-    }
-    Ok(leave_one_group_out(groups)?)
-}
-
-fn count_groups(groups: &[u32]) -> usize {
-    let mut groups = groups.to_vec();
-    groups.sort_unstable();
-    groups.dedup();
-    groups.len()
 }
 
 /// The score of one stage on the rows that truly belong to it.
@@ -243,6 +204,21 @@ pub struct ComponentScore {
     pub right: Rate,
 }
 
+/// Wrong answers of one kind about the faults of a kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Confused {
+    /// The true kind, without the actuator.
+    pub kind: String,
+    /// The first question that was answered wrongly.
+    pub question: Question,
+    /// The answer: `healthy`, `another actuator`, or the name of an action or of a fault class.
+    pub taken_for: String,
+    /// The number of such answers.
+    pub count: u64,
+    /// Their share among all tests of the kind.
+    pub share: f64,
+}
+
 /// The result of a hierarchy under a protocol.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ProtocolResult {
@@ -264,6 +240,8 @@ pub struct ProtocolResult {
     pub safety: Option<Safety>,
     /// Errors by component.
     pub components: Vec<ComponentScore>,
+    /// Wrong answers by kind of fault, the most frequent first.
+    pub confused: Vec<Confused>,
 }
 
 impl ProtocolResult {
@@ -273,10 +251,7 @@ impl ProtocolResult {
     }
 }
 
-/// A protocol's result with the outcome of every held-out row, by split.
-pub(crate) type JudgedProtocol = (ProtocolResult, Vec<Vec<RowOutcome>>);
-
-/// Runs a protocol; also returns the outcomes behind the result. `None` if the data set has too few groups.
+/// Runs a protocol with trees that learn anew; `None` if the data set has too few groups.
 ///
 /// # Errors
 /// Training fails.
@@ -285,79 +260,48 @@ pub(crate) fn evaluate(
     data: &DataSet,
     settings: &HierarchySettings,
     holding: Holding,
-    shutdowns: &[String],
+    shutdowns: &[u32],
     workers: Workers,
-) -> Result<Option<JudgedProtocol>, EvaluationError> {
-    let splits = judged_splits(protocol, data, holding)?;
+) -> Result<Option<ProtocolResult>, EvaluationError> {
+    let splits = protocol.splits(data, holding)?;
     if splits.is_empty() {
         return Ok(None);
     }
     let outcomes = run(data, settings, &splits, protocol.scope(), workers)?;
-    let result = summary(protocol, data, &outcomes, shutdowns);
-    Ok(Some((result, outcomes)))
-}
-
-/// The same for [`Protocol::NewCommand`], using a hierarchy already trained on all training rows.
-///
-/// # Errors
-/// A split cannot be made, or the hierarchy does not fit the data.
-pub(crate) fn evaluate_trained(
-    data: &DataSet,
-    hierarchy: &Hierarchy,
-    holding: Holding,
-    shutdowns: &[String],
-) -> Result<Option<ProtocolResult>, EvaluationError> {
-    let protocol = Protocol::NewCommand;
-    let splits = judged_splits(protocol, data, holding)?;
-    let Some(split) = splits.first() else { return Ok(None) };
-    let outcomes = [ask(data, hierarchy, &split.test)?];
     Ok(Some(summary(protocol, data, &outcomes, shutdowns)))
 }
 
-/// The splits with their judged rows; empty if nothing is judged.
-pub(super) fn judged_splits(
-    protocol: Protocol,
-    data: &DataSet,
-    holding: Holding,
-) -> Result<Vec<Split>, EvaluationError> {
-    let names = data.examples.names();
-    let decides_nothing = names.actuators.len() == 1 && names.actions.len() == 1;
-    if decides_nothing && protocol.scope() == Scope::Action {
-        return Ok(vec![]);
-    }
-    let mut splits = protocol.splits(data, holding)?;
-    splits.retain(|split| !split.test.is_empty());
-    Ok(splits)
-}
-
-/// Computes a protocol's result from its outcomes.
+/// Counts a protocol's result from its outcomes, split by split. `shutdowns` are the actions that shut their actuator
+/// down.
 pub(crate) fn summary(
     protocol: Protocol,
     data: &DataSet,
     outcomes: &[Vec<RowOutcome>],
-    shutdowns: &[String],
+    shutdowns: &[u32],
 ) -> ProtocolResult {
-    let counting = Counting::new(protocol, data, outcomes, shutdowns);
+    let counted = Counting { data, outcomes: outcomes.iter().flatten().collect(), shutdowns };
     let full = protocol.scope() != Scope::Action;
-    let right = counting.rate(|_| true, |outcome| first_error(data, outcome).is_none());
-    let acted =
-        |outcome: &RowOutcome| matches!(first_error(data, outcome), None | Some(Question::Detail));
-    let judged = data.rows_where(Purpose::Test, |row| !row.is_healthy);
-    let detected = Rate::of(&judged, |&row| data.rows[row].is_detected()).share;
+    let right = counted.rate(|_| true, |outcome| first_error(data, outcome).is_none());
+    let detected = Rate::of(&data.faults(), |&row| data.rows[row].is_detected()).share;
+    let safety = || Safety {
+        missed_shutdown_of_all: counted.missed_of_all().filter(|_| protocol.tests_all_once()),
+        ..counted.safety()
+    };
     ProtocolResult {
         protocol,
         title: protocol.title().into(),
         splits: outcomes.len(),
-        stages: stage_scores(data, outcomes, full),
+        stages: stage_scores(data, &counted.outcomes, full),
         end_to_end: full.then_some(right),
-        right_action: Some(counting.rate(|_| true, acted)),
+        right_action: Some(counted.rate(|_| true, |outcome| is_right_action(data, outcome))),
         isolated_of_all: right.share.zip(detected).filter(|_| full).map(|(a, b)| a * b),
-        safety: (!counting.shutdowns.is_empty()).then(|| counting.safety()),
-        components: if full { counting.components() } else { vec![] },
+        safety: (!shutdowns.is_empty()).then(safety),
+        components: if full { counted.components() } else { vec![] },
+        confused: if full { counted.confused() } else { vec![] },
     }
 }
 
-fn stage_scores(data: &DataSet, outcomes: &[Vec<RowOutcome>], full: bool) -> Vec<StageScore> {
+fn stage_scores(data: &DataSet, outcomes: &[&RowOutcome], full: bool) -> Vec<StageScore> {
     let actuators = data.examples.names().actuators.len();
     let mut places = data.examples.places(true);
     if actuators > 1 {
@@ -368,11 +312,15 @@ fn stage_scores(data: &DataSet, outcomes: &[Vec<RowOutcome>], full: bool) -> Vec
     places.iter().map(|place| stage_score(data, outcomes, place)).collect()
 }
 
-fn stage_score(data: &DataSet, outcomes: &[Vec<RowOutcome>], place: &StagePlace) -> StageScore {
+pub(super) fn stage_score(
+    data: &DataSet,
+    outcomes: &[&RowOutcome],
+    place: &StagePlace,
+) -> StageScore {
     let names = data.examples.names();
     let classes = data.examples.classes(place);
     let local = |class: u32| classes.iter().position(|known| *known == class).map(|c| c as u32);
-    let prediction = |outcome: &RowOutcome| -> Option<Prediction> {
+    let prediction = |outcome: &&RowOutcome| -> Option<Prediction> {
         let truth = data.examples.labels()[outcome.row];
         let row = &data.rows[outcome.row];
         if row.is_healthy || !place.is_asked(truth.actuator, truth.action) {
@@ -391,38 +339,26 @@ fn stage_score(data: &DataSet, outcomes: &[Vec<RowOutcome>], place: &StagePlace)
             said: said.and_then(local),
         })
     };
-    let splits: Vec<Vec<Prediction>> =
-        outcomes.iter().map(|split| split.iter().filter_map(prediction).collect()).collect();
+    let predictions: Vec<Prediction> = outcomes.iter().filter_map(prediction).collect();
     let class_names = classes.iter().map(|&c| names.class_name(place.question, c).to_owned());
     StageScore {
         id: place.id(),
         question: place.question,
         actuator: place.actuator.map(|actuator| names.actuators[actuator as usize].clone()),
         command: place.action.map(|command| names.actions[command as usize].clone()),
-        score: Score::of(class_names.collect(), &splits),
+        score: Score::of(class_names.collect(), &predictions),
     }
 }
 
-/// Counts over the outcomes of a protocol.
-struct Counting<'a> {
-    protocol: Protocol,
-    data: &'a DataSet,
-    outcomes: Vec<&'a RowOutcome>,
+/// Measures over outcomes.
+pub(super) struct Counting<'a> {
+    pub data: &'a DataSet,
+    pub outcomes: Vec<&'a RowOutcome>,
     /// The actions that shut their actuator down.
-    shutdowns: Vec<u32>,
+    pub shutdowns: &'a [u32],
 }
 
-impl<'a> Counting<'a> {
-    fn new(
-        protocol: Protocol,
-        data: &'a DataSet,
-        outcomes: &'a [Vec<RowOutcome>],
-        shutdowns: &[String],
-    ) -> Self {
-        let (outcomes, shutdowns) = (outcomes.iter().flatten().collect(), data.commands(shutdowns));
-        Counting { protocol, data, outcomes, shutdowns }
-    }
-
+impl Counting<'_> {
     fn trials(
         &self,
         among: impl Fn(&RowOutcome) -> bool,
@@ -432,26 +368,13 @@ impl<'a> Counting<'a> {
         asked.map(|outcome| trial(self.data, outcome.row, holds(outcome))).collect()
     }
 
-    fn rate(
+    /// The share of some outcomes that meet a condition.
+    pub(super) fn rate(
         &self,
         among: impl Fn(&RowOutcome) -> bool,
         holds: impl Fn(&RowOutcome) -> bool,
     ) -> Rate {
         Rate::clustered(&self.trials(among, holds))
-    }
-
-    /// Missed shutdowns among all faults: those of detected faults, and all undetected faults.
-    fn missed_of_all(&self, missed: &[Trial]) -> Option<Rate> {
-        if !self.protocol.tests_all_once() {
-            return None;
-        }
-        let labels = self.data.examples.labels();
-        let hidden =
-            self.data.rows_where(Purpose::Test, |row| !row.is_healthy && !row.is_detected());
-        let hidden = hidden.into_iter().filter(|&row| self.shutdowns.contains(&labels[row].action));
-        let mut trials = missed.to_vec();
-        trials.extend(hidden.map(|row| trial(self.data, row, true)));
-        Some(Rate::clustered(&trials))
     }
 
     fn is_wrong_actuator(&self, outcome: &RowOutcome) -> bool {
@@ -460,25 +383,48 @@ impl<'a> Counting<'a> {
     }
 
     fn shuts_down(&self, outcome: &RowOutcome) -> bool {
-        outcome.said.action.is_some_and(|command| self.shutdowns.contains(&command))
+        let action = outcome.said.action.filter(|_| outcome.is_decided);
+        action.is_some_and(|action| self.shutdowns.contains(&action))
     }
 
-    fn needs_shutdown(&self, outcome: &RowOutcome) -> bool {
-        self.shutdowns.contains(&self.data.examples.labels()[outcome.row].action)
+    fn shuts_own(&self, outcome: &RowOutcome) -> bool {
+        !self.is_wrong_actuator(outcome) && self.shuts_down(outcome)
     }
 
-    fn safety(&self) -> Safety {
-        let wrong = |outcome: &RowOutcome| self.is_wrong_actuator(outcome);
-        let wrong_shutdown = |outcome: &RowOutcome| wrong(outcome) && self.shuts_down(outcome);
-        let right_shutdown = |outcome: &RowOutcome| !wrong(outcome) && self.shuts_down(outcome);
-        let needed = |outcome: &RowOutcome| self.needs_shutdown(outcome);
-        let missed = self.trials(needed, |outcome| !right_shutdown(outcome));
+    fn shuts_other(&self, outcome: &RowOutcome) -> bool {
+        self.is_wrong_actuator(outcome) && self.shuts_down(outcome)
+    }
+
+    fn needs_shutdown(&self, row: usize) -> bool {
+        self.shutdowns.contains(&self.data.examples.labels()[row].action)
+    }
+
+    fn missed(&self) -> Vec<Trial> {
+        self.trials(|outcome| self.needs_shutdown(outcome.row), |outcome| !self.shuts_own(outcome))
+    }
+
+    /// Missed shutdowns among all faults: those of detected faults, and all undetected faults.
+    fn missed_of_all(&self) -> Option<Rate> {
+        let hidden = self
+            .data
+            .faults()
+            .into_iter()
+            .filter(|&row| !self.data.rows[row].is_detected() && self.needs_shutdown(row));
+        let hidden = hidden.map(|row| trial(self.data, row, true));
+        Some(Rate::clustered(&self.missed().into_iter().chain(hidden).collect::<Vec<_>>()))
+    }
+
+    /// The consequences of errors among detected faults.
+    pub(super) fn safety(&self) -> Safety {
         Safety {
-            wrong_actuator: self.rate(|_| true, wrong),
-            wrong_actuator_shutdown: self.rate(|_| true, wrong_shutdown),
-            missed_shutdown: Rate::clustered(&missed),
-            missed_shutdown_of_all: self.missed_of_all(&missed),
-            needless_shutdown: self.rate(|outcome| !needed(outcome), right_shutdown),
+            wrong_actuator: self.rate(|_| true, |outcome| self.is_wrong_actuator(outcome)),
+            wrong_actuator_shutdown: self.rate(|_| true, |outcome| self.shuts_other(outcome)),
+            missed_shutdown: Rate::clustered(&self.missed()),
+            missed_shutdown_of_all: None,
+            needless_shutdown: self.rate(
+                |outcome| !self.needs_shutdown(outcome.row),
+                |outcome| self.shuts_own(outcome),
+            ),
         }
     }
 
@@ -490,15 +436,42 @@ impl<'a> Counting<'a> {
         names.dedup();
         let score = |name: &&str| {
             let own = |outcome: &RowOutcome| component(outcome) == *name;
-            let wrong = |outcome: &RowOutcome| self.is_wrong_actuator(outcome);
             ComponentScore {
                 component: (*name).to_owned(),
-                wrong_actuator: self.rate(own, wrong),
-                wrong_actuator_shutdown: self
-                    .rate(own, |outcome| wrong(outcome) && self.shuts_down(outcome)),
+                wrong_actuator: self.rate(own, |outcome| self.is_wrong_actuator(outcome)),
+                wrong_actuator_shutdown: self.rate(own, |outcome| self.shuts_other(outcome)),
                 right: self.rate(own, |outcome| first_error(self.data, outcome).is_none()),
             }
         };
         names.iter().map(score).collect()
+    }
+
+    fn confused(&self) -> Vec<Confused> {
+        let names = self.data.examples.names();
+        let mut tests = vec![0_u64; self.data.kinds.len()];
+        let mut counts: BTreeMap<(u32, Question, &str), u64> = BTreeMap::new();
+        for outcome in &self.outcomes {
+            let kind = self.data.rows[outcome.row].kind;
+            tests[kind as usize] += 1;
+            let Some(question) = first_error(self.data, outcome) else { continue };
+            let said = match question {
+                Question::Actuator => outcome.said.actuator.map(|_| "another actuator"),
+                Question::Action => outcome.said.action.map(|said| &*names.actions[said as usize]),
+                Question::Detail => outcome.said.detail.map(|said| &*names.details[said as usize]),
+            };
+            *counts.entry((kind, question, said.unwrap_or(HEALTHY))).or_default() += 1;
+        }
+        let confused =
+            |((kind, question, taken_for), count): ((u32, Question, &str), u64)| Confused {
+                kind: self.data.kinds[kind as usize].clone(),
+                question,
+                taken_for: taken_for.to_owned(),
+                count,
+                share: count as f64 / tests[kind as usize] as f64,
+            };
+        let mut all: Vec<Confused> = counts.into_iter().map(confused).collect();
+        // Equally frequent ones stay in the order of the kinds.
+        all.sort_by_key(|confused| Reverse(confused.count));
+        all
     }
 }

@@ -6,11 +6,9 @@
 use super::data_set::DataSet;
 use super::error::EvaluationError;
 use crate::parallel::{self, Workers};
-use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Question, Scratch, Stage, StagePlace};
+use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Question, Stage, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::splits::Split;
-use std::collections::BTreeMap;
 
 /// Which stages are trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,8 +17,6 @@ pub(crate) enum Scope {
     All,
     /// Only the stages that find the actuator and the action. The detail of a kind without training has no right answer.
     Action,
-    /// Every stage; wrong answers are traced to the kind of fault with which they were confused.
-    AllTracing,
 }
 
 /// The answers for a test row.
@@ -34,8 +30,8 @@ pub(crate) struct RowOutcome {
     pub command: Option<u32>,
     /// The detail, given the true actuator and command.
     pub detail: Option<u32>,
-    /// For wrong answers: the most frequent kind of fault in the leaf where the row ended.
-    pub confused_with: Option<u32>,
+    /// Whether the answer counts. Where it does not, the fault stays not isolated.
+    pub is_decided: bool,
 }
 
 /// Trains on each split's training rows and tests on its test rows; one list per split.
@@ -49,10 +45,10 @@ pub(crate) fn run(
     scope: Scope,
     workers: Workers,
 ) -> Result<Vec<Vec<RowOutcome>>, EvaluationError> {
-    let settings = &settled(data, settings);
     // The threads share the splits, or the stages of a single split.
     let within = if splits.len() == 1 { workers } else { Workers::new(1) };
-    let one = |split: &Split| run_split(data, settings, split, scope, within);
+    let one =
+        |split: &Split| ask(data, &fit(data, settings, &split.train, scope, within)?, &split.test);
     parallel::map(splits, workers, one)?.into_iter().collect()
 }
 
@@ -66,25 +62,7 @@ pub(crate) fn settled(data: &DataSet, settings: &HierarchySettings) -> Hierarchy
     }
 }
 
-fn run_split(
-    data: &DataSet,
-    settings: &HierarchySettings,
-    split: &Split,
-    scope: Scope,
-    workers: Workers,
-) -> Result<Vec<RowOutcome>, EvaluationError> {
-    let hierarchy = fit_scope(data, settings, &split.train, scope, workers)?;
-    let mut asking = Asking::new(data, &hierarchy);
-    let outcomes: Result<Vec<RowOutcome>, _> =
-        split.test.iter().map(|&row| asking.ask(row)).collect();
-    let mut outcomes = outcomes?;
-    if scope == Scope::AllTracing {
-        trace(data, settings, &hierarchy, &split.train, &mut outcomes)?;
-    }
-    Ok(outcomes)
-}
-
-/// Trains every stage on the given rows, several stages in parallel.
+/// Trains the stages on the given rows, several in parallel.
 ///
 /// # Errors
 /// Training fails.
@@ -92,18 +70,10 @@ pub(crate) fn fit(
     data: &DataSet,
     settings: &HierarchySettings,
     rows: &[usize],
-    workers: Workers,
-) -> Result<Hierarchy, EvaluationError> {
-    fit_scope(data, settings, rows, Scope::All, workers)
-}
-
-fn fit_scope(
-    data: &DataSet,
-    settings: &HierarchySettings,
-    rows: &[usize],
     scope: Scope,
     workers: Workers,
 ) -> Result<Hierarchy, EvaluationError> {
+    let settings = &settled(data, settings);
     let mut places = data.examples.places(settings.pool);
     places.retain(|p| scope != Scope::Action || p.question != Question::Detail);
     let one = |place: &StagePlace| settings.fit_stage(&data.examples, rows, place);
@@ -124,75 +94,24 @@ pub(crate) fn ask(
     hierarchy: &Hierarchy,
     rows: &[usize],
 ) -> Result<Vec<RowOutcome>, EvaluationError> {
-    let mut asking = Asking::new(data, hierarchy);
-    rows.iter().map(|&row| asking.ask(row)).collect()
-}
-
-/// Asks a hierarchy about rows, one after the other.
-struct Asking<'a> {
-    data: &'a DataSet,
-    hierarchy: &'a Hierarchy,
-    scratch: Scratch,
-    views: Vec<Vec<f64>>,
-}
-
-impl<'a> Asking<'a> {
-    fn new(data: &'a DataSet, hierarchy: &'a Hierarchy) -> Self {
-        let empty = vec![0.0; data.features.len()];
-        Asking {
-            data,
-            hierarchy,
-            scratch: hierarchy.scratch(),
-            views: vec![empty; data.examples.views()],
+    let mut scratch = hierarchy.scratch();
+    let mut values = vec![vec![0.0; data.features.len()]; data.examples.views()];
+    let mut ask_row = |&row: &usize| {
+        for (view, values) in values.iter_mut().enumerate() {
+            data.examples.row_into(view, row, values);
         }
-    }
-
-    fn ask(&mut self, row: usize) -> Result<RowOutcome, EvaluationError> {
-        for (view, values) in self.views.iter_mut().enumerate() {
-            self.data.examples.row_into(view, row, values);
-        }
-        let views: Vec<&[f64]> = self.views.iter().map(Vec::as_slice).collect();
-        let said = self.hierarchy.diagnose(&views, &mut self.scratch)?;
-        let truth = self.data.examples.labels()[row];
-        let is_healthy = self.data.rows[row].is_healthy;
-        let mut given = |question| {
-            let stage = self.hierarchy.stage(question, truth.actuator, truth.action)?;
-            let view = views[stage.place.view(truth.actuator)];
-            Some(stage.answer(view, &mut self.scratch).class)
+        let said = hierarchy.diagnose(&values, &mut scratch)?;
+        let truth = data.examples.labels()[row];
+        let mut below = |question| {
+            let stage = hierarchy.stage(question, truth.actuator, truth.action);
+            let stage = stage.filter(|_| !data.rows[row].is_healthy)?;
+            let view = &values[stage.place.view(truth.actuator)];
+            Some(stage.answer(view, &mut scratch).class)
         };
-        let mut below = |question| if is_healthy { None } else { given(question) };
         let (command, detail) = (below(Question::Action), below(Question::Detail));
-        Ok(RowOutcome { row, said, command, detail, confused_with: None })
-    }
-}
-
-/// Finds, for each wrong outcome, the most frequent kind of fault among the leaf's training rows with the decided
-/// class.
-fn trace(
-    data: &DataSet,
-    settings: &HierarchySettings,
-    hierarchy: &Hierarchy,
-    train: &[usize],
-    outcomes: &mut [RowOutcome],
-) -> Result<(), EvaluationError> {
-    for stage in &hierarchy.stages {
-        let Some(kinds) = leaf_kinds(data, settings, stage, train)? else {
-            continue;
-        };
-        let mut values = vec![0.0; data.features.len()];
-        for outcome in outcomes.iter_mut() {
-            let truth = data.examples.labels()[outcome.row];
-            let asked = stage.place.is_asked(truth.actuator, truth.action);
-            if !asked || first_error(data, outcome) != Some(stage.place.question) {
-                continue;
-            }
-            let view = stage.place.view(truth.actuator);
-            data.examples.row_into(view, outcome.row, &mut values);
-            let leaf = stage.path(&values).last().copied().unwrap_or(0);
-            outcome.confused_with = kinds.get(&leaf).copied();
-        }
-    }
-    Ok(())
+        Ok(RowOutcome { row, said, command, detail, is_decided: true })
+    };
+    rows.iter().map(&mut ask_row).collect()
 }
 
 /// The first question that was answered wrongly.
@@ -212,35 +131,7 @@ pub(crate) fn first_error(data: &DataSet, outcome: &RowOutcome) -> Option<Questi
     }
 }
 
-/// For each leaf of a tree, the most frequent kind of fault among the training rows of its class.
-fn leaf_kinds(
-    data: &DataSet,
-    settings: &HierarchySettings,
-    stage: &Stage,
-    train: &[usize],
-) -> Result<Option<BTreeMap<usize, u32>>, EvaluationError> {
-    let Model::Cart(tree) = &stage.model else {
-        return Ok(None);
-    };
-    let Some((samples, origins)) = data.examples.samples(&stage.place, train, settings.mirror)?
-    else {
-        return Ok(None);
-    };
-    let mut counts: BTreeMap<(usize, u32), u32> = BTreeMap::new();
-    let mut values = vec![0.0; samples.features()];
-    for (sample, &origin) in origins.iter().enumerate() {
-        samples.row_into(sample, &mut values);
-        let leaf = tree.branches().leaf_of(&values);
-        if tree.decision(leaf) == samples.labels()[sample] {
-            *counts.entry((leaf, data.rows[origin].kind)).or_default() += 1;
-        }
-    }
-    let mut best: BTreeMap<usize, (u32, u32)> = BTreeMap::new();
-    for ((leaf, kind), count) in counts {
-        let entry = best.entry(leaf).or_insert((0, kind));
-        if count > entry.0 {
-            *entry = (count, kind);
-        }
-    }
-    Ok(Some(best.into_iter().map(|(leaf, (_, kind))| (leaf, kind)).collect()))
+/// Whether actuator and action are right; that is what the flight control computer acts on.
+pub(crate) fn is_right_action(data: &DataSet, outcome: &RowOutcome) -> bool {
+    matches!(first_error(data, outcome), None | Some(Question::Detail))
 }

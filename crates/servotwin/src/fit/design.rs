@@ -116,7 +116,7 @@ impl Fit<'_> {
     ) -> Result<Vec<(Design, Command)>, FitError> {
         let mut all = Vec::new();
         for command in commands {
-            match self.told(rig, &command, duration_s) {
+            match self.judged_command(rig, &command, duration_s) {
                 Ok(design) => all.push((design, command)),
                 Err(FitError::Run { .. }) => {}
                 Err(error) => return Err(error),
@@ -126,29 +126,23 @@ impl Fit<'_> {
         Ok(all)
     }
 
-    fn told(&self, rig: &Rig, command: &Command, duration_s: f64) -> Result<Design, FitError> {
+    fn judged_command(
+        &self,
+        rig: &Rig,
+        command: &Command,
+        duration_s: f64,
+    ) -> Result<Design, FitError> {
         let inputs = self.system.network().inputs.iter();
         let constant = |value| Piecewise::constant(value).expect("a default is finite");
         let mut inputs: Vec<Piecewise> = inputs.map(|input| constant(input.default)).collect();
         inputs[rig.input] = command.signal.clone();
         let samples = (duration_s / rig.period_s + 1e-6) as usize + 1;
-        let record = FitRecord {
-            name: command.text.clone(),
-            period_s: rig.period_s,
-            inputs,
-            sensors: rig.sensors.clone(),
-            // J does not depend on the measured values.
-            measured: vec![0.0; samples * rig.sensors.len()],
-            units: Vec::new(),
-            left_out: Vec::new(),
-        };
-        let own = Fit {
-            unknowns: self.unknowns.clone(),
-            records: vec![record],
-            suspects: Vec::new(),
-            ..*self
-        };
-        let nominal = vec![0.0; self.unknowns.len()];
+        // J does not depend on the measured values.
+        let measured = vec![0.0; samples * rig.sensors.len()];
+        let sensors = rig.sensors.clone();
+        let record = FitRecord::of_samples(&command.text, rig.period_s, inputs, sensors, measured);
+        let own = Fit { records: vec![record], ..self.clone() };
+        let nominal = self.nominal();
         let linear = own.linear(&nominal, DerivativeScheme::Forward)?;
         let known = FitKnowledge::new(&self.unknowns, &nominal, &linear.information);
         Ok(Design {

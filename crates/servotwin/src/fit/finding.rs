@@ -1,19 +1,20 @@
-//! Findings: deviations in a record that no tolerance explains.
+//! What a solution says: an update, or findings, which are deviations that no tolerance explains; and the verdict in one
+//! sentence.
 //!
 //! Three signs of a fault do not identify it. The first is the mean square of a sensor's residuals. The second is their
 //! largest mean over a second, times the root of its number of samples. The third is a parameter at the bound of its
 //! tolerance that would fit better beyond it. [`super::suspects`] compares faults with the residuals.
 
+use super::intensity::{Diagnosed, intensity, intensity_and_onset};
 use super::knowledge::FitKnowledge;
 use super::linear::dot;
-use super::record::FitRecord;
 use super::solve::Minimum;
-use super::suspects::{SCORE_LIMIT, Suspect};
-use super::{Fit, FitError, FitResults};
+use super::suspects::{CLOCK, DELAY, SCORE_LIMIT, Suspect};
+use super::{Fit, FitError, FitResults, WARM_UP_S};
 use servotwin_io::text::number;
 
 /// Largest sliding mean that is attributed to chance, in its standard deviations.
-pub(crate) const MEAN_LIMIT: f64 = 6.0;
+const MEAN_LIMIT: f64 = 6.0;
 /// Largest excess of a mean square that is attributed to chance, in its standard deviations.
 const EXCESS_LIMIT: f64 = 6.0;
 /// A mean square below this is never a finding: the declared noise is not known more precisely.
@@ -24,6 +25,8 @@ const SHIFT_LIMIT: f64 = 6.0;
 const SHIFT_EXPLAINS: f64 = 0.8;
 /// Length of the sliding mean, s.
 const MEAN_S: f64 = 1.0;
+/// A fault explains a record if it removes at least this fraction of the excess over noise that the tolerances leave.
+const EXPLAINS: f64 = 0.5;
 
 /// The residuals of one sensor in one record.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,8 +77,29 @@ pub enum FitFinding {
 }
 
 impl SensorFit {
+    /// From the residuals of a sensor after the warm-up, each of which has a standard deviation (SI).
+    fn of(record: usize, sensor: usize, values: &[f64], period_s: f64, deviation: f64) -> Self {
+        let first = (WARM_UP_S / period_s).round() as usize;
+        let count = values.len() as f64;
+        let mean_square = dot(values, values) / count;
+        let limit = (1.0 + EXCESS_LIMIT * (2.0 / count).sqrt()).max(LEAST_SQUARE);
+        let window = ((MEAN_S / period_s).round() as usize).clamp(1, values.len());
+        let (root, step) = ((window as f64).sqrt(), (window / 10).max(1));
+        let means = values.windows(window).step_by(step).map(|w| w.iter().sum::<f64>() / root);
+        let largest = means.enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        let (at, largest_mean) = largest.unwrap_or((0, 0.0));
+        let at_s = (first + at * step + window / 2) as f64 * period_s;
+        let shift = shift(values, mean_square)
+            .map(|(at, by)| Shift { at_s: (first + at) as f64 * period_s, by: by * deviation });
+        SensorFit { record, sensor, mean_square, limit, largest_mean, at_s, shift }
+    }
+
+    fn is_noise(&self) -> bool {
+        self.mean_square <= self.limit && self.largest_mean.abs() <= MEAN_LIMIT
+    }
+
     /// The shift of the reading as a clause; empty without a shift.
-    pub(super) fn shift_in_words(&self, problem: &Fit) -> String {
+    fn shift_in_words(&self, problem: &Fit) -> String {
         let Some(Shift { at_s, by }) = self.shift else { return String::new() };
         let sensor = &problem.system.sensors[self.sensor];
         let by = number(sensor.unit.difference_to_shown(by));
@@ -118,6 +142,80 @@ impl FitFinding {
     }
 }
 
+/// The verdict of a fit.
+#[derive(Clone, Debug)]
+pub enum FitVerdict {
+    /// Parameters inside their tolerances explain the records.
+    Healthy,
+    /// A fault explains them.
+    Fault(Box<Diagnosed>),
+    /// The clock or the sensors' times are wrong.
+    Times(Suspect),
+    /// No fault and no time error explains them.
+    Unexplained {
+        /// The fault that comes nearest, if any.
+        nearest: Option<Box<Diagnosed>>,
+        /// A shift of a reading as a clause; empty without a shift.
+        shift: String,
+    },
+}
+
+impl FitVerdict {
+    /// Its name for programs: `healthy`, `fault`, `times` or `unexplained`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            FitVerdict::Healthy => "healthy",
+            FitVerdict::Fault(_) => "fault",
+            FitVerdict::Times(_) => "times",
+            FitVerdict::Unexplained { .. } => "unexplained",
+        }
+    }
+
+    /// The fault that explains the records, or comes nearest.
+    pub fn fault(&self) -> Option<&Diagnosed> {
+        match self {
+            FitVerdict::Fault(one) => Some(one),
+            FitVerdict::Unexplained { nearest, .. } => nearest.as_deref(),
+            FitVerdict::Healthy | FitVerdict::Times(_) => None,
+        }
+    }
+
+    /// The verdict as a sentence.
+    pub fn sentence(&self) -> String {
+        match self {
+            FitVerdict::Healthy => {
+                "healthy: parameters inside of their tolerances explain the record".into()
+            }
+            FitVerdict::Fault(one) => format!("fault: {}", in_words(one)),
+            FitVerdict::Times(suspect) => format!("wrong times: {}", suspect.sentence()),
+            FitVerdict::Unexplained { shift, .. } if !shift.is_empty() => {
+                format!("cannot be explained by a fault: {shift}, and nothing else follows it")
+            }
+            FitVerdict::Unexplained { nearest: None, .. } => {
+                "cannot be explained: neither tolerances nor a fault of the study explain the record"
+                    .into()
+            }
+            FitVerdict::Unexplained { nearest: Some(one), .. } => format!(
+                "cannot be explained: the nearest fault, {}, leaves more than half of it",
+                in_words(one)
+            ),
+        }
+    }
+}
+
+/// A fault with its intensity and its onset.
+fn in_words(one: &Diagnosed) -> String {
+    let Diagnosed { name, intensity, interval: (low, high), .. } = one;
+    let from = match one.onset {
+        None => "from the first sample on".into(),
+        Some(onset) => {
+            let (earliest, latest) = onset.interval_s;
+            format!("from {:.2} s on (95 %: {earliest:.2} … {latest:.2} s)", onset.at_s)
+        }
+    };
+    format!("{name} at intensity {intensity:.3} (95 %: {low:.3} … {high:.3}) {from}")
+}
+
 impl Fit<'_> {
     /// Evaluates a minimum: how well the unknowns are known, and what is left.
     pub(super) fn judged(&self, found: Minimum) -> Result<FitResults, FitError> {
@@ -127,7 +225,15 @@ impl Fit<'_> {
         let mut suspects = self.suspects(&found, &known.covariance)?;
         let mut findings = self.outside(&found, &known);
         let is_suspect = suspects.first().is_some_and(Suspect::is_finding);
-        findings.extend(of_what_is_left(&left));
+        // The sensor with the largest scatter and the one with the largest mean, each if it exceeds its limit.
+        let largest = |of: fn(&SensorFit) -> f64| {
+            let found = left.iter().filter(|left| of(left) > 1.0);
+            found.max_by(|a, b| of(a).total_cmp(&of(b))).cloned()
+        };
+        let scatter = largest(|left| left.mean_square / left.limit);
+        findings.extend(scatter.map(FitFinding::Scatter));
+        let mean = largest(|left| left.largest_mean.abs() / MEAN_LIMIT);
+        findings.extend(mean.map(FitFinding::Mean));
         if is_suspect || !findings.is_empty() {
             suspects = self.likeliest()?;
             let first = suspects.first().filter(|first| first.score > SCORE_LIMIT);
@@ -161,67 +267,65 @@ impl Fit<'_> {
     /// Summarizes the residuals of every sensor.
     fn left(&self, residuals: &[f64]) -> Vec<SensorFit> {
         let mut all = Vec::new();
-        let mut begin = 0;
+        let mut rest = residuals;
         for (place, record) in self.records.iter().enumerate() {
-            let length = (record.samples() - self.first_sample(record)) * record.sensors.len();
-            all.extend(self.left_of(place, record, &residuals[begin..begin + length]));
-            begin += length;
+            let (width, deviations) = (record.sensors.len(), self.deviations(record));
+            let samples = record.samples() - self.first_sample(record);
+            let (own, later) = rest.split_at(samples * width);
+            rest = later;
+            for (column, (&sensor, deviation)) in record.sensors.iter().zip(deviations).enumerate()
+            {
+                let values: Vec<f64> = own.iter().skip(column).step_by(width).copied().collect();
+                all.push(SensorFit::of(place, sensor, &values, record.period_s, deviation));
+            }
         }
         all
     }
 
-    /// Summarizes the residuals of every sensor of one record.
-    pub(super) fn left_of(
-        &self,
-        place: usize,
-        record: &FitRecord,
-        residuals: &[f64],
-    ) -> Vec<SensorFit> {
-        let (width, first) = (record.sensors.len(), self.first_sample(record));
-        let deviations = self.deviations(record);
-        let of = |(column, &sensor): (usize, &usize)| {
-            let values: Vec<f64> = residuals.iter().skip(column).step_by(width).copied().collect();
-            let mut left = of_sensor(place, sensor, record, first, &values);
-            left.shift = shift(&values, left.mean_square).map(|(at, by)| Shift {
-                at_s: (first + at) as f64 * record.period_s,
-                by: by * deviations[column],
-            });
-            left
+    /// The verdict on a fit of this problem. It may fit a fault in addition to the tolerances.
+    ///
+    /// # Errors
+    /// See [`Fit::solve`].
+    pub fn verdict(&self, fitted: &FitResults) -> Result<FitVerdict, FitError> {
+        if fitted.is_update() {
+            return Ok(FitVerdict::Healthy);
+        }
+        let unexplained = |nearest| FitVerdict::Unexplained { nearest, shift: self.shift(fitted) };
+        let Some(FitFinding::Looks(suspect)) = fitted.findings.first() else {
+            return Ok(unexplained(None));
         };
-        record.sensors.iter().enumerate().map(of).collect()
+        if [CLOCK, DELAY].contains(&suspect.name.as_str()) {
+            return Ok(FitVerdict::Times(suspect.clone()));
+        }
+        let Some(fault) = self.system.program.find_fault(&suspect.name) else {
+            return Ok(unexplained(None));
+        };
+        let estimate = if suspect.onset.is_some() { intensity_and_onset } else { intensity };
+        let one = Box::new(estimate(self, &[fault])?.remove(0));
+        let residuals: usize = self.records.iter().map(|record| record.measured.len()).sum();
+        let beyond_noise = |cost: f64| (cost - 0.5 * residuals as f64).max(0.0);
+        let left = beyond_noise(one.fitted.cost);
+        let is_noise = one.fitted.left.iter().all(SensorFit::is_noise);
+        Ok(match left <= (1.0 - EXPLAINS) * beyond_noise(fitted.cost) || is_noise {
+            true => FitVerdict::Fault(one),
+            false => unexplained(Some(one)),
+        })
     }
-}
 
-/// The sensor with the largest scatter and the one with the largest mean, each if it exceeds its limit.
-pub(super) fn of_what_is_left(left: &[SensorFit]) -> impl Iterator<Item = FitFinding> {
-    let largest = |of: fn(&SensorFit) -> f64| {
-        let found = left.iter().filter(|left| of(left) > 1.0);
-        found.max_by(|a, b| of(a).total_cmp(&of(b))).cloned()
-    };
-    let scatter = largest(|left| left.mean_square / left.limit).map(FitFinding::Scatter);
-    let mean = largest(|left| left.largest_mean.abs() / MEAN_LIMIT).map(FitFinding::Mean);
-    scatter.into_iter().chain(mean)
-}
-
-fn of_sensor(
-    place: usize,
-    sensor: usize,
-    record: &FitRecord,
-    first: usize,
-    values: &[f64],
-) -> SensorFit {
-    let count = values.len() as f64;
-    let mean_square = dot(values, values) / count;
-    let limit = (1.0 + EXCESS_LIMIT * (2.0 / count).sqrt()).max(LEAST_SQUARE);
-    let window = ((MEAN_S / record.period_s).round() as usize).clamp(1, values.len());
-    let root = (window as f64).sqrt();
-    let means =
-        values.windows(window).step_by((window / 10).max(1)).map(|w| w.iter().sum::<f64>() / root);
-    let largest = means.enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    let (at, largest_mean) = largest.unwrap_or((0, 0.0));
-    let sample = first + at * (window / 10).max(1) + window / 2;
-    let at_s = sample as f64 * record.period_s;
-    SensorFit { record: place, sensor, mean_square, limit, largest_mean, at_s, shift: None }
+    /// The shift of the sensor with the largest mean, as a clause. Empty if other sensors also show more than noise,
+    /// because then the actuator moved as well.
+    fn shift(&self, fitted: &FitResults) -> String {
+        let mean = fitted.findings.iter().find_map(|finding| match finding {
+            FitFinding::Mean(left) => Some(left),
+            _ => None,
+        });
+        let Some(mean) = mean else { return String::new() };
+        let mut others = fitted.left.iter().filter(|left| left.sensor != mean.sensor);
+        match others.all(SensorFit::is_noise) {
+            true => mean.shift_in_words(self),
+            false => String::new(),
+        }
+    }
 }
 
 /// The index from which the mean is shifted, and by how much, if that explains most of the excess over noise.

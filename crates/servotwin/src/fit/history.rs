@@ -131,12 +131,7 @@ impl Fit<'_> {
 
     /// The same problem with the record of one flight.
     fn of_flight(&self, record: &FitRecord) -> Self {
-        Fit {
-            unknowns: self.unknowns.clone(),
-            records: vec![record.clone()],
-            suspects: self.suspects.clone(),
-            ..*self
-        }
+        Fit { records: vec![record.clone()], ..self.clone() }
     }
 
     /// The suspects of the latest flights with findings, with their mean probabilities.

@@ -85,7 +85,7 @@ pub fn intensity_and_onset(
             continue;
         };
         let own = problem.with_fault(one.fault);
-        let begun = own.begins(guess, reach_s)?;
+        let begun = own.begins(&guess, reach_s)?;
         if let Some(onset) = begun.onset(one.fitted.cost) {
             *one = diagnosed(&own, one.fault, begun.minimum, &begun.alike, Some(onset))?;
         }
@@ -144,8 +144,9 @@ impl<'s> Fit<'s> {
     /// The problem with the intensity of a fault as its last unknown, and without suspects.
     pub(super) fn with_fault(&self, (component, fault): (usize, usize)) -> Fit<'s> {
         let unknown = Unknown::fault(self.system, component, fault);
-        let unknowns: Vec<Unknown> = self.unknowns.iter().cloned().chain([unknown]).collect();
-        Fit { unknowns, records: self.records.clone(), suspects: Vec::new(), ..*self }
+        let mut own = Fit { suspects: Vec::new(), ..self.clone() };
+        own.unknowns.push(unknown);
+        own
     }
 }
 
@@ -153,8 +154,7 @@ impl<'s> Fit<'s> {
 impl Fit<'_> {
     /// The minimum with the fault present from the first sample on, and the intensities of (FN2).
     pub(super) fn constant(&self) -> Result<(Minimum, Vec<f64>), FitError> {
-        let nominal = vec![0.0; self.unknowns.len()];
-        let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&nominal, x)).collect();
+        let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&self.nominal(), x)).collect();
         let found = self.residuals(&points)?;
         let mut first = (f64::INFINITY, points[0].clone());
         for (point, found) in points.into_iter().zip(found) {
@@ -193,20 +193,13 @@ impl Fit<'_> {
         let intensities: Vec<f64> = (1..=PROFILE).map(|k| k as f64 / PROFILE as f64).collect();
         let points: Vec<Vec<f64>> = intensities.iter().map(|&x| at(&minimum.z, x)).collect();
         let residuals = self.residuals(&points)?;
-        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
-        let mut profile = Vec::new();
-        for ((x, point), residuals) in intensities.into_iter().zip(points).zip(residuals) {
-            let Ok(residuals) = residuals else {
-                profile.push((x, f64::INFINITY));
-                continue;
-            };
+        let costs = intensities.into_iter().zip(points).zip(&residuals);
+        let costs = costs.map(|((intensity, point), residuals)| {
             let mut room = self.room(&point);
             room[point.len() - 1] = (0.0, 0.0);
-            let pull = minimum.linear.pull(&residuals);
-            let (_, gain) = self.step_within(&curvature, &point, &pull, &room)?;
-            profile.push((x, self.cost(&point, &residuals) - gain));
-        }
-        Ok(profile)
+            Ok((intensity, self.cost_within(minimum, &point, residuals, &room)?))
+        });
+        costs.collect()
     }
 }
 

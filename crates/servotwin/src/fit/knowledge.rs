@@ -76,10 +76,12 @@ impl FitKnowledge {
         let free: Vec<usize> = (0..z.len()).filter(|&k| !at_bound(k)).collect();
         let held: Vec<usize> = (0..z.len()).filter(|&k| at_bound(k)).collect();
         let without = curvature.part(&free).inverse()?;
-        let judge = Judge { unknowns, curvature: &curvature, covariance: &covariance, held: &held };
         let of = |k: usize| match free.iter().position(|&other| other == k) {
             None => Knowledge::AtBound,
-            Some(place) => judge.of(k, without.at(place, place).sqrt()),
+            Some(place) => {
+                let held_error = without.at(place, place).sqrt();
+                judged(unknowns, &curvature, &covariance, k, &held, held_error)
+            }
         };
         let each = (0..z.len()).map(of).collect();
         let directions = information.eigen().into_iter();
@@ -132,44 +134,41 @@ impl FitKnowledge {
     }
 }
 
-struct Judge<'k> {
-    unknowns: &'k [Unknown],
-    curvature: &'k Symmetric,
-    covariance: &'k Symmetric,
-    held: &'k [usize],
-}
-
-impl Judge<'_> {
-    /// `held_error` is the standard error with the unknowns at bounds held there.
-    fn of(&self, k: usize, held_error: f64) -> Knowledge {
-        let error = self.covariance.at(k, k).sqrt();
-        let alone = self.curvature.at(k, k).sqrt().recip();
-        // A fault has no prior knowledge: its whole range is the measure.
-        let prior = match self.unknowns[k].moved {
-            Moved::Parameters { .. } => self.unknowns[k].prior.sqrt().recip(),
-            Moved::Fault(..) => 0.5,
-        };
-        let correlation = |other: usize| {
-            self.covariance.at(k, other) / (error * self.covariance.at(other, other).sqrt())
-        };
-        let strongest = |among: &mut dyn Iterator<Item = usize>| {
-            let others = among.filter(|&other| other != k);
-            others.max_by(|&a, &b| correlation(a).abs().total_cmp(&correlation(b).abs()))
-        };
-        if error <= WELL_KNOWN * prior {
-            return Knowledge::Known;
-        }
-        if held_error <= WELL_KNOWN * prior
-            && let Some(with) = strongest(&mut self.held.iter().copied())
-        {
-            return Knowledge::KnownByBound { with };
-        }
-        if alone <= WELL_KNOWN * prior {
-            let trades = |with: &usize| correlation(*with).abs() >= TRADES;
-            if let Some(with) = strongest(&mut (0..self.unknowns.len())).filter(trades) {
-                return Knowledge::TradesOff { with, correlation: correlation(with) };
-            }
-        }
-        if error > NOT_SEEN * prior { Knowledge::NotSeen } else { Knowledge::Partly }
+/// How well an unknown is known. `held_error` is its standard error with the unknowns at bounds held there.
+fn judged(
+    unknowns: &[Unknown],
+    curvature: &Symmetric,
+    covariance: &Symmetric,
+    k: usize,
+    held: &[usize],
+    held_error: f64,
+) -> Knowledge {
+    let error = covariance.at(k, k).sqrt();
+    let alone = curvature.at(k, k).sqrt().recip();
+    // A fault has no prior knowledge: its whole range is the measure.
+    let prior = match unknowns[k].moved {
+        Moved::Parameters { .. } => unknowns[k].prior.sqrt().recip(),
+        Moved::Fault(..) => 0.5,
+    };
+    let correlation =
+        |other: usize| covariance.at(k, other) / (error * covariance.at(other, other).sqrt());
+    let strongest = |among: &mut dyn Iterator<Item = usize>| {
+        let others = among.filter(|&other| other != k);
+        others.max_by(|&a, &b| correlation(a).abs().total_cmp(&correlation(b).abs()))
+    };
+    if error <= WELL_KNOWN * prior {
+        return Knowledge::Known;
     }
+    if held_error <= WELL_KNOWN * prior
+        && let Some(with) = strongest(&mut held.iter().copied())
+    {
+        return Knowledge::KnownByBound { with };
+    }
+    if alone <= WELL_KNOWN * prior {
+        let trades = |with: &usize| correlation(*with).abs() >= TRADES;
+        if let Some(with) = strongest(&mut (0..unknowns.len())).filter(trades) {
+            return Knowledge::TradesOff { with, correlation: correlation(with) };
+        }
+    }
+    if error > NOT_SEEN * prior { Knowledge::NotSeen } else { Knowledge::Partly }
 }

@@ -6,9 +6,8 @@
 //! - `response`: residuals and their derivatives, one unknown per lane
 //! - `solve`: the minimum, by Gauss–Newton steps within bounds
 //! - `knowledge`: covariance, trade-offs and unknowns that are not seen, as sentences
-//! - `finding`: deviations outside tolerances; they are findings, never updates
+//! - `finding`: what a solution says: an update or findings, and the verdict in one sentence
 //! - `suspects`: the faults that a finding resembles
-//! - `verdict`: the result in one sentence
 //! - `fleet`: many specimens with one calibration flight, for campaigns
 //! - [`intensity`]: the intensity of a fault, and the comparison of several faults
 //! - `onset`: when a fault began, if within the record
@@ -35,16 +34,14 @@ pub(crate) mod suspects;
 mod tests;
 pub mod trend;
 pub mod unknown;
-pub(crate) mod verdict;
 mod write;
 
-pub use finding::{FitFinding, SensorFit};
+pub use finding::{FitFinding, FitVerdict, SensorFit};
 pub use knowledge::{FitKnowledge, Knowledge};
 pub use onset::FoundOnset;
 pub use record::{FitRecord, LeftOut, RecordError, TIME_UNIT, unit_key};
 pub use suspects::Suspect;
 pub use unknown::Unknown;
-pub use verdict::FitVerdict;
 
 use crate::beside::InputMistake;
 use crate::ensemble::processors;
@@ -53,7 +50,6 @@ use crate::system::System;
 use crate::system::imperfection::Imperfection;
 use plausible::ComparedRecord;
 use servotwin_model::solver::{self, SolverSettings};
-use std::fmt;
 use std::sync::atomic::AtomicBool;
 
 /// Samples before this time are not compared: an actuator is rarely at rest when its record begins, s.
@@ -62,6 +58,7 @@ const WARM_UP_S: f64 = 1.0;
 const SOLVER_ERROR: f64 = 1e-4;
 
 /// A fit: records, unknowns and solver settings.
+#[derive(Clone)]
 pub struct Fit<'s> {
     /// The system, with nominal parameters.
     pub system: &'s System,
@@ -84,13 +81,16 @@ pub struct Fit<'s> {
 }
 
 /// Why a fit is impossible.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// There is nothing to estimate.
+    #[error("there is nothing to estimate: the study names no tolerances")]
     NoUnknown,
     /// There is no record.
+    #[error("there is no record to fit to")]
     NoRecord,
     /// A record cannot belong to this system.
+    #[error("{name}: {error}")]
     Record {
         /// The name of the record.
         name: String,
@@ -98,6 +98,7 @@ pub enum FitError {
         error: RecordError,
     },
     /// The solver failed.
+    #[error("the twin of the record stopped at {time_s:.3} s at {state}: {cause}")]
     Run {
         /// Simulation time of the failure, s.
         time_s: f64,
@@ -107,8 +108,10 @@ pub enum FitError {
         cause: String,
     },
     /// An unknown without a prior is not determined by the records.
+    #[error("the records do not determine an unknown of which nothing is known before")]
     Undetermined,
     /// The fit was stopped.
+    #[error("stopped")]
     Cancelled,
 }
 
@@ -122,30 +125,6 @@ impl FitError {
         }
     }
 }
-
-impl fmt::Display for FitError {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            FitError::NoUnknown => {
-                write!(out, "there is nothing to estimate: the study names no tolerances")
-            }
-            FitError::NoRecord => write!(out, "there is no record to fit to"),
-            FitError::Record { name, error } => write!(out, "{name}: {error}"),
-            FitError::Run { time_s, state, cause } => {
-                write!(out, "the twin of the record stopped at {time_s:.3} s at {state}: {cause}")
-            }
-            FitError::Undetermined => {
-                write!(
-                    out,
-                    "the records do not determine an unknown of which nothing is known before"
-                )
-            }
-            FitError::Cancelled => write!(out, "stopped"),
-        }
-    }
-}
-
-impl std::error::Error for FitError {}
 
 /// The result of a fit.
 #[derive(Clone, Debug)]
@@ -207,7 +186,7 @@ impl<'s> Fit<'s> {
     /// A record cannot belong to this system, or a twin cannot be simulated.
     pub fn solve(&self) -> Result<FitResults, FitError> {
         self.check()?;
-        let found = self.minimum(&vec![0.0; self.unknowns.len()])?;
+        let found = self.minimum(&self.nominal())?;
         self.judged(found)
     }
 
@@ -245,8 +224,7 @@ impl<'s> Fit<'s> {
 
     /// A record beside its nominal twin.
     fn beside_nominal<'r>(&'r self, record: &'r FitRecord) -> Result<ComparedRecord<'r>, FitError> {
-        let nominal = vec![0.0; self.unknowns.len()];
-        let run = self.run(record, 1, |_| self.variant(&nominal, &record.inputs))?;
+        let run = self.run(record, 1, |_| self.variant(&self.nominal(), &record.inputs))?;
         let residuals = run.into_iter().next().expect("one run")?;
         let (deviations, first) = (self.deviations(record), self.first_sample(record));
         Ok(ComparedRecord::new(self.system, record, &deviations, first, &residuals))

@@ -18,7 +18,7 @@ use super::intensity::{HALF_CHI_SQUARE_95, at, mean_square};
 use super::linear::{Symmetric, dot};
 use super::response::Linear;
 use super::solve::Minimum;
-use super::suspects::SCORE_LIMIT;
+use super::suspects::{Guess, SCORE_LIMIT};
 use super::{Fit, FitError};
 
 /// The most moments at which a fault may begin in a first guess.
@@ -48,26 +48,10 @@ pub struct FoundOnset {
     pub score: f64,
 }
 
-/// A first guess of a fault with an onset.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Guess {
-    /// The cost F by (FO1).
-    pub cost: f64,
-    /// The intensity at the lowest cost.
-    pub intensity: f64,
-    /// Time of the onset, s.
-    pub at_s: f64,
-}
-
-impl Guess {
-    /// Whether the guess is worth a fit, given the cost without an onset.
-    pub(crate) fn is_worth(&self, constant: f64) -> bool {
-        constant - self.cost > 0.5 * SCORE_LIMIT * SCORE_LIMIT
-    }
-}
-
 /// A fit of a fault with an onset.
 pub(super) struct Begun {
+    /// The fault: (component, fault).
+    pub fault: (usize, usize),
     pub at_s: f64,
     pub interval_s: (f64, f64),
     pub minimum: Minimum,
@@ -148,16 +132,11 @@ impl<'l> Moments<'l> {
         self.times_s.windows(2).next().map_or(LEAST_BETWEEN_S, |pair| pair[1] - pair[0])
     }
 
-    /// The best moment by (FO1) for the residuals of a fault from the first sample on.
-    pub(crate) fn least(
-        &self,
-        problem: &Fit,
-        residuals: &[f64],
-        intensity: f64,
-    ) -> Result<Guess, FitError> {
+    /// The lowest cost by (FO1), and its moment, for the residuals of a fault from the first sample on.
+    pub(super) fn least(&self, problem: &Fit, residuals: &[f64]) -> Result<(f64, f64), FitError> {
         let faulty = Sums::new(self.linear, &self.places, residuals);
         let last = self.places.len();
-        let mut best = Guess { cost: f64::INFINITY, intensity, at_s: self.times_s[0] };
+        let mut best = (f64::INFINITY, self.times_s[0]);
         for (k, &at_s) in self.times_s.iter().enumerate() {
             let square = self.healthy.squares[k] + faulty.squares[last] - faulty.squares[k];
             let pulls = self.healthy.pulls[k].iter().zip(&faulty.pulls[last]);
@@ -165,8 +144,8 @@ impl<'l> Moments<'l> {
             let pull: Vec<f64> = pulls.map(|((before, all), own)| before + all - own).collect();
             let (_, gain) = problem.step(&self.curvature, &self.linear.z, &pull)?;
             let cost = 0.5 * square - gain;
-            if cost < best.cost {
-                best = Guess { cost, intensity, at_s };
+            if cost < best.0 {
+                best = (cost, at_s);
             }
         }
         Ok(best)
@@ -181,22 +160,14 @@ impl<'l> Moments<'l> {
 /// A problem whose last unknown is the intensity of a fault.
 impl Fit<'_> {
     /// The same problem with a fault that begins at a given time.
-    fn with_onset(&self, at_s: f64) -> Fit<'_> {
-        Fit {
-            unknowns: self.unknowns.clone(),
-            records: self.records.clone(),
-            suspects: Vec::new(),
-            onset_s: Some(at_s),
-            ..*self
-        }
+    fn with_onset(&self, at_s: f64) -> Self {
+        Fit { onset_s: Some(at_s), ..self.clone() }
     }
 
     /// Fits a fault and its onset, from a guess whose moment may be wrong by `reach_s`.
-    pub(super) fn begins(&self, guess: Guess, reach_s: f64) -> Result<Begun, FitError> {
-        let nominal = vec![0.0; self.unknowns.len()];
-        let mut at_s = guess.at_s;
-        let mut minimum = self.with_onset(at_s).minimum(&at(&nominal, guess.intensity))?;
-        let mut reach_s = reach_s;
+    pub(super) fn begins(&self, guess: &Guess, mut reach_s: f64) -> Result<Begun, FitError> {
+        let mut at_s = guess.at_s.unwrap_or(0.0);
+        let mut minimum = self.with_onset(at_s).minimum(&at(&self.nominal(), guess.intensity))?;
         for _ in 0..ROUNDS {
             let step_s = reach_s / f64::from(TO_EACH_SIDE);
             let others = (-TO_EACH_SIDE..=TO_EACH_SIDE).map(|k| at_s + f64::from(k) * step_s);
@@ -214,7 +185,7 @@ impl Fit<'_> {
         let own = self.with_onset(at_s);
         let (minimum, alike) = own.least_of_all(&minimum.z)?;
         let interval_s = self.moments_alike(&minimum, at_s)?;
-        Ok(Begun { at_s, interval_s, minimum, alike })
+        Ok(Begun { fault: guess.fault, at_s, interval_s, minimum, alike })
     }
 
     /// The earliest and the latest moment that explain the record equally well.
@@ -242,17 +213,10 @@ impl Fit<'_> {
         let variant =
             |job: usize| self.variant_from(&minimum.z, &record.inputs, Some(moments[job]));
         let runs = self.run(record, moments.len(), variant)?;
-        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
-        let mut all = Vec::new();
-        for (&at_s, residuals) in moments.iter().zip(runs) {
-            let Ok(residuals) = residuals else {
-                all.push((at_s, f64::INFINITY));
-                continue;
-            };
-            let pull = minimum.linear.pull(&residuals);
-            let (_, gain) = self.step(&curvature, &minimum.z, &pull)?;
-            all.push((at_s, self.cost(&minimum.z, &residuals) - gain));
-        }
-        Ok(all)
+        let costs = moments.iter().zip(&runs).map(|(&at_s, residuals)| {
+            let room = self.room(&minimum.z);
+            Ok((at_s, self.cost_within(minimum, &minimum.z, residuals, &room)?))
+        });
+        costs.collect()
     }
 }

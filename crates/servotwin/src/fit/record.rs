@@ -237,8 +237,19 @@ impl FitRecord {
             (0..samples).map(|k| signal.value(k as f64 * period_s)).collect()
         };
         let inputs = inputs.iter().map(|signal| smooth(period_s, &sampled(signal))).collect();
-        let (name, units, left_out) = (name.into(), vec![], vec![]);
-        FitRecord { name, period_s, inputs, sensors, measured, units, left_out }
+        Self::of_samples(name, period_s, inputs, sensors, measured)
+    }
+
+    /// A record in SI of which nothing was left out.
+    pub(super) fn of_samples(
+        name: &str,
+        period_s: f64,
+        inputs: Vec<Piecewise>,
+        sensors: Vec<usize>,
+        measured: Vec<f64>,
+    ) -> Self {
+        let (units, left_out) = (vec![], vec![]);
+        FitRecord { name: name.into(), period_s, inputs, sensors, measured, units, left_out }
     }
 
     /// Reads a record from a table.

@@ -26,6 +26,8 @@ pub(crate) enum DerivativeScheme {
 
 /// Residuals (FR1), ordered by record, sample and sensor.
 pub(crate) type Residuals = Vec<f64>;
+/// The residuals of a variant, or why it could not be simulated.
+pub(crate) type RunResiduals = Result<Residuals, FitError>;
 
 /// The residuals and their derivatives at a point.
 #[derive(Clone, Debug)]
@@ -90,6 +92,11 @@ impl<'s> Fit<'s> {
         }
     }
 
+    /// The unknowns of the nominal twin.
+    pub(super) fn nominal(&self) -> Vec<f64> {
+        vec![0.0; self.unknowns.len()]
+    }
+
     /// A variant with given unknowns.
     pub(crate) fn variant<'v>(&self, z: &[f64], inputs: &'v [Piecewise]) -> Variant<'v> {
         self.variant_from(z, inputs, self.onset_s)
@@ -114,14 +121,19 @@ impl<'s> Fit<'s> {
     }
 
     /// The residuals at several points; an error where the solver failed.
-    pub(super) fn residuals(
-        &self,
-        points: &[Vec<f64>],
-    ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
-        let mut all: Vec<Result<Residuals, FitError>> = vec![Ok(Vec::new()); points.len()];
+    pub(super) fn residuals(&self, points: &[Vec<f64>]) -> Result<Vec<RunResiduals>, FitError> {
+        self.residuals_of(points.len(), |job, record| self.variant(&points[job], &record.inputs))
+    }
+
+    /// The residuals of several variants in all records.
+    pub(super) fn residuals_of<'r>(
+        &'r self,
+        count: usize,
+        variant: impl Fn(usize, &'r FitRecord) -> Variant<'r> + Sync,
+    ) -> Result<Vec<RunResiduals>, FitError> {
+        let mut all: Vec<RunResiduals> = vec![Ok(Vec::new()); count];
         for record in &self.records {
-            let variant = |job: usize| self.variant(&points[job], &record.inputs);
-            append(&mut all, self.run(record, points.len(), variant)?);
+            append(&mut all, self.run(record, count, |job| variant(job, record))?);
         }
         Ok(all)
     }
@@ -132,7 +144,7 @@ impl<'s> Fit<'s> {
         record: &FitRecord,
         count: usize,
         variant: impl Fn(usize) -> Variant<'v> + Sync,
-    ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
+    ) -> Result<Vec<RunResiduals>, FitError> {
         self.run_in(&self.ensemble(record), record, count, variant)
     }
 
@@ -143,12 +155,24 @@ impl<'s> Fit<'s> {
         record: &FitRecord,
         count: usize,
         variant: impl Fn(usize) -> Variant<'v> + Sync,
-    ) -> Result<Vec<Result<Residuals, FitError>>, FitError> {
+    ) -> Result<Vec<RunResiduals>, FitError> {
+        self.run_against(ensemble, record, |_| &record.measured, count, variant)
+    }
+
+    /// The same for variants that have measured values of their own.
+    pub(super) fn run_against<'v, 'm>(
+        &self,
+        ensemble: &Ensemble,
+        record: &FitRecord,
+        measured: impl Fn(usize) -> &'m [f64] + Sync,
+        count: usize,
+        variant: impl Fn(usize) -> Variant<'v> + Sync,
+    ) -> Result<Vec<RunResiduals>, FitError> {
         let deviations = self.deviations(record);
         let first = self.first_sample(record);
-        let mut found: Vec<Option<Result<Residuals, FitError>>> = vec![None; count];
-        let sink = |_| Compare {
-            measured: &record.measured,
+        let mut found: Vec<Option<RunResiduals>> = vec![None; count];
+        let sink = |job| Compare {
+            measured: measured(job),
             deviations: &deviations,
             first,
             residuals: Vec::with_capacity(record.measured.len()),
@@ -196,10 +220,7 @@ impl<'s> Fit<'s> {
 }
 
 /// Appends the residuals of another record; a failed simulation stays failed.
-pub(super) fn append(
-    all: &mut [Result<Residuals, FitError>],
-    more: Vec<Result<Residuals, FitError>>,
-) {
+pub(super) fn append(all: &mut [RunResiduals], more: Vec<RunResiduals>) {
     for (all, own) in all.iter_mut().zip(more) {
         match (all.as_mut(), own) {
             (Ok(all), Ok(own)) => all.extend(own),

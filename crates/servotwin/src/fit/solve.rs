@@ -8,7 +8,7 @@
 //! gains what (FS2) promised, the next one keeps its J. The last steps use a central-difference J.
 
 use super::linear::{Symmetric, dot};
-use super::response::{DerivativeScheme, Linear, Residuals};
+use super::response::{DerivativeScheme, Linear, Residuals, RunResiduals};
 use super::{Fit, FitError};
 
 /// The fractions of a step that are tried together.
@@ -86,6 +86,22 @@ impl Fit<'_> {
         let step = curvature.minimum_within(&slope, room).ok_or(FitError::Undetermined)?;
         let gain = dot(&slope, &step) - 0.5 * dot(&step, &curvature.times(&step));
         Ok((step, gain))
+    }
+
+    /// The lowest F that J at a minimum predicts near a point, with these limits for the step of each unknown; infinite
+    /// for a twin that cannot be simulated.
+    pub(super) fn cost_within(
+        &self,
+        minimum: &Minimum,
+        point: &[f64],
+        residuals: &RunResiduals,
+        room: &[(f64, f64)],
+    ) -> Result<f64, FitError> {
+        let Ok(residuals) = residuals else { return Ok(f64::INFINITY) };
+        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
+        let pull = minimum.linear.pull(residuals);
+        let (_, gain) = self.step_within(&curvature, point, &pull, room)?;
+        Ok(self.cost(point, residuals) - gain)
     }
 
     /// Finds the minimum from a first guess.

@@ -15,20 +15,21 @@
 //! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
 
 use super::linear::{Symmetric, dot};
-use super::onset::{Begun, FoundOnset, Guess, Moments};
+use super::onset::{Begun, FoundOnset, Moments};
 use super::record::{FitRecord, RecordError};
-use super::response::{DerivativeScheme, Linear, append, residual};
+use super::response::{DerivativeScheme, Linear, RunResiduals, append};
 use super::solve::Minimum;
 use super::{Fit, FitError};
-use crate::ensemble::{Ensemble, Sink, Variant};
+use crate::ensemble::Ensemble;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
+use std::cmp::Ordering;
 use std::fmt;
 
 /// Largest score that is attributed to chance among a hundred suspects, in standard deviations.
 pub(crate) const SCORE_LIMIT: f64 = 5.0;
 /// The intensity whose effect is compared.
-pub(super) const INTENSITY: f64 = 0.2;
+const INTENSITY: f64 = 0.2;
 /// The fraction by which a clock runs fast in the comparison: less time has passed than it shows.
 const FAST: f64 = 0.005;
 /// A smaller clock error is not a finding.
@@ -49,8 +50,8 @@ const CLOCKS: [f64; 6] = [-0.02, -0.01, -0.003, 0.003, 0.01, 0.02];
 const AROUND: [f64; 9] = [0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2];
 /// A time error explains a record clearly better than a fault if the fault leaves this many times as much.
 const CLEARLY: f64 = 2.0;
-/// Number of suspects simulated together: their samples are kept in memory.
-const AT_ONCE: usize = 8;
+/// Number of runs whose residuals are kept in memory.
+const AT_ONCE: usize = 96;
 
 /// The name of the suspect *fast clock*.
 pub(crate) const CLOCK: &str = "clock";
@@ -71,15 +72,6 @@ pub struct Suspect {
 }
 
 impl Suspect {
-    /// The score (FF1); `rest` is s, the part of dᵀd that tolerances leave. A fault without an effect of its own gets
-    /// score 0.
-    pub(super) fn of(name: String, with: f64, square: f64, rest: f64) -> Self {
-        if rest <= 1e-6 * square || square == 0.0 {
-            return Suspect { name, score: 0.0, intensity: 0.0, onset: None };
-        }
-        Suspect { name, score: with / rest.sqrt(), intensity: with / rest, onset: None }
-    }
-
     /// Whether the score exceeds chance.
     pub(super) fn is_finding(&self) -> bool {
         match self.name == CLOCK {
@@ -117,53 +109,59 @@ impl fmt::Display for Suspect {
     }
 }
 
+/// A fault that may explain the records.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Guess {
+    /// The fault: (component, fault).
+    pub fault: (usize, usize),
+    /// F of (FF2), or with an onset of (FO1).
+    pub cost: f64,
+    pub intensity: f64,
+    /// When it begins, s; `None` if it precedes the records.
+    pub at_s: Option<f64>,
+}
+
+impl Guess {
+    /// Whether a fault with an onset is worth a fit, given the cost of one without.
+    pub(super) fn is_worth(&self, constant: f64) -> bool {
+        constant - self.cost > 0.5 * SCORE_LIMIT * SCORE_LIMIT
+    }
+
+    fn by_cost(&self, other: &Self) -> Ordering {
+        self.cost.total_cmp(&other.cost)
+    }
+}
+
+/// The best guess of a fault without an onset, and the best one with an onset.
+type Guesses = (Guess, Option<Guess>);
+
 impl Fit<'_> {
-    /// The scores of all suspects, the largest first.
+    /// The scores (FF1) of all suspects, the largest first. A fault whose twin cannot be simulated, or without an effect
+    /// of its own, has the score 0.
     pub(super) fn suspects(
         &self,
         found: &Minimum,
         covariance: &Symmetric,
     ) -> Result<Vec<Suspect>, FitError> {
-        let base = Base { residuals: &found.residuals, linear: &found.linear };
-        let mut sums = vec![Sums::default(); self.suspects.len()];
-        let mut clock = Sums::default();
-        let mut begin = 0;
-        for record in &self.records {
-            let variant = |job: usize| {
-                let (component, fault) = self.suspects[job];
-                let mut variant = self.variant(&found.z, &record.inputs);
-                variant.faults.push(FaultAt { component, fault, intensity: INTENSITY });
-                variant
+        let score = |name: String, step: f64, residuals: &RunResiduals| {
+            let effects = residuals.iter().flat_map(|own| found.residuals.iter().zip(own));
+            let effect: Vec<f64> = effects.map(|(left, own)| (left - own) / step).collect();
+            let (with, square) = (dot(&effect, &found.residuals), dot(&effect, &effect));
+            let along = found.linear.pull(&effect);
+            // The part of the effect that tolerances leave.
+            let rest = square - dot(&along, &covariance.times(&along));
+            let (score, intensity) = match rest <= 1e-6 * square || square == 0.0 {
+                true => (0.0, 0.0),
+                false => (with / rest.sqrt(), with / rest),
             };
-            let ensemble = self.ensemble(record);
-            let of_faults = self.against(
-                record,
-                &ensemble,
-                base,
-                begin,
-                INTENSITY,
-                self.suspects.len(),
-                variant,
-            );
-            for (sums, own) in sums.iter_mut().zip(of_faults) {
-                sums.add(&own);
-            }
-            let Retimed { inputs, stretch, .. } = on_fast_clock(record, FAST);
-            let ensemble = Ensemble {
-                sample_period_s: record.period_s * stretch,
-                duration_s: record.duration_s() * stretch,
-                ..self.ensemble(record)
-            };
-            let variant = |_| self.variant(&found.z, &inputs);
-            for own in self.against(record, &ensemble, base, begin, FAST, 1, variant) {
-                clock.add(&own);
-            }
-            begin += (record.samples() - self.first_sample(record)) * record.sensors.len();
-        }
-        let faults = self.suspects.iter().zip(&sums);
-        let faults = faults.map(|(at, sums)| sums.suspect(self.fault_name(*at), covariance));
-        let mut all: Vec<Suspect> = faults.collect();
-        all.push(clock.suspect(CLOCK.into(), covariance));
+            Suspect { name, score, intensity, onset: None }
+        };
+        let jobs: Vec<_> = self.suspects.iter().map(|&fault| (fault, INTENSITY)).collect();
+        let mut all = self.with_faults(&found.z, &jobs, |&(fault, _), residuals| {
+            Ok(score(self.fault_name(fault), INTENSITY, residuals))
+        })?;
+        let (clock, _) = self.retimed(&found.z, &[FAST], on_fast_clock)?;
+        all.push(score(CLOCK.into(), FAST, &clock[0]));
         let strength = |s: &Suspect| if s.name == CLOCK { s.score.abs() } else { s.score };
         all.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
         Ok(all)
@@ -172,25 +170,27 @@ impl Fit<'_> {
     /// The suspects that explain the records best by (FF2). A fault that begins within the record comes before all
     /// others.
     pub(super) fn likeliest(&self) -> Result<Vec<Suspect>, FitError> {
-        let nominal = vec![0.0; self.unknowns.len()];
-        let linear = self.linear(&nominal, DerivativeScheme::Forward)?;
+        let linear = self.linear(&self.nominal(), DerivativeScheme::Forward)?;
         let healthy = self.explained(&linear, &linear.residuals)?;
-        let suspect = |name: String, (cost, intensity): (f64, f64)| {
+        let suspect = |name: String, cost: f64, intensity: f64| {
             let score = (2.0 * (healthy - cost).max(0.0)).sqrt();
             Suspect { name, score, intensity, onset: None }
         };
         let moments = Moments::new(self, &linear);
-        let faults = self.likeliest_faults(&linear, moments.as_ref())?;
-        let begun = self.begun(&faults, moments.as_ref(), healthy)?;
-        let faults = faults.constant.into_iter();
-        let mut all: Vec<Suspect> =
-            faults.map(|(at, least)| suspect(self.fault_name(at), least)).collect();
-        all.push(suspect(DELAY.into(), self.retimed(&linear, &DELAYS, delayed)?));
-        all.push(suspect(CLOCK.into(), self.retimed(&linear, &CLOCKS, on_fast_clock)?));
+        let [constant, begun] = self.likeliest_faults(&linear, moments.as_ref())?;
+        let of_guess =
+            |guess: &Guess| suspect(self.fault_name(guess.fault), guess.cost, guess.intensity);
+        let mut all: Vec<Suspect> = constant.iter().map(of_guess).collect();
+        let (cost, delay_s) = self.best_times(&linear, &DELAYS, delayed)?;
+        all.push(suspect(DELAY.into(), cost, delay_s));
+        let (cost, fast) = self.best_times(&linear, &CLOCKS, on_fast_clock)?;
+        all.push(suspect(CLOCK.into(), cost, fast));
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
-        if let Some(begun) = begun {
-            all.retain(|other| other.name != begun.name);
-            all.insert(0, begun);
+        if let Some((begun, onset)) = self.begun(&constant, &begun, moments.as_ref())? {
+            let intensity = *begun.minimum.z.last().expect("the fault is an unknown");
+            let named = suspect(self.fault_name(begun.fault), begun.minimum.cost, intensity);
+            all.retain(|other| other.name != named.name);
+            all.insert(0, Suspect { onset: Some(onset), ..named });
         }
         Ok(all)
     }
@@ -199,37 +199,28 @@ impl Fit<'_> {
     /// sample on.
     fn begun(
         &self,
-        faults: &LikelyFaults,
+        constant: &[Guess],
+        begun: &[Guess],
         moments: Option<&Moments>,
-        healthy: f64,
-    ) -> Result<Option<Suspect>, FitError> {
-        let (Some(moments), Some(&(_, (least, _)))) = (moments, faults.constant.first()) else {
-            return Ok(None);
-        };
-        let worth: Vec<_> =
-            faults.begun.iter().filter(|(_, guess)| guess.is_worth(least)).collect();
+    ) -> Result<Option<(Begun, FoundOnset)>, FitError> {
+        let (Some(moments), Some(least)) = (moments, constant.first()) else { return Ok(None) };
+        let worth: Vec<&Guess> = begun.iter().filter(|guess| guess.is_worth(least.cost)).collect();
         if worth.is_empty() {
             return Ok(None);
         }
-        let mut constant = f64::INFINITY;
-        for &(fault, _) in faults.constant.iter().take(FITTED) {
-            constant = constant.min(self.with_fault(fault).constant()?.0.cost);
+        let mut least = f64::INFINITY;
+        for guess in constant.iter().take(FITTED) {
+            least = least.min(self.with_fault(guess.fault).constant()?.0.cost);
         }
-        let mut best: Option<((usize, usize), Begun)> = None;
-        for &&(fault, guess) in &worth {
-            let own = self.with_fault(fault).begins(guess, moments.reach_s())?;
-            if best.as_ref().is_none_or(|(_, best)| own.minimum.cost < best.minimum.cost) {
-                best = Some((fault, own));
+        let mut best: Option<Begun> = None;
+        for guess in worth {
+            let own = self.with_fault(guess.fault).begins(guess, moments.reach_s())?;
+            if best.as_ref().is_none_or(|best| own.minimum.cost < best.minimum.cost) {
+                best = Some(own);
             }
         }
-        let suspect = |(fault, begun): ((usize, usize), Begun)| {
-            let onset = begun.onset(constant)?;
-            let intensity = *begun.minimum.z.last().expect("the fault is an unknown");
-            let score = (2.0 * (healthy - begun.minimum.cost).max(0.0)).sqrt();
-            let name = self.fault_name(fault);
-            Some(Suspect { name, score, intensity, onset: Some(onset) })
-        };
-        Ok(best.and_then(suspect))
+        let onset = best.as_ref().and_then(|begun| begun.onset(least));
+        Ok(best.zip(onset))
     }
 
     /// For each fault, a first guess of its onset and the guess's error, s; `None` unless there is a single record.
@@ -237,58 +228,46 @@ impl Fit<'_> {
         &self,
         faults: &[(usize, usize)],
     ) -> Result<Vec<Option<(Guess, f64)>>, FitError> {
-        let own = Fit {
-            unknowns: self.unknowns.clone(),
-            records: self.records.clone(),
-            suspects: faults.to_vec(),
-            ..*self
-        };
-        let linear = own.linear(&vec![0.0; own.unknowns.len()], DerivativeScheme::Forward)?;
-        let Some(moments) = Moments::new(&own, &linear) else {
+        let linear = self.linear(&self.nominal(), DerivativeScheme::Forward)?;
+        let Some(moments) = Moments::new(self, &linear) else {
             return Ok(vec![None; faults.len()]);
         };
-        let every: Vec<usize> = (0..faults.len()).collect();
-        let costs = own.costs(&linear, Some(&moments), &every, &FINE)?;
-        Ok(costs.iter().map(|one| Some((one.begun?, moments.reach_s()))).collect())
+        let guesses = self.guesses(&linear, Some(&moments), faults, &FINE)?;
+        Ok(guesses.iter().map(|(_, begun)| Some(((*begun)?, moments.reach_s()))).collect())
     }
 
-    /// The faults with the lowest (FF2), with cost and intensity, and those with the lowest (FO1).
+    /// The likeliest faults, the likeliest first: those present from the first sample on, and those that begin within
+    /// the record.
     fn likeliest_faults(
         &self,
         linear: &Linear,
         moments: Option<&Moments>,
-    ) -> Result<LikelyFaults, FitError> {
-        let every: Vec<usize> = (0..self.suspects.len()).collect();
-        let coarse = self.costs(linear, moments, &every, &COARSE)?;
-        let first = |of: &dyn Fn(&Costs) -> f64| {
-            let mut order = every.clone();
-            order.sort_by(|&a, &b| of(&coarse[a]).total_cmp(&of(&coarse[b])));
-            order.truncate(LIKELIEST);
-            order
-        };
-        let begun = |costs: &Costs| costs.begun.map_or(f64::INFINITY, |guess| guess.cost);
-        let constant = first(&|costs| costs.constant.0);
-        let of_begun = if moments.is_some() { first(&begun) } else { Vec::new() };
-        let further = of_begun.iter().filter(|k| !constant.contains(k));
-        let fine_of: Vec<usize> = constant.iter().chain(further).copied().collect();
-        let fine = self.costs(linear, moments, &fine_of, &FINE)?;
-        let fine = |k: usize| {
-            let place = fine_of.iter().position(|&other| other == k).expect("it was simulated");
-            &fine[place]
-        };
-        let least = |&k: &usize| {
-            let (fine, coarse) = (fine(k).constant, coarse[k].constant);
-            (self.suspects[k], if fine.0 < coarse.0 { fine } else { coarse })
-        };
-        let guess = |&k: &usize| {
-            let both = [fine(k).begun, coarse[k].begun].into_iter().flatten();
-            Some((self.suspects[k], both.min_by(|a, b| a.cost.total_cmp(&b.cost))?))
-        };
-        let mut begun: Vec<_> = of_begun.iter().filter_map(guess).collect();
-        begun.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-        let mut constant: Vec<Likely> = constant.iter().map(least).collect();
-        constant.sort_by(|a, b| a.1.0.total_cmp(&b.1.0));
-        Ok(LikelyFaults { constant, begun })
+    ) -> Result<[Vec<Guess>; 2], FitError> {
+        let coarse = self.guesses(linear, moments, &self.suspects, &COARSE)?;
+        let mut best: [Vec<Guess>; 2] = [
+            coarse.iter().map(|(constant, _)| *constant).collect(),
+            coarse.iter().filter_map(|(_, begun)| *begun).collect(),
+        ];
+        let mut faults = vec![];
+        for guesses in &mut best {
+            guesses.sort_by(Guess::by_cost);
+            guesses.truncate(LIKELIEST);
+            let new = guesses.iter().map(|guess| guess.fault).filter(|own| !faults.contains(own));
+            faults.extend(new.collect::<Vec<_>>());
+        }
+        let fine = self.guesses(linear, moments, &faults, &FINE)?;
+        let fine: [Vec<Guess>; 2] = [
+            fine.iter().map(|(constant, _)| *constant).collect(),
+            fine.iter().filter_map(|(_, begun)| *begun).collect(),
+        ];
+        for (guesses, fine) in best.iter_mut().zip(fine) {
+            for guess in guesses.iter_mut() {
+                let better = |own: &&Guess| own.fault == guess.fault && own.cost < guess.cost;
+                *guess = fine.iter().find(better).copied().unwrap_or(*guess);
+            }
+            guesses.sort_by(Guess::by_cost);
+        }
+        Ok(best)
     }
 
     /// Whether a fault explains a record with apparently wrong times equally well: a valve with low gain also follows
@@ -304,72 +283,71 @@ impl Fit<'_> {
             RecordError::Clock { share } => (*share, drifting),
             _ => return Ok(false),
         };
-        let (records, unknowns) = (vec![record.clone()], self.unknowns.clone());
-        let own = Fit { records, unknowns, suspects: self.suspects.clone(), ..*self };
-        let linear = own.linear(&vec![0.0; own.unknowns.len()], DerivativeScheme::Forward)?;
-        let faults = own.likeliest_faults(&linear, None)?.constant;
-        let fault = faults.iter().map(|(_, least)| least.0).fold(f64::INFINITY, f64::min);
-        let (times, _) = own.retimed(&linear, &AROUND.map(|share| share * size), change)?;
+        let own = Fit { records: vec![record.clone()], ..self.clone() };
+        let linear = own.linear(&own.nominal(), DerivativeScheme::Forward)?;
+        let [faults, _] = own.likeliest_faults(&linear, None)?;
+        let fault = faults.first().map_or(f64::INFINITY, |guess| guess.cost);
+        let (times, _) = own.best_times(&linear, &AROUND.map(|share| share * size), change)?;
         Ok(fault < CLEARLY * times)
     }
 
-    /// The lowest (FF2) and (FO1) of each suspect, with their intensities.
-    fn costs(
+    /// The best guesses of each fault, at some intensities.
+    fn guesses(
         &self,
         linear: &Linear,
         moments: Option<&Moments>,
-        which: &[usize],
+        faults: &[(usize, usize)],
         intensities: &[f64],
-    ) -> Result<Vec<Costs>, FitError> {
+    ) -> Result<Vec<Guesses>, FitError> {
+        let of_fault = |&fault| intensities.iter().map(move |&intensity| (fault, intensity));
+        let jobs: Vec<_> = faults.iter().flat_map(of_fault).collect();
+        let all = self.with_faults(&linear.z, &jobs, |&(fault, intensity), residuals| {
+            let cost = self.cost_of(linear, residuals)?;
+            let constant = Guess { fault, cost, intensity, at_s: None };
+            let begun = moments.zip(residuals.as_ref().ok()).map(|(moments, residuals)| {
+                let (cost, at_s) = moments.least(self, residuals)?;
+                Ok(Guess { cost, at_s: Some(at_s), ..constant })
+            });
+            Ok((constant, begun.transpose()?))
+        })?;
+        let best = |own: &[Guesses]| {
+            let constant = own.iter().map(|(constant, _)| *constant).min_by(Guess::by_cost);
+            let begun = own.iter().filter_map(|(_, begun)| *begun).min_by(Guess::by_cost);
+            (constant.expect("an intensity"), begun)
+        };
+        Ok(all.chunks(intensities.len()).map(best).collect())
+    }
+
+    /// What the residuals around a point give with each of some faults at an intensity.
+    fn with_faults<T>(
+        &self,
+        z: &[f64],
+        jobs: &[((usize, usize), f64)],
+        of: impl Fn(&((usize, usize), f64), &RunResiduals) -> Result<T, FitError>,
+    ) -> Result<Vec<T>, FitError> {
         let mut all = Vec::new();
-        for suspects in which.chunks(AT_ONCE) {
-            let count = suspects.len() * intensities.len();
-            let mut residuals = vec![Ok(Vec::new()); count];
-            for record in &self.records {
-                let variant = |job: usize| {
-                    let (component, fault) = self.suspects[suspects[job / intensities.len()]];
-                    let intensity = intensities[job % intensities.len()];
-                    let mut variant = self.variant(&linear.z, &record.inputs);
-                    variant.faults.push(FaultAt { component, fault, intensity });
-                    variant
-                };
-                append(&mut residuals, self.run(record, count, variant)?);
-            }
-            for residuals in residuals.chunks(intensities.len()) {
-                all.push(self.costs_of(linear, moments, residuals, intensities)?);
+        for jobs in jobs.chunks(AT_ONCE) {
+            let residuals = self.residuals_of(jobs.len(), |job, record| {
+                let ((component, fault), intensity) = jobs[job];
+                let mut variant = self.variant(z, &record.inputs);
+                variant.faults.push(FaultAt { component, fault, intensity });
+                variant
+            })?;
+            for (job, residuals) in jobs.iter().zip(&residuals) {
+                all.push(of(job, residuals)?);
             }
         }
         Ok(all)
     }
 
-    /// The lowest (FF2) and (FO1) of one suspect.
-    fn costs_of(
-        &self,
-        linear: &Linear,
-        moments: Option<&Moments>,
-        residuals: &[Result<Vec<f64>, FitError>],
-        intensities: &[f64],
-    ) -> Result<Costs, FitError> {
-        let costs = residuals.iter().map(|own| self.cost_of(linear, own));
-        let constant = least(&costs.collect::<Result<Vec<_>, _>>()?, intensities);
-        let mut begun: Option<Guess> = None;
-        for (residuals, &intensity) in residuals.iter().zip(intensities) {
-            let (Some(moments), Ok(residuals)) = (moments, residuals) else { continue };
-            let guess = moments.least(self, residuals, intensity)?;
-            if begun.is_none_or(|best| guess.cost < best.cost) {
-                begun = Some(guess);
-            }
-        }
-        Ok(Costs { constant, begun })
-    }
-
-    /// The lowest (FF2) of records whose times are changed by one of the sizes, with that size.
+    /// The residuals around a point of records whose times are changed by each of some sizes, with these in the unit of
+    /// [`Suspect::intensity`].
     fn retimed(
         &self,
-        linear: &Linear,
+        z: &[f64],
         sizes: &[f64],
         change: fn(&FitRecord, f64) -> Retimed,
-    ) -> Result<(f64, f64), FitError> {
+    ) -> Result<(Vec<RunResiduals>, Vec<f64>), FitError> {
         let mut residuals = vec![Ok(Vec::new()); sizes.len()];
         let mut in_units = sizes.to_vec();
         for record in &self.records {
@@ -383,14 +361,29 @@ impl Fit<'_> {
                     duration_s: ensemble.duration_s * stretch,
                     ..ensemble
                 };
-                own.extend(
-                    self.run_in(&ensemble, record, 1, |_| self.variant(&linear.z, &inputs))?,
-                );
+                own.extend(self.run_in(&ensemble, record, 1, |_| self.variant(z, &inputs))?);
             }
             append(&mut residuals, own);
         }
-        let costs = residuals.iter().map(|own| self.cost_of(linear, own));
-        Ok(least(&costs.collect::<Result<Vec<_>, _>>()?, &in_units))
+        Ok((residuals, in_units))
+    }
+
+    /// The lowest (FF2) of records whose times are changed by one of the sizes, with that size.
+    fn best_times(
+        &self,
+        linear: &Linear,
+        sizes: &[f64],
+        change: fn(&FitRecord, f64) -> Retimed,
+    ) -> Result<(f64, f64), FitError> {
+        let (residuals, in_units) = self.retimed(&linear.z, sizes, change)?;
+        let mut best = (f64::INFINITY, in_units[0]);
+        for (residuals, size) in residuals.iter().zip(in_units) {
+            let cost = self.cost_of(linear, residuals)?;
+            if cost < best.0 {
+                best = (cost, size);
+            }
+        }
+        Ok(best)
     }
 
     /// The cost (FF2) that the tolerances leave.
@@ -401,11 +394,7 @@ impl Fit<'_> {
     }
 
     /// The cost (FF2); infinite for a twin that cannot be simulated.
-    fn cost_of(
-        &self,
-        linear: &Linear,
-        residuals: &Result<Vec<f64>, FitError>,
-    ) -> Result<f64, FitError> {
+    fn cost_of(&self, linear: &Linear, residuals: &RunResiduals) -> Result<f64, FitError> {
         residuals.as_ref().map_or(Ok(f64::INFINITY), |residuals| self.explained(linear, residuals))
     }
 
@@ -413,61 +402,6 @@ impl Fit<'_> {
         let instance = &self.system.network().components[component];
         format!("{}.{}", instance.id, instance.component.spec().faults[fault].name)
     }
-
-    /// The sums of (FF1) for several variants of a record; variants that cannot be simulated contribute nothing.
-    #[expect(clippy::too_many_arguments)]
-    fn against<'v>(
-        &self,
-        record: &FitRecord,
-        ensemble: &Ensemble,
-        base: Base,
-        begin: usize,
-        step: f64,
-        count: usize,
-        variant: impl Fn(usize) -> Variant<'v> + Sync,
-    ) -> Vec<Sums> {
-        let deviations = self.deviations(record);
-        let mut all = vec![Sums::default(); count];
-        let sink = |_| Against {
-            base,
-            record,
-            deviations: &deviations,
-            first: self.first_sample(record),
-            place: begin,
-            step,
-            sums: Sums { along: vec![0.0; base.linear.columns.len()], ..Sums::default() },
-        };
-        ensemble.run(count, variant, sink, |job, against, outcome| {
-            if outcome.is_ok() {
-                all[job] = against.sums;
-            }
-            (self.progress)();
-        });
-        all
-    }
-}
-
-/// The lowest cost, and its intensity.
-fn least(costs: &[f64], intensities: &[f64]) -> (f64, f64) {
-    let pairs = costs.iter().copied().zip(intensities.iter().copied());
-    pairs.min_by(|a, b| a.0.total_cmp(&b.0)).expect("an intensity")
-}
-
-/// A fault with its lowest (FF2) and the intensity there.
-type Likely = ((usize, usize), (f64, f64));
-
-/// The lowest (FF2) of a suspect with its intensity, and its lowest (FO1).
-struct Costs {
-    constant: (f64, f64),
-    begun: Option<Guess>,
-}
-
-/// The likeliest faults, the likeliest first.
-struct LikelyFaults {
-    /// Faults present from the first sample on.
-    constant: Vec<Likely>,
-    /// Faults that begin within the record.
-    begun: Vec<((usize, usize), Guess)>,
 }
 
 /// A record with changed times.
@@ -511,71 +445,4 @@ fn stretched(record: &FitRecord, stretch: f64) -> Vec<Piecewise> {
         Piecewise::new(breaks, pieces).expect("breaks still increase")
     };
     record.inputs.iter().map(slower).collect()
-}
-
-/// The fit that suspects are compared with.
-#[derive(Clone, Copy)]
-struct Base<'f> {
-    residuals: &'f [f64],
-    linear: &'f Linear,
-}
-
-/// The sums of (FF1) for one suspect.
-#[derive(Clone, Debug, Default)]
-struct Sums {
-    /// dᵀr.
-    with: f64,
-    /// dᵀd.
-    square: f64,
-    /// Jᵀd.
-    along: Vec<f64>,
-}
-
-impl Sums {
-    fn add(&mut self, other: &Sums) {
-        self.with += other.with;
-        self.square += other.square;
-        self.along.resize(other.along.len(), 0.0);
-        self.along.iter_mut().zip(&other.along).for_each(|(own, other)| *own += other);
-    }
-
-    fn suspect(&self, name: String, covariance: &Symmetric) -> Suspect {
-        let known = if self.along.is_empty() {
-            0.0
-        } else {
-            dot(&self.along, &covariance.times(&self.along))
-        };
-        Suspect::of(name, self.with, self.square, self.square - known)
-    }
-}
-
-/// Accumulates (FF1) while samples arrive.
-struct Against<'f> {
-    base: Base<'f>,
-    record: &'f FitRecord,
-    deviations: &'f [f64],
-    first: usize,
-    /// The index of the next residual.
-    place: usize,
-    step: f64,
-    sums: Sums,
-}
-
-impl Sink for Against<'_> {
-    fn sample(&mut self, index: usize, values: &[f64]) {
-        if index < self.first || index >= self.record.samples() {
-            return;
-        }
-        let measured = &self.record.measured[index * values.len()..][..values.len()];
-        for ((m, v), deviation) in measured.iter().zip(values).zip(self.deviations) {
-            let left = self.base.residuals[self.place];
-            let d = (left - residual(*m, *v, *deviation)) / self.step;
-            self.sums.with += d * left;
-            self.sums.square += d * d;
-            for (sum, column) in self.sums.along.iter_mut().zip(&self.base.linear.columns) {
-                *sum += d * column[self.place];
-            }
-            self.place += 1;
-        }
-    }
 }

@@ -1,10 +1,9 @@
 //! Trains trees, committee and bands for each kind of window from flights.
 
 use super::windows::WindowDesign;
+use crate::campaign::data_features;
 use crate::evaluation::data_set::DataRow;
-use crate::evaluation::{
-    self, DataSet, EvaluationError, EvaluationSettings, FeatureInfo, bands, committee, run,
-};
+use crate::evaluation::{self, DataSet, EvaluationError, EvaluationSettings, bands, committee};
 use crate::parallel::{self, Workers};
 use crate::run::{CampaignError, ensemble};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
@@ -23,7 +22,6 @@ use servotwin_diagnosis::sliding::WindowSpan;
 use servotwin_diagnosis::windows::WindowKind;
 use servotwin_learning::classifiers::{self, boosted_trees};
 use servotwin_learning::hierarchy::HierarchySettings as Training;
-use servotwin_learning::novelty;
 use servotwin_learning::tree::Criterion;
 use std::collections::BTreeMap;
 
@@ -281,7 +279,8 @@ fn length(
     workers: Workers,
 ) -> Result<LearnedLength, EvaluationError> {
     let study = design.study;
-    let features = FeatureInfo::of_study(study, false);
+    let mut features = data_features(study);
+    features.retain(|known| !known.extra);
     let data =
         DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_windows()?;
     let settings = settings();
@@ -301,23 +300,15 @@ fn length(
     let widest = widest(&data, &tables[0].1.u32("variant")?, is_further);
     let for_trees =
         data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
-    let rows = for_trees.learnt_from(settings.holding.lessons)?;
-    let trees = run::fit(&for_trees, &run::settled(&data, &settings.training), &rows, workers)?;
-    let known = data.learnt_from(settings.committee_lessons)?;
-    let committee = committee::train(&data.for_committee()?, &settings.committee, &known, workers)?;
-    let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
     let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
-    let evidence_quantile =
-        committee::evidence_quantile(&data, &committee.hierarchy, settings.committee_lessons)?;
+    let bands = bands.unwrap_or_default().into_iter().map(band).collect();
+    let panel = evaluation::train_on(&for_trees, &data, bands, &settings, workers)?;
+    let lessons = settings.committee_lessons;
+    let evidence_quantile = committee::evidence_quantile(&data, &panel.committee, lessons)?;
     let length = Length {
         span: kind.span,
-        novelty: novelty::learn(&data.examples, &known, &groups, Tuning::default().known_share)?,
-        panel: Panel {
-            bands: bands.unwrap_or_default().into_iter().map(band).collect(),
-            least_confidence: committee.least_confidence,
-            trees,
-            committee: committee.hierarchy,
-        },
+        novelty: evaluation::novelty(&data, &settings)?,
+        panel,
         baseline_corrected: None,
     };
     Ok(LearnedLength { length, evidence_quantile, widest })

@@ -27,19 +27,15 @@ pub use subject::Subject;
 
 use crate::campaign::{Campaign, data_features};
 use crate::evaluation::flips::Moving;
-use crate::evaluation::{
-    self, Context, DataSet, EvaluationError, FeatureInfo, Trained, model_file,
-};
+use crate::evaluation::{self, Context, DataSet, model_file};
 use crate::flight::train;
 use crate::parallel::{self, Workers};
 use crate::study::{Purpose, Study};
 use crate::table;
 use results::SubjectResult;
-use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::features::Quantity;
-use servotwin_diagnosis::panel::{Panel, SensorBand};
+use servotwin_diagnosis::panel::Panel;
 use servotwin_diagnosis::residual::Window;
-use servotwin_learning::novelty;
 use std::sync::{Mutex, PoisonError};
 
 /// How windows are perturbed within their uncertainty.
@@ -93,7 +89,8 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
         let in_file = |error| JobError::DataSet { path: path(purpose), error };
         tables.push((purpose, table::read(path(purpose)).map_err(|e| in_file(e.into()))?));
     }
-    let features = FeatureInfo::of_study(study, subject.extra_sensor());
+    let mut features = data_features(study);
+    features.retain(|known| subject.extra_sensor() || !known.extra);
     DataSet::new(&tables, features, &study.units, &study.commands()).map_err(wrong)
 }
 
@@ -137,40 +134,21 @@ impl Prepared {
     }
 
     /// Trains trees and committee with all training data, and writes them as a diagnoser of records.
-    fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Trained, JobError> {
+    fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Panel, JobError> {
         let Prepared { subject, data, .. } = self;
         let settings = subject.settings(study);
-        let trained = evaluation::train(data, &settings, &pools(study), workers)?;
-        let half_width = |sensor: usize| {
-            let learned = trained.bands.as_ref().map(|bands| bands[sensor].half_width);
-            learned.unwrap_or(servotwin_diagnosis::residual::BAND)
-        };
-        let sensors = &study.sensors.0[..study.base_sensors()];
-        let bands = sensors.iter().enumerate().map(|(place, sensor)| SensorBand {
-            sensor: sensor.name.clone(),
-            half_width: half_width(place),
-        });
-        let panel = Panel {
-            bands: bands.collect(),
-            least_confidence: trained.committee.least_confidence,
-            committee: trained.committee.hierarchy.clone(),
-            trees: trained.trees.clone(),
-        };
-        let rows = data.learnt_from(settings.committee_lessons)?;
-        let groups: Vec<u32> = data.rows.iter().map(|row| row.flown).collect();
-        let share = Tuning::default().known_share;
-        let novelty = novelty::learn(&data.examples, &rows, &groups, share);
-        let novelty = novelty.map_err(EvaluationError::from)?;
+        let panel = evaluation::train(data, &settings, &pools(study), workers)?;
+        let novelty = evaluation::novelty(data, &settings)?;
         let read = (study, subject.scenario(), subject.sensors(study));
-        let diagnoser = train::of_records(read, panel, novelty)?;
+        let diagnoser = train::of_records(read, panel.clone(), novelty)?;
         model_file::write_model(folder.records(*subject), &diagnoser)?;
-        Ok(trained)
+        Ok(panel)
     }
 
     fn evaluate(
         &self,
         study: &Study,
-        trained: &Trained,
+        trained: &Panel,
         workers: Workers,
         progress: &dyn Fn(&str, f64),
     ) -> Result<SubjectResult, JobError> {

@@ -114,7 +114,6 @@ impl Subject {
         set(&mut settings.learned_bands, is_asked(&asked.learned_bands));
         // With the extra sensor, evaluate only what the comparison needs.
         if !self.extra_sensor() {
-            set(&mut settings.ablation, is_asked(&asked.ablation));
             let compared = |is_asked| if is_asked { quick_classifiers() } else { vec![] };
             let classifiers = is_asked(&asked.classifiers).map(compared);
             settings.classifiers = classifiers.unwrap_or(settings.classifiers);
@@ -131,8 +130,7 @@ impl Subject {
 
     /// The usual settings of training and evaluation.
     ///
-    /// Classifiers are compared on the ideal scenario, like in the seed paper. The ablation uses the realistic
-    /// scenario, where each part matters most. Perfect specimens are judged with the paper's band of 3 %. On specimens
+    /// Classifiers are compared on the ideal scenario, like in the seed paper. Perfect specimens are judged with the paper's band of 3 %. On specimens
     /// with tolerances that band would alarm for one healthy specimen in eight, so bands are learned there.
     ///
     /// Trees are as deep as the paper's for specimens that equal their twin. With tolerances they need two more
@@ -159,7 +157,6 @@ impl Subject {
             },
             holding: Holding { lessons, ..defaults.holding },
             learned_bands: self.scenario().has_tolerances(),
-            ablation: self == Subject::Realistic,
             ..defaults
         };
         match self {

@@ -9,6 +9,7 @@ use super::novelty::NoveltyResult;
 use super::twin::TWIN;
 use super::windows::{NominalFit, Windows, joined};
 use super::{RecordingError, RecordingStudy, Target};
+use crate::evaluation::data_set::{coded, in_order};
 use crate::evaluation::metrics::{Prediction, Rate, Score};
 use crate::evaluation::{EvaluationError, model_file};
 use crate::files::write_atomically;
@@ -16,9 +17,9 @@ use crate::job::{Among, Folder, JobError};
 use crate::parallel::{self, Workers};
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::classifiers::{ALL, Classifier, ClassifierKind};
+use servotwin_diagnosis::classifiers::{ALL, ClassifierKind};
 use servotwin_learning::Samples;
-use servotwin_learning::classifiers::{Fit, Settings};
+use servotwin_learning::classifiers::{Fit, Settings, predict};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::splits::{Split, grouped_k_fold};
 
@@ -117,31 +118,39 @@ struct Labels<'s> {
 
 impl<'s> Labels<'s> {
     fn new(target: &'s Target, windows: &Table) -> Result<Self, RecordingError> {
-        let texts = windows.text(&target.column)?;
-        let mut classes: Vec<String> = texts.iter().filter(|t| !t.is_empty()).cloned().collect();
-        classes.sort();
-        classes.dedup();
-        let place = |text: &String| classes.binary_search(text).ok().map(|place| place as u32);
-        let of_window = texts.iter().map(place).collect();
+        let (mut classes, codes) = coded(windows.text(&target.column)?, Ord::cmp);
+        // The empty text is the first.
+        let missing = u32::from(classes.first().is_some_and(String::is_empty));
+        classes.drain(..missing as usize);
+        let of_window = codes.into_iter().map(|code| code.checked_sub(missing)).collect();
         Ok(Labels { target, classes, of_window })
     }
 
-    /// The windows among these that have a value, as samples.
-    fn samples(&self, windows: &Windows, chosen: &[usize]) -> Result<Samples, RecordingError> {
-        let features = &windows.table.columns()[windows.kept..];
-        let mut values = Vec::with_capacity(features.len() * chosen.len());
-        for feature in features {
-            let column = feature.numbers()?;
-            values.extend(chosen.iter().map(|&window| column[window]));
-        }
-        let labels = chosen.iter().filter_map(|&window| self.of_window[window]).collect();
-        let names = features.iter().map(|feature| feature.name.clone()).collect();
-        Ok(Samples::with_missing(names, self.classes.clone(), values, labels)?)
-    }
-
+    /// The windows among these that have a value.
     fn known(&self, windows: &[usize]) -> Vec<usize> {
         windows.iter().copied().filter(|&window| self.of_window[window].is_some()).collect()
     }
+
+    /// Windows that have a value, as samples.
+    fn samples(&self, windows: &Windows, known: &[usize]) -> Result<Samples, RecordingError> {
+        let mut values = vec![];
+        for feature in windows.features() {
+            let column = feature.numbers()?;
+            values.extend(known.iter().map(|&window| column[window]));
+        }
+        let labels = known.iter().filter_map(|&window| self.of_window[window]).collect();
+        let names = windows.features().iter().map(|feature| feature.name.clone()).collect();
+        Ok(Samples::with_missing(names, self.classes.clone(), values, labels)?)
+    }
+}
+
+/// The answer of a classifier for a held-out window.
+#[derive(Clone, Copy)]
+struct Judged {
+    window: usize,
+    fold: usize,
+    truth: u32,
+    answer: u32,
 }
 
 impl RecordingStudy {
@@ -171,13 +180,13 @@ impl RecordingStudy {
             left_over_rows: windows.left_over,
             incomplete_rows: windows.incomplete,
             windows: windows.starts.len(),
-            features: windows.table.columns().len() - windows.kept,
+            features: windows.features().len(),
             split: self.split_in_words(prepared.splits.len(), groups.len()),
             nominals: self.fits(records, &nominals, &healthy)?,
             targets,
             novelty,
         };
-        let features = windows.table.names().skip(windows.kept).map(str::to_owned).collect();
+        let features = windows.features().iter().map(|feature| feature.name.clone()).collect();
         let model = RecordingModel {
             format: FORMAT.into(),
             study: text.into(),
@@ -209,16 +218,7 @@ impl RecordingStudy {
         healthy: &[usize],
         workers: Workers,
     ) -> Result<Prepared, RecordingError> {
-        let texts = joined(&windows.table, &self.groups)?;
-        let mut groups: Vec<String> = vec![];
-        let group = texts.iter().map(|text| match groups.iter().position(|known| known == text) {
-            Some(place) => place as u32,
-            None => {
-                groups.push(text.clone());
-                groups.len() as u32 - 1
-            }
-        });
-        let group: Vec<u32> = group.collect();
+        let (groups, group) = in_order(&joined(&windows.table, &self.groups)?);
         let splits = match (self.targets.is_empty(), self.groups.is_empty()) {
             (true, _) => vec![],
             (false, true) => consecutive(&windows, self.folds)?,
@@ -250,35 +250,42 @@ impl RecordingStudy {
         workers: Workers,
     ) -> Result<(Vec<TargetResult>, Table, Vec<TargetModel>), RecordingError> {
         let windows = &prepared.windows.table;
-        let labels = self.targets.iter().map(|target| Labels::new(target, windows));
-        let labels = labels.collect::<Result<Vec<_>, _>>()?;
+        let every: Vec<usize> = (0..windows.row_count()).collect();
         let folds: Vec<usize> = (0..prepared.splits.len()).collect();
-        let (mut results, mut models, mut all) = (vec![], vec![], vec![]);
-        for labels in &labels {
+        let records = match &self.record {
+            Some(record) => windows.text(record)?.to_vec(),
+            None => vec![String::new(); every.len()],
+        };
+        let (mut results, mut models) = (vec![], vec![]);
+        let mut numbers: [Vec<u32>; 2] = Default::default();
+        let mut texts: [Vec<String>; 6] = Default::default();
+        for target in &self.targets {
+            let labels = Labels::new(target, windows)?;
             for classifier in self.classifiers()? {
-                let judge = |&fold: &usize| judge_fold(prepared, labels, &classifier, fold);
+                let judge = |&fold: &usize| judge_fold(prepared, &labels, &classifier, fold);
                 let judged = parallel::map(&folds, workers, judge)?;
                 let judged = judged.into_iter().collect::<Result<Vec<_>, RecordingError>>()?;
-                results.push(result(prepared, labels, classifier.kind(), &judged));
-                let every: Vec<usize> = (0..windows.row_count()).collect();
-                let samples = labels.samples(&prepared.windows, &labels.known(&every))?;
-                models.push(TargetModel {
-                    column: labels.target.column.clone(),
-                    classes: labels.classes.clone(),
-                    model: classifier.fit(&samples)?,
-                });
-                all.extend((0..).zip(&judged).flat_map(|(fold, judged)| {
-                    let classifier = classifier.kind();
-                    judged.iter().map(move |&judged| OutcomeRow {
-                        labels,
-                        classifier,
-                        fold,
-                        judged,
-                    })
-                }));
+                let judged = judged.concat();
+                for Judged { window, fold, truth, answer } in &judged {
+                    let [truth, answer] = [truth, answer].map(|&c| &*labels.classes[c as usize]);
+                    let group = &prepared.groups[prepared.group[*window] as usize];
+                    let name = classifier.kind().id();
+                    let row = [&records[*window], group, &target.column, name, truth, answer];
+                    texts.iter_mut().zip(row).for_each(|(column, text)| column.push(text.into()));
+                    numbers.iter_mut().zip([window, fold]).for_each(|(n, v)| n.push(*v as u32));
+                }
+                results.push(result(prepared, &labels, classifier.kind(), &judged));
+                let known = labels.known(&every);
+                let model = classifier.fit(&labels.samples(&prepared.windows, &known)?)?;
+                let (column, classes) = (target.column.clone(), labels.classes.clone());
+                models.push(TargetModel { column, classes, model });
             }
         }
-        Ok((results, self.outcomes(prepared, &all)?, models))
+        let numbers = ["window", "fold"].into_iter().zip(numbers);
+        let names = ["record", "group", "target", "classifier", "truth", "answer"];
+        let numbers = numbers.map(|(name, values)| Column::new(name, "", values));
+        let texts = names.into_iter().zip(texts).map(|(name, text)| Column::new(name, "", text));
+        Ok((results, Table::from_columns(numbers.chain(texts).collect())?, models))
     }
 
     /// The classifiers with their usual settings; a tree has those of the trees of a simulated study.
@@ -293,43 +300,6 @@ impl RecordingStudy {
         };
         self.classifiers.iter().map(one).collect()
     }
-
-    fn outcomes(&self, prepared: &Prepared, rows: &[OutcomeRow]) -> Result<Table, RecordingError> {
-        let records = match &self.record {
-            Some(record) => prepared.windows.table.text(record)?.to_vec(),
-            None => vec![String::new(); prepared.group.len()],
-        };
-        let text = |of: &dyn Fn(&OutcomeRow) -> String| rows.iter().map(of).collect::<Vec<_>>();
-        let number = |of: &dyn Fn(&OutcomeRow) -> u32| rows.iter().map(of).collect::<Vec<_>>();
-        let group = |window: usize| prepared.groups[prepared.group[window] as usize].clone();
-        let class = |row: &OutcomeRow, class: u32| row.labels.classes[class as usize].clone();
-        Ok(Table::from_columns(vec![
-            Column::new("window", "", number(&|row| row.judged.window as u32)),
-            Column::new("record", "", text(&|row| records[row.judged.window].clone())),
-            Column::new("group", "", text(&|row| group(row.judged.window))),
-            Column::new("fold", "", number(&|row| row.fold)),
-            Column::new("target", "", text(&|row| row.labels.target.column.clone())),
-            Column::new("classifier", "", text(&|row| row.classifier.id().into())),
-            Column::new("truth", "", text(&|row| class(row, row.judged.truth))),
-            Column::new("answer", "", text(&|row| class(row, row.judged.answer))),
-        ])?)
-    }
-}
-
-/// A row of the table of outcomes.
-struct OutcomeRow<'l> {
-    labels: &'l Labels<'l>,
-    classifier: ClassifierKind,
-    fold: u32,
-    judged: Judged,
-}
-
-/// The answer for a held-out window.
-#[derive(Debug, Clone, Copy)]
-struct Judged {
-    window: usize,
-    truth: u32,
-    answer: u32,
 }
 
 fn judge_fold(
@@ -345,51 +315,42 @@ fn judge_fold(
     }
     let model = classifier.fit(&labels.samples(windows, &labels.known(&split.train))?)?;
     let samples = labels.samples(windows, &test)?;
-    let mut row = vec![0.0; samples.features()];
-    let judged = test.iter().enumerate().map(|(place, &window)| {
-        samples.row_into(place, &mut row);
-        Judged { window, truth: samples.labels()[place], answer: model.predict_row(&row) }
-    });
-    Ok(judged.collect())
+    let answers = predict(&model, &samples)?.into_iter().zip(samples.labels());
+    let judged = answers.zip(&test);
+    Ok(judged.map(|((answer, &truth), &window)| Judged { window, fold, truth, answer }).collect())
 }
 
 fn result(
     prepared: &Prepared,
     labels: &Labels,
     classifier: ClassifierKind,
-    judged: &[Vec<Judged>],
+    judged: &[Judged],
 ) -> TargetResult {
-    // Without groups, the windows of a fold depend on each other.
-    let cluster = |fold: usize, window: usize| match prepared.groups.len() {
-        1 => fold as u32,
-        _ => prepared.group[window],
+    let prediction = |&Judged { window, fold, truth, answer }: &Judged| {
+        // Without groups, the windows of a fold depend on each other.
+        let is_grouped = prepared.groups.len() > 1;
+        let cluster = if is_grouped { prepared.group[window] } else { fold as u32 };
+        Prediction { cluster, kind: cluster, truth, said: Some(answer) }
     };
-    let splits: Vec<Vec<Prediction>> = (0..)
-        .zip(judged)
-        .map(|(fold, judged)| {
-            let one = |judged: &Judged| {
-                let cluster = cluster(fold, judged.window);
-                let (truth, said) = (judged.truth, Some(judged.answer));
-                Prediction { cluster, kind: cluster, truth, said }
-            };
-            judged.iter().map(one).collect()
-        })
-        .collect();
     let healthy = labels.target.healthy.as_ref();
     let healthy = healthy.and_then(|value| labels.classes.binary_search(value).ok());
-    let rate = |is_among: &dyn Fn(u32) -> bool, holds: &dyn Fn(u32) -> bool| {
-        let all = judged.iter().flatten().filter(|judged| is_among(judged.truth));
-        Rate::of(&all.collect::<Vec<_>>(), |judged| holds(judged.answer))
+    // Of the windows that are healthy, or of the others, those that are answered otherwise.
+    let wrong = |is_healthy: bool| {
+        let healthy = healthy? as u32;
+        let among = judged.iter().filter(|own| (own.truth == healthy) == is_healthy);
+        let is_wrong = |own: &&Judged| (own.answer == healthy) != is_healthy;
+        Some(Rate::of(&among.collect::<Vec<_>>(), is_wrong))
     };
     TargetResult {
         column: labels.target.column.clone(),
         classifier,
         unlabeled: labels.of_window.iter().filter(|class| class.is_none()).count(),
-        score: Score::of(labels.classes.clone(), &splits),
-        false_alarms: healthy
-            .map(|own| rate(&|truth| truth as usize == own, &|said| said as usize != own)),
-        missed: healthy
-            .map(|own| rate(&|truth| truth as usize != own, &|said| said as usize == own)),
+        score: Score::of(
+            labels.classes.clone(),
+            &judged.iter().map(prediction).collect::<Vec<_>>(),
+        ),
+        false_alarms: wrong(true),
+        missed: wrong(false),
     }
 }
 

@@ -5,7 +5,7 @@ use super::windows::{Nominals, Windows};
 use super::{RecordingError, RecordingStudy};
 use crate::evaluation::{EvaluationError, model_file};
 use crate::system::System;
-use crate::table::{Column, Table};
+use crate::table::Table;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{Classifier, Model};
 use servotwin_diagnosis::error::{Error, require_sound};
@@ -109,25 +109,14 @@ impl RecordingModel {
             study.add_twin(&mut record, &system)?;
         }
         let windows = study.windows(&record, &self.nominals)?;
-        let features = &windows.table.columns()[windows.kept..];
-        let is_same = features.iter().map(|feature| &feature.name).eq(&self.features);
-        require_sound(is_same, "its features are not those of its study")?;
-        let columns = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
-        let mut row = vec![0.0; columns.len()];
-        let mut answers = |known: &TargetModel| -> Vec<String> {
-            let answer = |window: usize| {
-                row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
-                known.classes[known.model.predict_row(&row) as usize].clone()
-            };
-            (0..windows.starts.len()).map(answer).collect()
-        };
-        let mut targets = vec![];
-        for (place, known) in self.targets.iter().enumerate() {
-            let is_last =
-                self.targets[place + 1..].iter().all(|later| later.column != known.column);
-            if is_last {
-                targets.push((known.column.clone(), answers(known)));
-            }
+        let features = windows.features().iter().map(|feature| &feature.name);
+        require_sound(features.eq(&self.features), "its features are not those of its study")?;
+        let mut targets: Vec<(String, Vec<String>)> = vec![];
+        for known in &self.targets {
+            let answer = |row: &[f64]| known.classes[known.model.predict_row(row) as usize].clone();
+            // The last classifier of a target answers.
+            targets.retain(|(column, _)| *column != known.column);
+            targets.push((known.column.clone(), windows.each(answer)?));
         }
         let distances = self
             .novelty

@@ -5,6 +5,7 @@
 
 use super::windows::{Nominals, Windows, joined};
 use super::{NoveltyChoice, RecordingError, RecordingStudy};
+use crate::evaluation::data_set::in_order;
 use crate::evaluation::metrics::Rate;
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
@@ -26,14 +27,7 @@ pub struct LearnedNovelty {
 impl LearnedNovelty {
     /// The distance of every window from what is known; above 1 a window is unknown.
     pub(super) fn known_distances(&self, windows: &Windows) -> Result<Vec<f64>, RecordingError> {
-        let features = &windows.table.columns()[windows.kept..];
-        let columns = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
-        let mut row = vec![0.0; columns.len()];
-        let distance = |window: usize| {
-            row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
-            self.known.score(None, &row)
-        };
-        Ok((0..windows.starts.len()).map(distance).collect())
+        Ok(windows.each(|row| self.known.score(None, row))?)
     }
 }
 
@@ -131,23 +125,15 @@ impl RecordingStudy {
         Ok((result, learned))
     }
 
+    /// The groups in the order of the records.
     fn in_order(&self, records: &Table) -> Result<Groups, RecordingError> {
-        let mut names: Vec<String> = vec![];
-        let texts = joined(records, &self.groups)?;
-        let of_row = texts.into_iter().map(|text| {
-            // Rows of a group mostly follow one another.
-            let known = names.iter().rposition(|known| *known == text);
-            known.unwrap_or_else(|| {
-                names.push(text);
-                names.len() - 1
-            }) as u32
-        });
-        let of_row: Vec<u32> = of_row.collect();
-        let mut healthy = vec![0; names.len()];
-        let mut rows = healthy.clone();
-        of_row.iter().for_each(|&group| rows[group as usize] += 1);
-        self.healthy_rows(records)?.iter().for_each(|&row| healthy[of_row[row] as usize] += 1);
-        let is_healthy = healthy.iter().zip(&rows).map(|(healthy, rows)| healthy == rows).collect();
+        let (names, of_row) = in_order(&joined(records, &self.groups)?);
+        let mut is_healthy_row = vec![false; of_row.len()];
+        self.healthy_rows(records)?.into_iter().for_each(|row| is_healthy_row[row] = true);
+        let mut is_healthy = vec![true; names.len()];
+        for (&group, is_healthy_row) in of_row.iter().zip(is_healthy_row) {
+            is_healthy[group as usize] &= is_healthy_row;
+        }
         Ok(Groups { names, of_row, is_healthy })
     }
 
@@ -162,7 +148,7 @@ impl RecordingStudy {
         let rows: Vec<usize> = (0..records.row_count()).filter(is_learned).collect();
         let nominals = self.learn(records, &rows)?;
         let windows = self.windows(records, &nominals)?;
-        let features = &windows.table.columns()[windows.kept..];
+        let features = windows.features();
         let names = Names {
             features: features.iter().map(|feature| feature.name.clone()).collect(),
             ..Names::default()

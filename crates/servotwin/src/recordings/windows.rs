@@ -31,6 +31,27 @@ pub struct Windows {
     pub incomplete: usize,
 }
 
+impl Windows {
+    /// The features.
+    pub(super) fn features(&self) -> &[Column] {
+        &self.table.columns()[self.kept..]
+    }
+
+    /// What the features of every window give.
+    ///
+    /// # Errors
+    /// Never for windows of a study: their features are numbers.
+    pub(super) fn each<T>(&self, of: impl Fn(&[f64]) -> T) -> Result<Vec<T>, TableError> {
+        let columns = self.features().iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
+        let mut row = vec![0.0; columns.len()];
+        let of_window = |window: usize| {
+            row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
+            of(&row)
+        };
+        Ok((0..self.starts.len()).map(of_window).collect())
+    }
+}
+
 /// The learned nominal values of all sensors. Sensors with a nominal column have none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Nominals {

@@ -26,7 +26,6 @@ fn a_study_without_the_section_or_with_an_empty_one_has_what_is_usual() {
     // What the book says is usual, said.
     let said = "seed = 1\nrandom_thirds = 3\nfolds = 5\nlearned_bands = [\"fitted\", \"realistic\"]\n\
         classifiers = [\"ideal\"]\ncomparison = { random_thirds = 1, folds = 3 }\n\
-        ablation = [\"realistic\"]\n\
         committee = { trees = 60, depth = 4, learning_rate = 0.15, feature_share = 0.3 }\n\
         trees.ideal = { criterion = \"entropy\", depth = 7, leaf_rows = 1 }\n\
         trees.noise = { criterion = \"entropy\", depth = 7, leaf_rows = 1 }\n\
@@ -40,7 +39,7 @@ fn what_is_said_changes_that_and_nothing_else() {
     let usual = settings("");
     let asked = settings(
         "seed = 7\nfolds = 4\nlearned_bands = [\"noise\"]\nclassifiers = [\"noise\", \"realistic\"]\n\
-         comparison.random_thirds = 2\nablation = []\ncommittee.trees = 5\n\
+         comparison.random_thirds = 2\ncommittee.trees = 5\n\
          trees.noise = { criterion = \"gini\", depth = 3, leaf_rows = 4 }\n",
     );
     for ((subject, usual), (_, asked)) in usual.into_iter().zip(asked) {
@@ -49,7 +48,6 @@ fn what_is_said_changes_that_and_nothing_else() {
         (expected.comparison_holding.seed, expected.comparison_holding.repeats) = (7, 2);
         let scenario = subject.scenario();
         expected.learned_bands = scenario == Scenario::Noise;
-        expected.ablation = false;
         // The third sensor is not what classifiers are compared on.
         let is_compared = matches!(subject, Subject::Noise | Subject::Realistic);
         assert_eq!(!asked.classifiers.is_empty(), is_compared, "{subject:?}");
