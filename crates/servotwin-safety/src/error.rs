@@ -2,7 +2,6 @@
 
 use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
-use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::nearest;
 use servotwin::system::RewriteError;
@@ -87,19 +86,11 @@ pub enum SafetyError {
     /// A sheet of Excel cannot be read or written.
     #[error("{path}: {problem}")]
     Xlsx { path: PathBuf, problem: String },
-    /// A point of a worst-case search cannot be flown.
-    #[error(transparent)]
-    Search(#[from] SearchError),
-    /// The line of a finding cannot be read.
+    /// No fault of the study is of use to an objective of a worst-case search.
     #[error(
-        "the line of a finding: {problem}; servotwin worst-case prints such lines, and worst-case.csv has them"
+        "the study has no fault that {objective} can search: it needs a class whose action switches off"
     )]
-    FindingLine { problem: String },
-    /// A finding was not reproduced.
-    #[error(
-        "the flight has margin {flown:?}, the line states {stated:?}: the line comes from another study, diagnoser or version"
-    )]
-    NotReproduced { flown: f64, stated: f64 },
+    NothingToSearch { objective: &'static str },
     /// The caller stopped the work.
     #[error("stopped")]
     Cancelled,

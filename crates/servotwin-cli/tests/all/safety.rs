@@ -576,61 +576,50 @@ fn weakened(name: &str) -> (Folder, String) {
     (folder, out)
 }
 
-/// Searches a folder, and returns the results and all flights.
-fn searched(out: &str, more: &[&str]) -> (serde_json::Value, String) {
-    let found =
-        super::json(&[&["worst-case", out, "--scenario", "noise", "--json"], more].concat());
-    (found, fs::read_to_string(Path::new(out).join("safety/worst-case.csv")).unwrap())
+/// Searches a folder.
+fn searched(out: &str, more: &[&str]) -> serde_json::Value {
+    super::json(&[&["worst-case", out, "--scenario", "noise", "--json"], more].concat())
+}
+
+/// The flights of a search for an objective.
+fn flown_for(out: &str, objective: &str) -> std::path::PathBuf {
+    Path::new(out).join(format!("outcomes-worst_{objective}-noise.parquet"))
 }
 
 #[test]
 #[ignore = "slow: ./check --all"]
-fn a_search_goes_on_and_gives_the_same_on_any_number_of_threads_and_its_findings_are_replayed() {
+fn a_search_goes_on_and_gives_the_same_on_any_number_of_threads_and_its_findings_are_flown_again() {
     let (_folder, out, _) = flown("worst-case");
-    let (found, all) = searched(&out, &["--runs", "24", "--threads", "1"]);
+    let found = searched(&out, &["--runs", "24", "--threads", "1"]);
     let objectives = found["objectives"].as_array().unwrap();
     assert_eq!(objectives.len(), 4);
-    // The header, and 24 flights of each method for each objective.
-    assert_eq!(all.lines().count(), 1 + 4 * 2 * 24);
-    for file in found["files"].as_array().unwrap() {
-        assert!(Path::new(file.as_str().unwrap()).exists(), "{file}");
-    }
-    for objective in objectives {
-        let finding = &objective["findings"][0];
-        let again = super::json(&[
-            "worst-case",
-            &out,
-            "--json",
-            "--threads",
-            "3",
-            "--replay",
-            finding["line"].as_str().unwrap(),
-        ]);
-        assert_eq!(again["margin"], finding["margin"], "{finding}");
-        assert_eq!(again["objective"], objective["objective"]);
+    let mut whole = vec![];
+    for own in objectives {
+        assert!(Path::new(own["figure"].as_str().unwrap()).exists(), "{own}");
+        let path = flown_for(&out, own["objective"].as_str().unwrap());
+        assert_eq!(table::read(&path).unwrap().row_count(), 2 * 24, "flights of both methods");
+        whole.push((fs::read(&path).unwrap(), path));
+        let finding = &own["findings"][0];
+        let run = finding["run"].as_str().unwrap();
+        let again = super::json(&["run", run, &out, "--json", "--threads", "3"]);
+        assert_eq!(again[0]["margin"], finding["margin"], "{finding}");
     }
     // Begun with fewer flights and on other threads, and then continued.
-    let safety = Path::new(&out).join("safety");
-    fs::remove_dir_all(&safety).unwrap();
+    whole.iter().for_each(|(_, path)| fs::remove_file(path).unwrap());
     searched(&out, &["--runs", "10", "--threads", "3"]);
-    let by_run = |text: &str| {
-        let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-        lines.sort();
-        lines
-    };
-    let (again, continued) = searched(&out, &["--runs", "24", "--threads", "2"]);
-    assert_eq!((again, by_run(&continued)), (found, by_run(&all)));
-    // A mark in a stored flight shows that it is not flown again.
-    let marked = continued.replacen(" number=0 margin=", " number=0 margin=77", 1);
-    fs::write(safety.join("worst-case.csv"), &marked).unwrap();
-    assert!(searched(&out, &["--runs", "24"]).1.contains(" margin=77"));
-    let line = continued.lines().nth(1).unwrap();
-    let line = line.split('"').find(|cell| cell.contains(" seed=0 ")).unwrap();
-    let other = line.replace("margin=", "margin=9");
-    let text = fails(&["worst-case", &out, "--replay", &other], 1);
-    assert!(text.contains("the line comes from another study"), "{text}");
-    let text = fails(&["worst-case", &out, "--replay", "nothing"], 2);
-    assert!(text.contains("1 words instead of 6"), "{text}");
+    assert_eq!(searched(&out, &["--runs", "24", "--threads", "2"]), found);
+    for (bytes, path) in &whole {
+        assert!(fs::read(path).unwrap() == *bytes, "{}: other bytes", path.display());
+    }
+    // Nothing is flown again.
+    let stored = |path: &Path| fs::metadata(path).unwrap().modified().unwrap();
+    let before: Vec<_> = whole.iter().map(|(_, path)| stored(path)).collect();
+    searched(&out, &["--runs", "24"]);
+    assert_eq!(whole.iter().map(|(_, path)| stored(path)).collect::<Vec<_>>(), before);
+    for run in ["worst_transient#99@noise", "worst_transient#0@realistic"] {
+        let text = fails(&["run", run, &out], 2);
+        assert!(text.contains("the study has no such run for judging"), "{text}");
+    }
 }
 
 #[test]
@@ -638,15 +627,13 @@ fn a_search_goes_on_and_gives_the_same_on_any_number_of_threads_and_its_findings
 fn a_search_comes_nearer_to_an_error_than_as_many_random_flights() {
     let (_folder, out) = weakened("weakness");
     for seed in ["1", "2"] {
-        let arguments = ["--objective", "missed-shutdown", "--runs", "192", "--seed", seed];
+        let arguments = ["--objective", "missed_shutdown", "--runs", "192", "--seed", seed];
         searched(&out, &arguments);
-        let flown = table::read(Path::new(&out).join("safety/worst-case.csv")).unwrap();
-        let (methods, margins) = (flown.text("method").unwrap(), flown.f64("margin").unwrap());
-        let mean = |method: &str| {
-            let own = methods.iter().zip(margins.iter()).filter(|(name, _)| *name == method);
-            own.map(|(_, margin)| *margin).sum::<f64>() / 192.0
-        };
-        let [search, random] = ["search", "random"].map(mean);
+        let flown = table::read(flown_for(&out, "missed_shutdown")).unwrap();
+        let margins = flown.f64("margin").unwrap();
+        let mean = |margins: &[f64]| margins.iter().sum::<f64>() / margins.len() as f64;
+        // The flights of the search come first.
+        let [search, random] = [mean(&margins[..192]), mean(&margins[192..])];
         println!("mean margin {search:.3} by search, {random:.3} at random");
         assert!(search < random - 0.02, "{search} {random}");
     }

@@ -16,6 +16,7 @@ pub mod results;
 pub mod run;
 pub mod sealed;
 mod subject;
+pub mod worst_case;
 
 pub use error::JobError;
 pub use folder::{Folder, Kept};

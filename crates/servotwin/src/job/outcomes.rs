@@ -107,7 +107,7 @@ pub struct FlownSuite {
 }
 
 impl FlownSuite {
-    fn new(
+    pub(super) fn new(
         folder: &Folder,
         (study, is_full): (&Study, bool),
         suite: &Suite,
@@ -197,16 +197,16 @@ impl FlownSuite {
 }
 
 /// A flown part with its file, which is written whenever it has grown.
-struct Growing {
+pub(super) struct Growing {
     path: PathBuf,
-    flown: FlownSuite,
+    pub flown: FlownSuite,
     /// [`FlownSuite::environments`] of the file.
     written: usize,
 }
 
 impl Growing {
     /// What a file holds of the same runs; none of a file of other runs.
-    fn begun(path: PathBuf, stored: Option<FlownSuite>, new: FlownSuite) -> Self {
+    pub(super) fn begun(path: PathBuf, stored: Option<FlownSuite>, new: FlownSuite) -> Self {
         let is_same = |own: &FlownSuite| own.origin() == new.origin() && own.first == new.first;
         let flown = stored.filter(is_same).unwrap_or(new);
         Growing { path, written: flown.environments, flown }
@@ -220,7 +220,7 @@ impl Growing {
         if has_grown || environments == end { self.write() } else { Ok(()) }
     }
 
-    fn write(&mut self) -> Result<(), JobError> {
+    pub(super) fn write(&mut self) -> Result<(), JobError> {
         self.flown.outcomes.sort_by_key(|outcome| outcome.number);
         self.flown.write(&self.path)?;
         self.written = self.flown.environments;

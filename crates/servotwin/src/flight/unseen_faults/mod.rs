@@ -215,7 +215,8 @@ impl Case {
             needs_shutdown: needed == Needed::Shutdown,
             ..FlightOutcome::default()
         };
-        Truth { run, at_fault: at_fault.clone(), misinformed: misinformed.clone() }
+        let (at_fault, misinformed) = (at_fault.clone(), misinformed.clone());
+        Truth { run, at_fault, misinformed, objective: None }
     }
 }
 
@@ -321,8 +322,7 @@ fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
     let of = finished.len() as u64;
     let count =
         |holds: fn(&FlightOutcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
-    let has_shutdown = |row: &FlightOutcome| row.shutdown_healthy || row.early_shutdowns > 0;
-    let is_wrong = |row: &&&FlightOutcome| has_shutdown(row) || row.shutdown_misinformed;
+    let is_wrong = |row: &&&FlightOutcome| row.shuts_down_healthy() || row.shutdown_misinformed;
     let in_words = |row: &FlightOutcome| {
         let of = if row.at_fault.is_empty() { &row.misinformed } else { &row.at_fault };
         let of = if of.is_empty() { String::new() } else { format!(", {of}") };
@@ -342,7 +342,7 @@ fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
             count(|row| row.needs_shutdown && !row.shutdown_at_fault),
         ],
         shutdowns_at_fault: count(|row| row.shutdown_at_fault),
-        shutdowns_healthy: count(has_shutdown),
+        shutdowns_healthy: count(FlightOutcome::shuts_down_healthy),
         shutdowns_behind_wrong_sensor: own
             .iter()
             .any(|row| !row.misinformed.is_empty())
