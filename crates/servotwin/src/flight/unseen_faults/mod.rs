@@ -7,7 +7,8 @@ mod effect;
 mod list;
 
 pub(super) use effect::Touched;
-pub use list::{ALL, UnseenFault, set_names};
+use list::set_names;
+pub use list::{ALL, UnseenFault};
 
 use super::judge::{Latency, latency};
 use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
@@ -235,8 +236,8 @@ impl Plan {
         for (place_in_list, fault) in ALL.iter().enumerate() {
             for (place, &strength) in fault.strengths.iter().enumerate() {
                 for unit in 0..study.units.len() {
-                    let effects = (fault.effects)(strength);
-                    let Some(changes) = Changes::new(study, unit, &effects) else { continue };
+                    let changes = Changes::new(study, unit, fault.effects(strength));
+                    let Some(changes) = changes else { continue };
                     for repeat in 0..suite.repeats {
                         // Eleven and seven have no common divisor with the usual numbers.
                         let number = 11 * repeat + 7 * place_in_list + 5 * place + 3 * unit;
@@ -296,7 +297,7 @@ pub(super) fn fly(
     let touched = |run: &Run| {
         let onset = (run.onset_s / flown.period_s()).ceil() as usize;
         let random = suite.seed_of(run.number).stream(Stream::Reading);
-        Some(Touched::new(case(run).changes.touches(), onset, random))
+        Some(Touched::new(&case(run).changes, onset, random))
     };
     Ok(watch(
         &flown,
