@@ -321,7 +321,6 @@ fn of_safety(error: &SafetyError) -> u8 {
     match error {
         SafetyError::Hours { .. }
         | SafetyError::SheetFormat { .. }
-        | SafetyError::Feature { .. }
         | SafetyError::NoSensor { .. }
         | SafetyError::TooManySensors { .. }
         | SafetyError::NoScenario { .. }

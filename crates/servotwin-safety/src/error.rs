@@ -4,12 +4,8 @@ use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
 use servotwin::job::JobError;
 use servotwin::nearest::nearest;
-use servotwin::system::RewriteError;
 use servotwin::table::TableError;
 use std::path::PathBuf;
-
-/// The line that builds a program with sheets of Excel.
-pub const XLSX_LINE: &str = "cargo install --path crates/servotwin-cli --features xlsx (or cargo run --release --features xlsx -- …)";
 
 /// The reason why an artefact cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -63,9 +59,6 @@ pub enum SafetyError {
     /// Sensors without a cost.
     #[error("{path}: sensors without a cost: {}; each needs a row 'sensor,cost,source'", first(.missing))]
     NoCosts { path: PathBuf, missing: Vec<String> },
-    /// The system file cannot hold an upgraded parameter.
-    #[error(transparent)]
-    Rewrite(#[from] RewriteError),
     /// A classifier cannot be trained.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
@@ -75,17 +68,9 @@ pub enum SafetyError {
     /// A number of hours outside of its range.
     #[error("{name} {given} is out of range: {range}")]
     Hours { name: &'static str, given: f64, range: &'static str },
-    /// A sheet's format is neither CSV nor XLSX.
-    #[error("{path}: a sheet ends in .csv or .xlsx")]
+    /// A sheet is no CSV file.
+    #[error("{path}: a sheet ends in .csv")]
     SheetFormat { path: PathBuf },
-    /// The program was built without the feature for XLSX.
-    #[error(
-        "{path}: a .xlsx file needs the feature 'xlsx', which this program was built without: name a .csv file, or {XLSX_LINE}"
-    )]
-    Feature { path: PathBuf },
-    /// A sheet of Excel cannot be read or written.
-    #[error("{path}: {problem}")]
-    Xlsx { path: PathBuf, problem: String },
     /// No fault of the study is of use to an objective of a worst-case search.
     #[error(
         "the study has no fault that {objective} can search: it needs a class whose action switches off"

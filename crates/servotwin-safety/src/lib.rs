@@ -24,4 +24,4 @@ pub mod sensors;
 pub mod tree;
 pub mod worst_case;
 
-pub use error::{SafetyError, XLSX_LINE};
+pub use error::SafetyError;

@@ -5,7 +5,6 @@
 //! - `flights`: outcomes of closed-loop flights, with the diagnosis and without it
 //! - [`severity`]: the stated rule
 //! - [`mod@sheet`]: what people filled in, and how it survives
-//! - [`mod@format`]: CSV and XLSX
 
 pub mod cell;
 mod declared;
@@ -13,7 +12,6 @@ mod diagnosis;
 mod effects;
 pub mod fields;
 pub(crate) mod flights;
-pub mod format;
 pub(crate) mod residuals;
 pub mod severity;
 pub mod sheet;
@@ -27,6 +25,7 @@ use flights::FmeaFlights;
 use residuals::ResidualRuns;
 use servotwin::parallel::Workers;
 use servotwin::study::Study;
+use servotwin::table::csv::texts;
 use sheet::FmeaSheet;
 use std::path::Path;
 
@@ -87,7 +86,7 @@ pub fn sheet(sources: &FmeaSources, earlier: Option<&Path>) -> Result<FmeaSheet,
         Some(results) => results.basis.clone(),
         None => EvidenceBasis::of_study(sources.study),
     };
-    let texts = earlier.map(format::read).transpose()?;
+    let texts = earlier.map(texts::read).transpose()?;
     FmeaSheet::new(&rows(sources), &basis, earlier.zip(texts.as_ref()))
 }
 
