@@ -113,9 +113,9 @@ impl FailureRates {
     }
 
     /// The rate of a fault. One for its full name takes precedence over one for its kind.
-    pub(crate) fn of(&self, fault: &RatedFault) -> Option<&FailureRate> {
+    pub(crate) fn of(&self, id: &str, kind: &str) -> Option<&FailureRate> {
         let find = |name: &str| self.list.iter().find(|rate| rate.fault == name);
-        find(&fault.id).or_else(|| find(&fault.kind))
+        find(id).or_else(|| find(kind))
     }
 }
 
@@ -191,9 +191,10 @@ mod tests {
             "cylinder.internal_leakage,200,FIT,handbook\nactuator_2.cylinder.internal_leakage,0.5,1/(1e6 h),fleet\n",
         )
         .unwrap();
-        let per_h = faults().iter().map(|fault| rates.of(fault).unwrap().per_h).collect::<Vec<_>>();
+        let of = |fault: &RatedFault| rates.of(&fault.id, &fault.kind).unwrap();
+        let per_h = faults().iter().map(|fault| of(fault).per_h).collect::<Vec<_>>();
         assert!((per_h[0] - 2e-7).abs() < 1e-20 && (per_h[1] - 5e-7).abs() < 1e-20, "{per_h:?}");
-        assert_eq!(rates.of(&faults()[1]).unwrap().source, "fleet");
+        assert_eq!(of(&faults()[1]).source, "fleet");
     }
 
     #[test]

@@ -3,7 +3,6 @@
 use super::cell::FmeaCell;
 use super::effects::{answers, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
-use crate::rates::RatedFault;
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
 use servotwin::text::spoken;
@@ -101,8 +100,7 @@ fn rate<'s>(
     sources: &'s FmeaSources,
     subject: &FmeaSubject,
 ) -> Option<&'s crate::rates::FailureRate> {
-    let rated = RatedFault { id: subject.fault.id.clone(), kind: subject.kind.clone() };
-    sources.rates.as_ref()?.of(&rated)
+    sources.rates.as_ref()?.of(&subject.fault.id, &subject.kind)
 }
 
 fn rate_evidence(sources: &FmeaSources, line: usize) -> String {

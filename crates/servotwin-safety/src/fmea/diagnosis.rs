@@ -3,8 +3,8 @@
 use super::cell::{FmeaCell, rate_in_words, span_in_words};
 use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
-use super::residuals::{MovedResidual, ResidualRuns, STRONG};
-use servotwin::flight::judge::KindLatency;
+use super::residuals::{MovedResidual, ResidualRuns};
+use servotwin::flight::judge::{KindLatency, STRONG};
 use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::results::SubjectResult;
 use servotwin::shown::{number, shown};

@@ -16,8 +16,8 @@ pub(crate) mod residuals;
 pub mod severity;
 pub mod sheet;
 
+use crate::counts;
 use crate::error::SafetyError;
-use crate::ground_test;
 use crate::rates::{FailureRates, RatedFault};
 use crate::results::{EvidenceBasis, StudyResultsFolder};
 use fields::{FmeaSources, FmeaSubject, rows};
@@ -51,7 +51,7 @@ pub fn sources<'s>(
         rates: read_rates(&results.study, rates)?,
         runs: ResidualRuns::read(results)?,
         flights: FmeaFlights::of_folder(results, flies, workers)?,
-        tests: ground_test::tests(results)?,
+        tests: counts::tests(results)?,
         results: Some(results),
     })
 }
@@ -107,8 +107,7 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
     let (mut covered, mut all, mut flown, mut rated) = (0.0, 0.0, 0, 0);
     for fault in &sources.study.system.fault_list() {
         let subject = FmeaSubject::of(sources.study, fault);
-        let name = RatedFault { id: fault.id.clone(), kind: subject.kind.clone() };
-        let Some(rate) = rates.of(&name) else { continue };
+        let Some(rate) = rates.of(&fault.id, &subject.kind) else { continue };
         rated += 1;
         if let Some(share) = diagnosis::coverage_share(sources, &subject) {
             flown += 1;

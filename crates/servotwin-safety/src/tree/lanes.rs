@@ -24,12 +24,10 @@
 //! weak ones included, and a fault that never becomes visible counts as missed.
 
 use super::structure::{EventLaw, Exposure, FaultTree, GateKind, TopEvent, TreeInput};
-use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
+use crate::counts::{FaultIntensities, JudgedFlights, check_rates};
 use crate::error::SafetyError;
-use crate::ground_test::{GroundTest, PassedFaults};
 use crate::interval::{CountedValue, clopper_pearson};
 use crate::rates::{FailureRates, RatedFault};
-use servotwin::flight::judge::FlightMetrics;
 use servotwin::study::Study;
 use servotwin::text::spoken;
 
@@ -112,22 +110,21 @@ pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
     list
 }
 
-/// Builds the trees of a study from counted flights, the user's rates, and tests on the ground if there are any.
+/// Builds the trees of a study from judged flights and the user's rates.
 ///
 /// # Errors
 /// The study has no action that switches an actuator off; a fault has no rate.
 pub fn lane_trees(
     study: &Study,
-    metrics: &FlightMetrics,
+    flights: &JudgedFlights,
     rates: &FailureRates,
-    test: Option<&GroundTest>,
 ) -> Result<LaneTrees, SafetyError> {
     if study.shutdowns().is_empty() {
         let problem = "no action switches an actuator off, so no lane can be lost by command; declare one with \
                        switches_off = true in [reactions]";
         return Err(SafetyError::Study { study: study.name.clone(), problem });
     }
-    check_rates(&rated_faults(study), rates)?;
+    check_rates(study, rates)?;
     let trees =
         LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
     let name = |unit: &String| match unit.as_str() {
@@ -135,16 +132,15 @@ pub fn lane_trees(
         name => TreeName::of(name),
     };
     let names = study.units.iter().map(name).collect();
-    let mut growing = TreeGrower { study, metrics, rates, test, names, trees, confidence: 0.0 };
+    let mut growing = TreeGrower { study, flights, rates, names, trees, confidence: 0.0 };
     growing.grow();
     Ok(growing.trees)
 }
 
 struct TreeGrower<'g> {
     study: &'g Study,
-    metrics: &'g FlightMetrics,
+    flights: &'g JudgedFlights,
     rates: &'g FailureRates,
-    test: Option<&'g GroundTest>,
     /// The names of the lanes.
     names: Vec<TreeName>,
     trees: LaneTrees,
@@ -198,7 +194,8 @@ fn add(list: &mut Vec<TreeParameter>, id: String, value: CountedValue, evidence:
 impl TreeGrower<'_> {
     fn grow(&mut self) {
         let actions = self.study.commands();
-        let of_action = 2 + usize::from(self.names.len() > 1) + usize::from(self.test.is_some());
+        let of_action =
+            2 + usize::from(self.names.len() > 1) + usize::from(self.flights.passed.is_some());
         let counted = 1 + actions.len() * of_action;
         // Bonferroni: all intervals together hold with the joint confidence.
         self.confidence = 1.0 - (1.0 - CONFIDENCE) / counted as f64;
@@ -221,7 +218,7 @@ impl TreeGrower<'_> {
             0 => format!("{what}: not flown, so nothing is known"),
             _ => format!(
                 "{what}: {count} of {of} flights, flights.json, scenario {}",
-                self.metrics.title()
+                self.flights.title
             ),
         };
         add(&mut self.trees.constants, id, clopper_pearson(count, of, self.confidence), evidence)
@@ -229,7 +226,7 @@ impl TreeGrower<'_> {
 
     /// An action with the constants of its answers.
     fn answered(&mut self, action: String) -> AnsweredAction {
-        let counts = ActionCounts::of(self.metrics, &action, FaultIntensities::All);
+        let counts = self.flights.of(&action, FaultIntensities::All);
         let name = TreeName::of(&action);
         let TreeName { id, words } = &name;
         let needs_shutdown = self.study.reactions.switches_off(&action);
@@ -244,8 +241,8 @@ impl TreeGrower<'_> {
         });
         let wrong_shutdown = has_several
             .then(|| constant("wrong_shutdown", "shutdown of another lane", counts.wrong_shutdown));
-        let passed = self.test.map(|test| test.of(&action, FaultIntensities::All));
-        let passed = passed.map(|PassedFaults { tested, passed }| {
+        let passed = self.flights.passed.is_some().then(|| {
+            let (tested, passed) = (counts.tested, counts.passed);
             let evidence = match tested {
                 0 => "no hidden fault was tested on the ground, so nothing is known".into(),
                 _ => format!(
@@ -269,7 +266,7 @@ impl TreeGrower<'_> {
 
     /// The faults of a lane that need an action, with their answers; `None` without such faults.
     fn group(&mut self, lane: usize, action: &AnsweredAction) -> Option<FaultGroup> {
-        let exposures = &EXPOSURES[..if self.test.is_some() { 4 } else { 3 }];
+        let exposures = &EXPOSURES[..if self.flights.passed.is_some() { 4 } else { 3 }];
         let TreeName { id: lane_id, words: lane_words } = self.names[lane].clone();
         let id = format!("{lane_id}-{}", action.name.id);
         let fault = format!("a fault of {lane_words} that needs '{}'", action.name.words);
@@ -344,8 +341,7 @@ impl TreeGrower<'_> {
             if class.command != action || last.replace(&fault.id) == Some(&fault.id) {
                 continue;
             }
-            let rated = RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
-            let Some(rate) = self.rates.of(&rated) else { continue };
+            let Some(rate) = self.rates.of(&fault.id, &fault.kind) else { continue };
             let value = CountedValue { point: rate.per_h, low: rate.per_h, high: rate.per_h };
             let TreeName { id, words } = TreeName::of(&fault.id);
             let evidence =
@@ -363,7 +359,7 @@ impl TreeGrower<'_> {
     /// For every lane: a false alarm shuts it down in this flight, or has done so and waits for its repair.
     fn false_alarms(&mut self) -> Vec<[TreeInput; 2]> {
         let (value, evidence) =
-            false_shutdowns_per_h(self.metrics, self.names.len(), self.confidence);
+            self.flights.false_shutdowns_per_h(self.names.len(), self.confidence);
         let rate = add(&mut self.trees.rates, "rate-false_shutdown".into(), value, evidence);
         let tree = &mut self.trees.tree;
         let mut event = |id: &str, what: &str, words: String, exposure: Exposure| {

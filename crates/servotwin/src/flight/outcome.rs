@@ -186,7 +186,7 @@ impl FlightOutcome {
     }
 
     /// Whether the first action was right and the fault was visible.
-    pub(crate) fn is_isolated(&self) -> bool {
+    pub fn is_isolated(&self) -> bool {
         self.first == FirstAction::Right && self.visible_s.is_some()
     }
 
