@@ -4,19 +4,14 @@
 //! if it reports no fault; a test in an invalid environment is repeated. Both fly the same faults at the same
 //! intensities; flight and test number k of a fault at an intensity make a pair.
 
-use crate::error::SafetyError;
 use crate::interval::{CountedValue, poisson_rate_per_h};
-use crate::rates::FailureRates;
 use crate::results::StudyResultsFolder;
-use crate::tree::lanes::rated_faults;
-use crate::tree::numbers::ExposureHours;
 use servotwin::flight::judge::{FlightMetrics, STRONG};
 use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::{Folder, JobError, outcomes};
+use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
-use servotwin::study::{Scenario, Study};
 use std::collections::BTreeMap;
-use std::path::Path;
 
 /// The scenario of tests on the ground.
 const TESTS: Scenario = Scenario::Fitted;
@@ -78,6 +73,15 @@ impl JudgedFlights {
         faults.retain(|row| row.is_finished && row.onset_s.is_some());
         let healthy = (metrics.healthy.hours, metrics.healthy.shutdowns);
         Ok(JudgedFlights { title: metrics.title(), faults, healthy, passed: None })
+    }
+
+    /// The same flights with the tests of a folder.
+    ///
+    /// # Errors
+    /// The folder has no tests, or they are damaged.
+    pub(crate) fn tested_in(self, folder: &Folder) -> Result<Self, JobError> {
+        let tests = judged((&folder.ground_test(), JUDGE, TESTS), "test")?;
+        Ok(self.with_tests(&tests))
     }
 
     /// The same flights with the tests of their faults on the ground.
@@ -170,50 +174,6 @@ fn judged(
 pub(crate) fn tests(results: &StudyResultsFolder) -> Result<Vec<FlightOutcome>, JobError> {
     let stored = outcomes::stored(&results.folder.ground_test(), JUDGE, TESTS)?;
     Ok(stored.map_or(vec![], |own| own.outcomes))
-}
-
-/// Judged flights with the user's failure rates, and the tests on the ground if there are any.
-pub struct RatedFlights<'r> {
-    pub(crate) results: &'r StudyResultsFolder,
-    pub(crate) flights: JudgedFlights,
-    pub(crate) rates: FailureRates,
-    pub(crate) hours: ExposureHours,
-}
-
-impl<'r> RatedFlights<'r> {
-    /// Reads the rates of a table, and the flights of a folder.
-    ///
-    /// # Errors
-    /// The folder has no judged flights, or no tests although there are hours between them; a rate is wrong; an interval is
-    /// out of range.
-    pub fn read(
-        results: &'r StudyResultsFolder,
-        rates: &Path,
-        hours: ExposureHours,
-    ) -> Result<Self, SafetyError> {
-        let hours = hours.checked()?;
-        let rates = FailureRates::read(rates, &rated_faults(&results.study))?;
-        let flights = JudgedFlights::read(&results.folder, results.flown_or_missing()?)?;
-        let flights = match hours.test_h {
-            None => flights,
-            Some(_) => {
-                let place = (&results.folder.ground_test(), JUDGE, TESTS);
-                flights.with_tests(&judged(place, "test")?)
-            }
-        };
-        Ok(RatedFlights { results, flights, rates, hours })
-    }
-}
-
-/// Refuses rates that lack a fault of a study.
-pub(crate) fn check_rates(study: &Study, rates: &FailureRates) -> Result<(), SafetyError> {
-    let faults = rated_faults(study).into_iter();
-    let missing = faults.filter(|fault| rates.of(&fault.id, &fault.kind).is_none());
-    let missing: Vec<String> = missing.map(|fault| fault.id).collect();
-    match missing.is_empty() {
-        true => Ok(()),
-        false => Err(SafetyError::NoRates { path: rates.path.clone(), missing }),
-    }
 }
 
 #[cfg(test)]

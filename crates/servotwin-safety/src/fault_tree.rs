@@ -1,11 +1,12 @@
 //! The artefact *fault tree*: Open-PSA documents, figures, cut sets, importance, probabilities in a flight, and rates per
 //! flight hour.
 
-use crate::counts::RatedFlights;
 use crate::error::SafetyError;
 use crate::interval::CountedValue;
+use crate::rated_flights::RatedFlights;
+use crate::rates::rated_faults;
 use crate::results::{FOLDER, StudyResultsFolder};
-use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees, rated_faults};
+use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees};
 use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
 use crate::tree::{drawing, exchange};
 use serde::Serialize;

@@ -16,6 +16,7 @@ pub mod fault_tree;
 pub mod fmea;
 pub mod function_rate;
 pub mod interval;
+pub mod rated_flights;
 pub mod rates;
 pub mod results;
 pub mod sensors;

@@ -17,9 +17,10 @@
 
 pub mod flight;
 
-use crate::counts::{FaultIntensities, JudgedFlights, RatedFlights, check_rates};
+use crate::counts::{FaultIntensities, JudgedFlights};
 use crate::error::SafetyError;
 use crate::interval::{CountedValue, clopper_pearson};
+use crate::rated_flights::RatedFlights;
 use crate::rates::FailureRates;
 use crate::results::{FOLDER, StudyResultsFolder};
 use crate::tree::lanes::{CONFIDENCE, TreeParameter};
@@ -117,7 +118,7 @@ impl FunctionRate {
         if study.shutdowns().is_empty() {
             return wrong("no action switches an actuator off; declare one in [reactions]");
         }
-        check_rates(study, rates)?;
+        rates.check(study)?;
         let model = |judged: &JudgedFlights, intensities| {
             FunctionModel::new(study, (judged, flights), rates, intensities)
         };

@@ -24,10 +24,10 @@
 //! weak ones included, and a fault that never becomes visible counts as missed.
 
 use super::structure::{EventLaw, Exposure, FaultTree, GateKind, TopEvent, TreeInput};
-use crate::counts::{FaultIntensities, JudgedFlights, check_rates};
+use crate::counts::{FaultIntensities, JudgedFlights};
 use crate::error::SafetyError;
 use crate::interval::{CountedValue, clopper_pearson};
-use crate::rates::{FailureRates, RatedFault};
+use crate::rates::FailureRates;
 use servotwin::study::Study;
 use servotwin::text::spoken;
 
@@ -99,17 +99,6 @@ const EXPOSURES: [(&str, &str, Exposure); 4] = [
     ("hidden_since_test", "is there since the last test on the ground", Exposure::Test),
 ];
 
-/// The faults that the trees of a study need rates for.
-pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
-    let mut list: Vec<RatedFault> = vec![];
-    for fault in &study.faults {
-        if list.last().is_none_or(|last| last.id != fault.id) {
-            list.push(RatedFault { id: fault.id.clone(), kind: fault.kind.clone() });
-        }
-    }
-    list
-}
-
 /// Builds the trees of a study from judged flights and the user's rates.
 ///
 /// # Errors
@@ -124,7 +113,7 @@ pub fn lane_trees(
                        switches_off = true in [reactions]";
         return Err(SafetyError::Study { study: study.name.clone(), problem });
     }
-    check_rates(study, rates)?;
+    rates.check(study)?;
     let trees =
         LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
     let name = |unit: &String| match unit.as_str() {

@@ -22,7 +22,7 @@ pub enum Distribution {
 
 impl Distribution {
     /// The ends of its values.
-    pub fn ends(self) -> [f64; 2] {
+    pub(crate) fn ends(self) -> [f64; 2] {
         match self {
             Distribution::Choice(count) => [0.0, count as f64 - 1.0],
             Distribution::Share => [0.0, 1.0],
@@ -70,15 +70,6 @@ impl Dimension {
         Dimension {
             choices: choices.clone(),
             ..Dimension::new(name, Distribution::Choice(choices.len()))
-        }
-    }
-
-    /// A value in words: the choice, or the number in SI units.
-    pub fn in_words(&self, value: f64) -> String {
-        match (self.choices.get(value as usize), self.range) {
-            (Some(choice), _) => choice.clone(),
-            (None, Some([low, high])) => format!("{}", low + (high - low) * value),
-            (None, None) => format!("{value}"),
         }
     }
 }
@@ -181,7 +172,7 @@ impl SearchSpace {
     }
 
     /// A point from the distributions of the study.
-    pub fn draw(&self, number: usize, random: &mut NormalDeviates) -> SearchPoint {
+    pub(crate) fn draw(&self, number: usize, random: &mut NormalDeviates) -> SearchPoint {
         let draw = |dimension: &Dimension| {
             let distribution = dimension.distribution;
             distribution.rounded(distribution.draw(random))
