@@ -7,7 +7,6 @@ use servotwin::figure::FigureError;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
 use servotwin::flight::runtime::RuntimeError;
-use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::{UnknownName, nearest};
 use servotwin::recordings::RecordingError;
@@ -322,13 +321,10 @@ fn of_safety(error: &SafetyError) -> u8 {
     match error {
         SafetyError::Hours { .. }
         | SafetyError::SheetFormat { .. }
-        | SafetyError::Feature { .. }
         | SafetyError::NoSensor { .. }
         | SafetyError::TooManySensors { .. }
-        | SafetyError::FindingLine { .. }
         | SafetyError::NoScenario { .. }
         | SafetyError::NoFlights { .. } => 2,
-        SafetyError::NotReproduced { .. } => 1,
         SafetyError::File(error) => of_file(error),
         SafetyError::Table(error) => of_table(error),
         _ => 3,
@@ -463,10 +459,7 @@ impl From<JobError> for Failure {
 impl From<SafetyError> for Failure {
     fn from(error: SafetyError) -> Self {
         match error {
-            SafetyError::Cancelled
-            | SafetyError::Search(SearchError::Campaign(CampaignError::Cancelled)) => {
-                Failure::Stopped
-            }
+            SafetyError::Cancelled => Failure::Stopped,
             SafetyError::Job(error) => error.into(),
             error => Failure::Safety(error),
         }

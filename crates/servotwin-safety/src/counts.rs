@@ -1,16 +1,26 @@
-//! What the judged flights counted, as fault trees and the failure rate of the function read it.
+//! Counts of outcomes, as fault trees and the failure rate of the function read them.
+//!
+//! A fault is *hidden* in a flight if no action answers it, or no sensor shows it. The test on the ground *passes* it
+//! if it reports no fault; a test in an invalid environment is repeated. Both fly the same faults at the same
+//! intensities; flight and test number k of a fault at an intensity make a pair.
 
-use crate::error::SafetyError;
 use crate::interval::{CountedValue, poisson_rate_per_h};
-use crate::rates::{FailureRates, RatedFault};
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics};
-use servotwin::flight::measure::{self, Measure};
+use crate::results::StudyResultsFolder;
+use servotwin::flight::judge::{FlightMetrics, STRONG};
+use servotwin::flight::outcome::{FirstAction, FlightOutcome};
+use servotwin::job::{Folder, JobError, outcomes};
+use servotwin::study::Scenario;
+use servotwin::study::suites::JUDGE;
+use std::collections::BTreeMap;
+
+/// The scenario of tests on the ground.
+const TESTS: Scenario = Scenario::Fitted;
 
 /// The faults whose flights are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FaultIntensities {
+pub(crate) enum FaultIntensities {
     All,
-    /// From [`STRONG`](servotwin::flight::judge::STRONG) on.
+    /// From [`STRONG`] on.
     Strong,
     /// Below it.
     Weak,
@@ -23,7 +33,7 @@ pub(crate) struct ActionCounts {
     pub flown: u64,
     /// The right action was not the first one.
     pub missed: u64,
-    /// Of the missed ones: nothing was raised, or nothing was visible.
+    /// Nothing was raised, or nothing was visible.
     pub hidden: u64,
     /// Nothing was visible.
     pub invisible: u64,
@@ -31,72 +41,174 @@ pub(crate) struct ActionCounts {
     pub other_action: u64,
     /// Another actuator was shut down.
     pub wrong_shutdown: u64,
+    /// Of the hidden ones: their faults were tested on the ground.
+    pub tested: u64,
+    /// Of these: the test passed them.
+    pub passed: u64,
 }
 
-impl ActionCounts {
-    /// The counts of an action.
-    pub(crate) fn of(metrics: &FlightMetrics, action: &str, intensities: FaultIntensities) -> Self {
-        let own = |classes: &[ClassMetrics]| {
-            let own = classes.iter().find(|class| class.command == action);
-            own.map(Self::of_class).unwrap_or_default()
+/// Judged flights of one suite and scenario.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct JudgedFlights {
+    /// What was flown, in words.
+    pub title: String,
+    /// The finished flights with a fault.
+    pub faults: Vec<FlightOutcome>,
+    /// Hours without a fault, and the shutdowns in them.
+    pub healthy: (f64, u64),
+    /// For each of `faults`, whether a test on the ground passes it, if it was tested; `None` without tests.
+    pub passed: Option<Vec<Option<bool>>>,
+}
+
+impl JudgedFlights {
+    /// The flights behind some figures of merit.
+    ///
+    /// # Errors
+    /// There is no file of their outcomes, or it is damaged.
+    pub(crate) fn read(folder: &Folder, metrics: &FlightMetrics) -> Result<Self, JobError> {
+        let group = &metrics.group;
+        let scenario = Scenario::named(&group.scenario).unwrap_or(TESTS);
+        let place = (folder, group.suite.as_str(), scenario);
+        let mut faults = judged(place, "study --suite flights")?;
+        faults.retain(|row| row.is_finished && row.onset_s.is_some());
+        let healthy = (metrics.healthy.hours, metrics.healthy.shutdowns);
+        Ok(JudgedFlights { title: metrics.title(), faults, healthy, passed: None })
+    }
+
+    /// The same flights with the tests of a folder.
+    ///
+    /// # Errors
+    /// The folder has no tests, or they are damaged.
+    pub(crate) fn tested_in(self, folder: &Folder) -> Result<Self, JobError> {
+        let tests = judged((&folder.ground_test(), JUDGE, TESTS), "test")?;
+        Ok(self.with_tests(&tests))
+    }
+
+    /// The same flights with the tests of their faults on the ground.
+    #[must_use]
+    pub fn with_tests(self, tests: &[FlightOutcome]) -> Self {
+        let mut of_fault: BTreeMap<(&str, u64), Vec<&FlightOutcome>> = BTreeMap::new();
+        for test in tests.iter().filter(|test| test.is_finished) {
+            of_fault.entry(key(test)).or_default().push(test);
+        }
+        let mut flown: BTreeMap<(&str, u64), usize> = BTreeMap::new();
+        let passed = self.faults.iter().map(|flight| {
+            let place = flown.entry(key(flight)).or_default();
+            let test = of_fault.get(&key(flight)).map(|tests| tests[*place % tests.len()]);
+            *place += 1;
+            test.map(|test| !test.reports_fault())
+        });
+        let passed = Some(passed.collect());
+        JudgedFlights { passed, ..self }
+    }
+
+    /// The counts of the faults that need an action.
+    pub(crate) fn of(&self, action: &str, intensities: FaultIntensities) -> ActionCounts {
+        let is_meant = |row: &FlightOutcome| match intensities {
+            FaultIntensities::All => true,
+            FaultIntensities::Strong => row.intensity >= STRONG,
+            FaultIntensities::Weak => row.intensity < STRONG,
         };
-        let (all, strong) = (own(&metrics.classes), own(&metrics.strong_classes));
-        match intensities {
-            FaultIntensities::All => all,
-            FaultIntensities::Strong => strong,
-            FaultIntensities::Weak => ActionCounts {
-                flown: all.flown - strong.flown,
-                missed: all.missed - strong.missed,
-                hidden: all.hidden - strong.hidden,
-                invisible: all.invisible - strong.invisible,
-                other_action: all.other_action - strong.other_action,
-                wrong_shutdown: all.wrong_shutdown - strong.wrong_shutdown,
-            },
+        let mut counts = ActionCounts::default();
+        for (place, row) in self.faults.iter().enumerate() {
+            if row.action != action || !is_meant(row) {
+                continue;
+            }
+            let is_visible = row.visible_s.is_some();
+            let is_hidden = !is_visible || row.first == FirstAction::None;
+            let passed = self.passed.as_ref().and_then(|passed| passed[place]);
+            let passed = passed.filter(|_| is_hidden);
+            counts.flown += 1;
+            counts.missed += u64::from(!row.is_isolated());
+            counts.hidden += u64::from(is_hidden);
+            counts.invisible += u64::from(!is_visible);
+            counts.other_action += u64::from(is_visible && row.first == FirstAction::OtherAction);
+            counts.wrong_shutdown += u64::from(row.shutdown_healthy);
+            counts.tested += u64::from(passed.is_some());
+            counts.passed += u64::from(passed == Some(true));
         }
+        counts
     }
 
-    fn of_class(class: &ClassMetrics) -> Self {
-        let count = |measure: &Measure| class.rates.of(measure).count;
-        let invisible = class.flown - count(&measure::VISIBLE);
-        ActionCounts {
-            flown: class.flown,
-            missed: class.flown - count(&measure::RIGHT_ACTION_OF_ALL),
-            hidden: invisible + count(&measure::SILENT),
-            invisible,
-            other_action: count(&measure::OTHER_ACTION),
-            wrong_shutdown: count(&measure::WRONG_SHUTDOWN),
-        }
+    /// Shutdowns of healthy lanes by false alarms, per hour of a lane, with their evidence.
+    pub(crate) fn false_shutdowns_per_h(
+        &self,
+        lanes: usize,
+        confidence: f64,
+    ) -> (CountedValue, String) {
+        let (hours, shutdowns) = self.healthy;
+        // Every healthy hour was an hour of all lanes.
+        let hours = hours * lanes as f64;
+        let value = match hours > 0.0 {
+            true => poisson_rate_per_h(shutdowns, hours, confidence),
+            // Without hours nothing is known; a rate of 1/h stands for that.
+            false => CountedValue { point: 1.0, low: 0.0, high: 1.0 },
+        };
+        let evidence = format!(
+            "shutdowns of healthy lanes: {shutdowns} in {hours:.3} h of lanes, flights.json, scenario {}",
+            self.title
+        );
+        (value, evidence)
     }
 }
 
-/// Shutdowns of healthy lanes by false alarms, per hour of a lane, with their evidence.
-pub(crate) fn false_shutdowns_per_h(
-    metrics: &FlightMetrics,
-    lanes: usize,
-    confidence: f64,
-) -> (CountedValue, String) {
-    let healthy = &metrics.healthy;
-    // Every healthy hour was an hour of all lanes.
-    let hours = healthy.hours * lanes as f64;
-    let value = match hours > 0.0 {
-        true => poisson_rate_per_h(healthy.shutdowns, hours, confidence),
-        // Without hours nothing is known; a rate of 1/h stands for that.
-        false => CountedValue { point: 1.0, low: 0.0, high: 1.0 },
-    };
-    let evidence = format!(
-        "shutdowns of healthy lanes: {} in {hours:.3} h of lanes, flights.json, scenario {}",
-        healthy.shutdowns,
-        metrics.title()
-    );
-    (value, evidence)
+/// The fault and the bits of its intensity.
+fn key(outcome: &FlightOutcome) -> (&str, u64) {
+    (&outcome.event, outcome.intensity.to_bits())
 }
 
-/// Refuses rates that lack a fault.
-pub(crate) fn check_rates(faults: &[RatedFault], rates: &FailureRates) -> Result<(), SafetyError> {
-    let missing: Vec<String> =
-        faults.iter().filter(|f| rates.of(f).is_none()).map(|f| f.id.clone()).collect();
-    match missing.is_empty() {
-        true => Ok(()),
-        false => Err(SafetyError::NoRates { path: rates.path.clone(), missing }),
+/// The judged outcomes of a suite in a folder; without any, `command` makes them.
+fn judged(
+    (folder, suite, scenario): (&Folder, &str, Scenario),
+    command: &'static str,
+) -> Result<Vec<FlightOutcome>, JobError> {
+    let path = folder.outcomes(suite, scenario.name());
+    let stored = outcomes::stored(folder, suite, scenario)?;
+    Ok(stored.ok_or(JobError::Missing { path, command })?.outcomes)
+}
+
+/// The judged tests on the ground of a folder; none if there are none.
+///
+/// # Errors
+/// The file is damaged.
+pub(crate) fn tests(results: &StudyResultsFolder) -> Result<Vec<FlightOutcome>, JobError> {
+    let stored = outcomes::stored(&results.folder.ground_test(), JUDGE, TESTS)?;
+    Ok(stored.map_or(vec![], |own| own.outcomes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use servotwin::flight::outcome::Word;
+
+    #[test]
+    fn hidden_faults_are_paired_with_their_tests() {
+        let fault = |intensity: f64, word: Word, first: FirstAction| FlightOutcome {
+            event: "actuator_1.leakage_a.leakage".into(),
+            action: "shut_down".into(),
+            intensity,
+            onset_s: Some(1.0),
+            visible_s: Some(0.5),
+            is_finished: true,
+            word,
+            first,
+            ..FlightOutcome::default()
+        };
+        let found = |intensity| fault(intensity, Word::Actuator, FirstAction::Right);
+        let silent = |intensity| fault(intensity, Word::Healthy, FirstAction::None);
+        let flights = vec![silent(0.1), silent(0.2), found(0.7), silent(0.7), silent(0.4)];
+        let invalid = fault(0.2, Word::EnvironmentInvalid, FirstAction::None);
+        let tests = [found(0.1), invalid, silent(0.7), found(0.7)];
+        let flights = JudgedFlights { faults: flights, ..JudgedFlights::default() };
+        let flights = flights.with_tests(&tests);
+        let of = |intensities| {
+            let counts = flights.of("shut_down", intensities);
+            [counts.flown, counts.missed, counts.hidden, counts.tested, counts.passed]
+        };
+        // The fault of intensity 0.4 was never tested; the second flight of 0.7 has the second test.
+        assert_eq!(of(FaultIntensities::All), [5, 4, 4, 3, 1]);
+        assert_eq!(of(FaultIntensities::Weak), [3, 3, 3, 2, 1]);
+        assert_eq!(of(FaultIntensities::Strong), [2, 1, 1, 1, 0]);
+        assert_eq!(flights.of("change_mode", FaultIntensities::All), ActionCounts::default());
     }
 }

@@ -2,15 +2,10 @@
 
 use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
-use servotwin::flight::worst_case::SearchError;
 use servotwin::job::JobError;
 use servotwin::nearest::nearest;
-use servotwin::system::RewriteError;
 use servotwin::table::TableError;
 use std::path::PathBuf;
-
-/// The line that builds a program with sheets of Excel.
-pub const XLSX_LINE: &str = "cargo install --path crates/servotwin-cli --features xlsx (or cargo run --release --features xlsx -- …)";
 
 /// The reason why an artefact cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -64,9 +59,6 @@ pub enum SafetyError {
     /// Sensors without a cost.
     #[error("{path}: sensors without a cost: {}; each needs a row 'sensor,cost,source'", first(.missing))]
     NoCosts { path: PathBuf, missing: Vec<String> },
-    /// The system file cannot hold an upgraded parameter.
-    #[error(transparent)]
-    Rewrite(#[from] RewriteError),
     /// A classifier cannot be trained.
     #[error(transparent)]
     Evaluation(#[from] EvaluationError),
@@ -76,30 +68,14 @@ pub enum SafetyError {
     /// A number of hours outside of its range.
     #[error("{name} {given} is out of range: {range}")]
     Hours { name: &'static str, given: f64, range: &'static str },
-    /// A sheet's format is neither CSV nor XLSX.
-    #[error("{path}: a sheet ends in .csv or .xlsx")]
+    /// A sheet is no CSV file.
+    #[error("{path}: a sheet ends in .csv")]
     SheetFormat { path: PathBuf },
-    /// The program was built without the feature for XLSX.
+    /// No fault of the study is of use to an objective of a worst-case search.
     #[error(
-        "{path}: a .xlsx file needs the feature 'xlsx', which this program was built without: name a .csv file, or {XLSX_LINE}"
+        "the study has no fault that {objective} can search: it needs a class whose action switches off"
     )]
-    Feature { path: PathBuf },
-    /// A sheet of Excel cannot be read or written.
-    #[error("{path}: {problem}")]
-    Xlsx { path: PathBuf, problem: String },
-    /// A point of a worst-case search cannot be flown.
-    #[error(transparent)]
-    Search(#[from] SearchError),
-    /// The line of a finding cannot be read.
-    #[error(
-        "the line of a finding: {problem}; servotwin worst-case prints such lines, and worst-case.csv has them"
-    )]
-    FindingLine { problem: String },
-    /// A finding was not reproduced.
-    #[error(
-        "the flight has margin {flown:?}, the line states {stated:?}: the line comes from another study, diagnoser or version"
-    )]
-    NotReproduced { flown: f64, stated: f64 },
+    NothingToSearch { objective: &'static str },
     /// The caller stopped the work.
     #[error("stopped")]
     Cancelled,

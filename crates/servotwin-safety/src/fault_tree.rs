@@ -4,8 +4,9 @@
 use crate::error::SafetyError;
 use crate::interval::CountedValue;
 use crate::rated_flights::RatedFlights;
+use crate::rates::rated_faults;
 use crate::results::{FOLDER, StudyResultsFolder};
-use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees, rated_faults};
+use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees};
 use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
 use crate::tree::{drawing, exchange};
 use serde::Serialize;
@@ -53,9 +54,9 @@ impl FaultTreeArtefact {
     /// # Errors
     /// The study has no action that switches an actuator off; a rate is missing.
     pub fn new(flights: &RatedFlights) -> Result<Self, SafetyError> {
-        let RatedFlights { results, metrics, rates, test, hours } = flights;
+        let RatedFlights { results, flights, rates, hours } = flights;
         let (study, hours) = (&results.study, *hours);
-        let trees = lane_trees(study, metrics, rates, test.as_ref())?;
+        let trees = lane_trees(study, flights, rates)?;
         let mut notes = trees.notes.clone();
         let listed = rated_faults(study).len();
         let all = study.system.all_faults().len();

@@ -9,6 +9,7 @@
 
 use crate::error::{SafetyError, unknown};
 use servotwin::moment::rounded;
+use servotwin::study::Study;
 use servotwin::table::csv::texts::{self, TextRow, Texts};
 use servotwin::table::{self, Column, Table};
 use std::path::{Path, PathBuf};
@@ -51,6 +52,17 @@ pub struct RatedFault {
     pub id: String,
     /// The name without the actuator.
     pub kind: String,
+}
+
+/// The faults of a study, which fault trees and the rate of the function need rates for.
+pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
+    let mut list: Vec<RatedFault> = vec![];
+    for fault in &study.faults {
+        if list.last().is_none_or(|last| last.id != fault.id) {
+            list.push(RatedFault { id: fault.id.clone(), kind: fault.kind.clone() });
+        }
+    }
+    list
 }
 
 impl FailureRates {
@@ -113,9 +125,20 @@ impl FailureRates {
     }
 
     /// The rate of a fault. One for its full name takes precedence over one for its kind.
-    pub(crate) fn of(&self, fault: &RatedFault) -> Option<&FailureRate> {
+    pub(crate) fn of(&self, id: &str, kind: &str) -> Option<&FailureRate> {
         let find = |name: &str| self.list.iter().find(|rate| rate.fault == name);
-        find(&fault.id).or_else(|| find(&fault.kind))
+        find(id).or_else(|| find(kind))
+    }
+
+    /// Refuses rates that lack a fault of a study.
+    pub(crate) fn check(&self, study: &Study) -> Result<(), SafetyError> {
+        let faults = rated_faults(study).into_iter();
+        let missing = faults.filter(|fault| self.of(&fault.id, &fault.kind).is_none());
+        let missing: Vec<String> = missing.map(|fault| fault.id).collect();
+        match missing.is_empty() {
+            true => Ok(()),
+            false => Err(SafetyError::NoRates { path: self.path.clone(), missing }),
+        }
     }
 }
 
@@ -191,9 +214,10 @@ mod tests {
             "cylinder.internal_leakage,200,FIT,handbook\nactuator_2.cylinder.internal_leakage,0.5,1/(1e6 h),fleet\n",
         )
         .unwrap();
-        let per_h = faults().iter().map(|fault| rates.of(fault).unwrap().per_h).collect::<Vec<_>>();
+        let of = |fault: &RatedFault| rates.of(&fault.id, &fault.kind).unwrap();
+        let per_h = faults().iter().map(|fault| of(fault).per_h).collect::<Vec<_>>();
         assert!((per_h[0] - 2e-7).abs() < 1e-20 && (per_h[1] - 5e-7).abs() < 1e-20, "{per_h:?}");
-        assert_eq!(rates.of(&faults()[1]).unwrap().source, "fleet");
+        assert_eq!(of(&faults()[1]).source, "fleet");
     }
 
     #[test]

@@ -13,9 +13,8 @@ use servotwin_safety::fault_tree::FaultTreeArtefact;
 use servotwin_safety::function_rate::FunctionRate;
 use servotwin_safety::interval::CountedValue;
 use servotwin_safety::rated_flights::RatedFlights;
-use servotwin_safety::rates;
+use servotwin_safety::rates::{self, rated_faults};
 use servotwin_safety::results::StudyResultsFolder;
-use servotwin_safety::tree::lanes::rated_faults;
 use servotwin_safety::tree::numbers::{ExposureHours, TopNumbers};
 use std::path::PathBuf;
 

@@ -10,8 +10,8 @@ use servotwin::files::create_folder;
 use servotwin::job::{Among, Folder};
 use servotwin::study::Study;
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
-use servotwin_safety::fmea::sheet::FmeaSheet;
-use servotwin_safety::fmea::{self, WeightedCoverage, format, weighted_coverage};
+use servotwin_safety::fmea::sheet::{self, FmeaSheet};
+use servotwin_safety::fmea::{self, WeightedCoverage, weighted_coverage};
 use servotwin_safety::results::{FOLDER, StudyResultsFolder};
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ pub(crate) struct Options {
     /// The output folder of a study, a study file, or the name of a built-in study.
     #[arg(value_name = "STUDY", default_value = "out")]
     input: PathBuf,
-    /// The sheet, .csv or .xlsx [default: safety/fmea.csv in the output folder, fmea.csv without one].
+    /// The sheet, .csv [default: safety/fmea.csv in the output folder, fmea.csv without one].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Take the cells that people filled in from this sheet [default: the sheet that is written, if it exists].
@@ -51,7 +51,7 @@ pub(crate) struct Options {
 impl Options {
     /// The files that the command reads. It also reads the sheet that it writes.
     pub(crate) fn paths(&self) -> Paths {
-        // The formats of a sheet are checked with a message of their own.
+        // The name of a sheet is checked with a message of their own.
         let paths = Paths::default().read("--rates", &self.rates);
         paths.write("--out", Format::Any, &self.out)
     }
@@ -60,7 +60,7 @@ impl Options {
 /// Returns the text for standard output.
 pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
     for path in options.out.iter().chain(&options.sheet) {
-        format::check(path)?;
+        sheet::check(path)?;
     }
     stop::heed();
     match options.input.is_dir() {
@@ -116,7 +116,7 @@ fn write(
     {
         create_folder(folder)?;
     }
-    format::write(path, &sheet)?;
+    sheet.write(path)?;
     let summary = FmeaSummary::of(&sheet, sources);
     Ok(match global {
         Global { json: true, .. } => json(&summary.json(path)),

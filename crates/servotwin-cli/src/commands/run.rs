@@ -6,7 +6,8 @@ use crate::render::{Side, TextTable, json};
 use crate::{Global, stop};
 use serde_json::json;
 use servotwin::flight::outcome::{self, FirstAction, FlightOutcome, Needed};
-use servotwin::job::{self, Folder, Subject, flights, outcomes};
+use servotwin::flight::worst_case::space::SearchSpace;
+use servotwin::job::{self, Folder, Subject, flights, outcomes, worst_case};
 use servotwin::nearest::UnknownName;
 use servotwin::run::RunName;
 use servotwin::study::{Purpose, Study};
@@ -22,7 +23,7 @@ use std::path::PathBuf;
 ///
 /// A run has the name suite#number@scenario, and the number is that of the suite's table. A flight, such as
 /// judge#17@realistic, is flown with the diagnoser in the folder, to the bit as among all others of its suite, and
-/// its outcome is printed. Of a record, such as cases#17@realistic, every question of the trees is shown with its
+/// its outcome is printed; the flights of a worst-case search have names, too. Of a record, such as cases#17@realistic, every question of the trees is shown with its
 /// value and its threshold.
 #[derive(clap::Args)]
 pub(crate) struct Options {
@@ -58,7 +59,11 @@ fn flight(
 ) -> Result<String, Failure> {
     stop::heed();
     let is_full = flights::results(folder)?.is_some_and(|results| results.is_full);
-    let flown = outcomes::fly_run(folder, (study, is_full), name, workers(*threads));
+    let space = SearchSpace::of_run(study, name);
+    let flown = match space {
+        Some(space) => worst_case::fly_again(folder, study, (name, &space), workers(*threads)),
+        None => outcomes::fly_run(folder, (study, is_full), name, workers(*threads)),
+    };
     stop::check()?;
     let flown = flown?;
     if global.json {

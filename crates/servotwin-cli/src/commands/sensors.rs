@@ -14,18 +14,15 @@ use servotwin::job::{Among, Folder};
 use servotwin_report::words::percent;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::sensors::candidates::SensorMask;
-use servotwin_safety::sensors::{SensorSet, SensorTrade, TradeOptions};
+use servotwin_safety::sensors::{SensorSet, SensorTrade};
 use std::path::PathBuf;
 
 /// Judge every set of sensors that leaves control possible.
 ///
 /// Control needs a sensor that a component of the system reads. All sets with these are judged on the commands that
 /// nothing was trained on: which faults they detect, to how many faults they isolate, and which shutdowns are wrong or
-/// missed. Trees are trained again for each set. The command also computes which faults no classifier could separate
-/// with a set, and writes safety/sensors.csv, safety/pairs.csv and the Pareto front as safety/pareto.svg.
-///
-/// With --upgrades, better sensors of the same kind are judged too. All runs are simulated again with each upgrade, in
-/// safety/upgrades; this takes about as long as the campaign of one scenario.
+/// missed. Trees are trained again for each set. The command writes safety/sensors.csv and the Pareto front as
+/// safety/pareto.svg.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// The output folder of a study with data sets ('servotwin study').
@@ -34,10 +31,6 @@ pub(crate) struct Options {
     /// A table of costs: sensor, cost, source. Without one, each sensor costs 1.
     #[arg(long, value_name = "FILE")]
     costs: Option<PathBuf>,
-    /// A table of upgrades: upgrade, sensor, parameter, value (SI), cost (added to the sensor's), source. Rows with one
-    /// name are one upgrade.
-    #[arg(long, value_name = "FILE")]
-    upgrades: Option<PathBuf>,
     /// Keep a sensor in every set; may be repeated.
     #[arg(long, value_name = "SENSOR")]
     keep: Vec<String>,
@@ -52,7 +45,7 @@ pub(crate) struct Options {
 impl Options {
     /// The files that the command reads.
     pub(crate) fn paths(&self) -> Paths {
-        Paths::default().read("--costs", &self.costs).read("--upgrades", &self.upgrades)
+        Paths::default().read("--costs", &self.costs)
     }
 }
 
@@ -62,15 +55,10 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     let folder = Folder::new(&options.folder);
     let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let results = StudyResultsFolder::open(folder.clone(), wanted)?;
-    let asked = TradeOptions {
-        keep: &options.keep,
-        costs: options.costs.as_deref(),
-        upgrades: options.upgrades.as_deref(),
-    };
     let stages = Stages::new(global);
     let progress = |what: &str, share| stages.show(what, share);
     let crew = Crew { workers: workers(options.threads), progress: &progress };
-    let trade = SensorTrade::new(&results, &asked, &crew);
+    let trade = SensorTrade::new(&results, &options.keep, options.costs.as_deref(), &crew);
     stages.end();
     let trade = trade?;
     let _hold = folder.hold(Among::Nobody)?;
@@ -84,10 +72,6 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
             "scenario": trade.scenario,
             "sets": trade.sets.len(),
             "best_of_sizes": trade.best_of_sizes().iter().map(|set| values(&trade, set)).collect::<Vec<_>>(),
-            "upgrades": (0..trade.upgrades.len()).filter_map(|place| {
-                let values = values(&trade, trade.upgraded(place)?);
-                Some(json!({"upgrade": trade.upgrades[place].name, "with": values}))
-            }).collect::<Vec<_>>(),
             "files": files,
         })),
         Global { quiet: true, .. } => String::new(),
@@ -101,7 +85,6 @@ fn values(trade: &SensorTrade, set: &SensorSet) -> serde_json::Value {
         "cost": set.cost,
         "detected": set.rates.detected,
         "isolated": set.rates.isolated,
-        "isolable": set.isolable,
         "wrong_shutdown": set.rates.wrong_shutdown,
         "missed_shutdown": set.rates.missed_shutdown,
     })
@@ -120,26 +103,26 @@ fn text_of(trade: &SensorTrade) -> String {
         needed.collect::<Vec<_>>().join(", ")
     );
     text += "\nfewest wrong and missed shutdowns for each number of sensors\n";
-    text += "  sensors    cost  detected  isolable  isolated   wrong  missed  left out\n";
+    text += "  sensors    cost  detected  isolated   wrong  missed  left out\n";
     for set in trade.best_of_sizes() {
         text += &row_of(trade, set);
     }
-    text + &changes_of(trade) + &pairs_of(trade)
+    text + &changes_of(trade)
 }
 
-/// What each sensor and each upgrade changes.
+/// What each sensor changes.
 fn changes_of(trade: &SensorTrade) -> String {
     let candidates = &trade.candidates;
-    let Some(base) = trade.of(candidates.base(), None) else { return String::new() };
-    let mut text = "\nchange by one sensor or upgrade, in points\n".to_owned();
-    text += "                            cost  detected  isolable  isolated   wrong  missed\n";
+    let Some(base) = trade.of(candidates.base()) else { return String::new() };
+    let mut text = "\nchange by one sensor, in points\n".to_owned();
+    text += "                            cost  detected  isolated   wrong  missed\n";
     let mut row = |how: &str, name: &str, other: &SensorSet, control: &str| {
         let cost = other.cost - base.cost;
         text += &format!("  {how:<8} {name:<13} {cost:>+7}{}{control}\n", changes(base, other));
     };
     for (place, sensor) in candidates.list.iter().enumerate() {
         let how = if sensor.is_extra { "with" } else { "without" };
-        let Some(other) = trade.of(candidates.base() ^ (1 << place), None) else { continue };
+        let Some(other) = trade.of(candidates.base() ^ (1 << place)) else { continue };
         let control = match (other.keeps_control, &sensor.read_by) {
             (true, _) => "",
             (false, Some(_)) => "  control needs it",
@@ -147,29 +130,20 @@ fn changes_of(trade: &SensorTrade) -> String {
         };
         row(how, &sensor.id, other, control);
     }
-    for (place, upgrade) in trade.upgrades.iter().enumerate() {
-        if let Some(other) = trade.upgraded(place) {
-            row("upgraded", &upgrade.name, other, "");
-        }
-    }
     text
 }
 
 /// The rates of a set in the order of the columns.
-fn rates(set: &SensorSet) -> [Option<Rate>; 5] {
+fn rates(set: &SensorSet) -> [Rate; 4] {
     let own = &set.rates;
-    let isolable = set.isolable.map(|of| of[0]);
-    let [detected, isolated, wrong, missed] =
-        [own.detected, own.isolated[0], own.wrong_shutdown, own.missed_shutdown].map(Some);
-    [detected, isolable, isolated, wrong, missed]
+    [own.detected, own.isolated[0], own.wrong_shutdown, own.missed_shutdown]
 }
 
 fn row_of(trade: &SensorTrade, set: &SensorSet) -> String {
     let left: SensorMask = trade.candidates.all() & !set.set;
-    let [detected, isolable, isolated, wrong, missed] =
-        rates(set).map(|rate| percent(rate.and_then(|rate| rate.share)));
+    let [detected, isolated, wrong, missed] = rates(set).map(|rate| percent(rate.share));
     format!(
-        "  {:>7} {:>7} {detected:>9} {isolable:>9} {isolated:>9} {wrong:>7} {missed:>7}  {}\n",
+        "  {:>7} {:>7} {detected:>9} {isolated:>9} {wrong:>7} {missed:>7}  {}\n",
         set.set.count_ones(),
         set.cost,
         trade.candidates.names(left)
@@ -179,28 +153,11 @@ fn row_of(trade: &SensorTrade, set: &SensorSet) -> String {
 /// How the rates of a set differ from those of the system's own sensors.
 fn changes(base: &SensorSet, other: &SensorSet) -> String {
     let pairs = rates(base).into_iter().zip(rates(other));
-    let change = |(before, after): (Option<Rate>, Option<Rate>)| {
-        let points = before.and_then(|rate| rate.share).zip(after.and_then(|rate| rate.share));
+    let change = |(before, after): (Rate, Rate)| {
+        let points = before.share.zip(after.share);
         points.map_or("–".into(), |(before, after)| format!("{:+.1}", 100.0 * (after - before)))
     };
     let texts: Vec<String> = pairs.map(change).collect();
-    let widths = [9, 9, 9, 7, 7];
+    let widths = [9, 9, 7, 7];
     texts.iter().zip(widths).map(|(text, width)| format!(" {text:>width$}")).collect()
-}
-
-/// How many confusions no classifier could avoid.
-fn pairs_of(trade: &SensorTrade) -> String {
-    let mut text = String::new();
-    for own in trade.pairs.iter().filter(|own| own.is_structural) {
-        let confused: u64 = own.pairs.values().map(|pair| pair.confused).sum();
-        let alike: u64 = own.pairs.values().map(|pair| pair.confused_alike).sum();
-        text += &format!(
-            "\nwith {} sensors: {confused} runs taken for another fault, {alike} of them impossible to separate with \
-             these sensors\n  {} detected runs look like another fault; the trees name the right one in {} of them\n",
-            own.set.count_ones(),
-            own.alike_runs,
-            own.alike_right
-        );
-    }
-    text
 }

@@ -34,7 +34,7 @@ pub(super) fn compare(
     tell: &mut dyn FnMut(u64),
 ) -> Result<(), ExportError> {
     let mut session = Session::new(diagnoser.clone())?;
-    let mut others = compiled.iter().map(Compiled::session).collect::<Result<Vec<_>, _>>()?;
+    let mut others: Vec<_> = compiled.iter().map(Compiled::session).collect();
     let mut generated = Samples::new(diagnoser, 1);
     let mut commands = Commands::new();
     let mut said = [SessionAnswer::default(), SessionAnswer::default()];

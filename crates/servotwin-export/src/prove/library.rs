@@ -6,7 +6,7 @@ use crate::compile::{Workplace, compiled, compilers};
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
 use crate::twin::ExportedReaction;
-use libloading::{Library, Symbol};
+use libloading::Library;
 use servotwin_model::program::Program;
 use servotwin_model::solver::Knot;
 use std::ffi::{CStr, c_char};
@@ -109,13 +109,68 @@ impl fmt::Display for LibraryPlace {
     }
 }
 
-impl LibraryPlace {
-    fn numbers(self) -> (i32, i32) {
-        (i32::from(self.is_committee), self.length as i32)
-    }
+/// Declares functions of the C text by their types there. They are loaded together, and are valid as long as the library.
+macro_rules! entries {
+    ($(#[$note:meta])* $name:ident, $prefix:literal: $($entry:ident($($of:ty),*) $(-> $result:ty)?;)+) => {
+        $(#[$note])*
+        #[derive(Clone, Copy)]
+        struct $name {
+            $($entry: unsafe extern "C" fn($($of),*) $(-> $result)?,)+
+        }
+
+        impl $name {
+            fn load(library: &Library) -> Result<Self, ExportError> {
+                // SAFETY: the types are those of the C text.
+                unsafe {
+                    Ok($name { $($entry: *library.get(concat!($prefix, stringify!($entry)).as_bytes())?,)+ })
+                }
+            }
+        }
+    };
 }
 
-/// The entry points of an export.
+entries! {
+    /// Those of `prove.c`. A place in the trees is: whether it is the committee's, the window length, the stage.
+    DiagnosisEntries, "prove_":
+    start(*mut u64) -> i32;
+    session_size() -> u64;
+    leaf(i32, i32, i32, i32, *const f64) -> i32;
+    decide(i32, i32, i32, *const f64) -> LibraryAnswer;
+    shares(i32, i32, *const f64, *mut f64);
+    value(i32, i32, i32, i32) -> f64;
+    novelty(i32, i32, *const f64) -> f64;
+    diagnose(i32, i32, *const *const f64) -> Diagnosis;
+    probabilities(i32, *const *const f64, *mut f64);
+    push(*mut u64, *const f64, *const f64, *const f64, *mut i64, *mut f64);
+    command(*mut u64, i32, i32);
+    row(*const u64, i32, *mut f64);
+}
+
+entries! {
+    /// Those of `prove_twin.c`.
+    TwinEntries, "prove_twin_":
+    size() -> u64;
+    parameters(*const f64, *mut f64);
+    start(*mut u64, *const f64, *const f64) -> i32;
+    step(*mut u64, *const f64) -> i32;
+    is_exact(*mut u64) -> i32;
+    load(*mut u64, *const f64);
+    variables(*const u64) -> *const f64;
+    gradients(*const u64) -> *const f64;
+    point(*mut u64, i32, *const f64, *const f64, *const f64);
+}
+
+entries! {
+    /// Those of `prove_hybrid.c`.
+    HybridEntries, "prove_hybrid_":
+    size() -> u64;
+    start(*mut u64) -> i32;
+    push(*mut u64, *const f64, *const f64, *mut i64, *mut f64) -> *const f64;
+    command(*mut u64, i32, i32, i32);
+    set(*mut u64, i32, f64) -> i32;
+}
+
+/// The files of the entry points.
 fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
     let mut entries = vec![SourceFile { name: "prove.c", text: PROVE.into() }];
     if files.iter().any(|file| file.name == "servotwin_twin.c") {
@@ -124,10 +179,18 @@ fn entries(files: &[SourceFile]) -> Vec<SourceFile> {
     entries
 }
 
-/// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it.
+/// A compiled export. Rows must have as many features as the diagnoser, and places must exist in it: the lists that the C
+/// text reads and writes are as long as those of the diagnoser and the program that were exported.
 pub(super) struct Compiled {
     library: Library,
-    has_twin: bool,
+    diagnosis: DiagnosisEntries,
+    twin: Option<(TwinEntries, HybridEntries)>,
+}
+
+/// Memory for a struct of the C text, in whole words, so that any member is aligned.
+fn memory(size: unsafe extern "C" fn() -> u64) -> Vec<u64> {
+    // SAFETY: the function returns a constant.
+    vec![0; unsafe { size() }.div_ceil(8) as usize]
 }
 
 impl Compiled {
@@ -156,24 +219,19 @@ impl Compiled {
         run(&linked)?;
         // SAFETY: the code runs nothing when it is loaded. On Linux the file may go once it is mapped.
         let library = unsafe { Library::new(workplace.path(LIBRARY)) }?;
-        Ok(Compiled { library, has_twin: entries.len() > 1 })
-    }
-
-    /// Memory for a struct of the C text, in whole words, so that any member is aligned.
-    fn memory(&self, size: &[u8]) -> Result<Vec<u64>, ExportError> {
-        // SAFETY: see below.
-        let size = unsafe { self.library.get::<unsafe extern "C" fn() -> u64>(size) }?;
-        Ok(vec![0; unsafe { size() }.div_ceil(8) as usize])
+        let twin = match entries.len() {
+            1 => None,
+            _ => Some((TwinEntries::load(&library)?, HybridEntries::load(&library)?)),
+        };
+        Ok(Compiled { diagnosis: DiagnosisEntries::load(&library)?, library, twin })
     }
 
     /// Whether a session passes its start test, and a hybrid twin, if there is one.
-    pub(crate) fn is_exact(&self) -> Result<bool, ExportError> {
-        type Function = unsafe extern "C" fn(*mut u64) -> i32;
-        // SAFETY: here and below, the types are those of the C text.
-        let function = unsafe { self.library.get::<Function>(b"prove_start") }?;
-        let mut memory = self.memory(b"prove_session_size")?;
-        let is_exact = unsafe { function(memory.as_mut_ptr()) } == 1;
-        Ok(is_exact && (!self.has_twin || self.hybrid()?.is_some()))
+    pub(crate) fn is_exact(&self) -> bool {
+        let mut session = memory(self.diagnosis.session_size);
+        // SAFETY: here and below, memory and lists are as long as the library expects.
+        let is_exact = unsafe { (self.diagnosis.start)(session.as_mut_ptr()) } == 1;
+        is_exact && (self.twin.is_none() || self.hybrid().is_some())
     }
 
     /// An array of so many strings.
@@ -186,124 +244,97 @@ impl Compiled {
         }
     }
 
-    pub(crate) fn leaf(
-        &self,
-        at: LibraryPlace,
-        stage: usize,
-        tree: usize,
-        row: &[f64],
-    ) -> Result<i32, ExportError> {
-        type Function = unsafe extern "C" fn(i32, i32, i32, i32, *const f64) -> i32;
-        let function = unsafe { self.library.get::<Function>(b"prove_leaf") }?;
-        let (is_committee, length) = at.numbers();
-        Ok(unsafe { function(is_committee, length, stage as i32, tree as i32, row.as_ptr()) })
+    /// The leaf of a tree of a stage for a row.
+    pub(crate) fn leaf(&self, at: LibraryPlace, stage: usize, tree: usize, row: &[f64]) -> i32 {
+        let (is_committee, length) = (i32::from(at.is_committee), at.length as i32);
+        let (stage, tree) = (stage as i32, tree as i32);
+        unsafe { (self.diagnosis.leaf)(is_committee, length, stage, tree, row.as_ptr()) }
     }
 
-    pub(crate) fn decide(
-        &self,
-        at: LibraryPlace,
-        stage: usize,
-        row: &[f64],
-    ) -> Result<LibraryAnswer, ExportError> {
-        type Function = unsafe extern "C" fn(i32, i32, i32, *const f64) -> LibraryAnswer;
-        let function = unsafe { self.library.get::<Function>(b"prove_decide") }?;
-        let (is_committee, length) = at.numbers();
-        Ok(unsafe { function(is_committee, length, stage as i32, row.as_ptr()) })
+    /// The answer of a stage.
+    pub(crate) fn decide(&self, at: LibraryPlace, stage: usize, row: &[f64]) -> LibraryAnswer {
+        let (is_committee, length) = (i32::from(at.is_committee), at.length as i32);
+        unsafe { (self.diagnosis.decide)(is_committee, length, stage as i32, row.as_ptr()) }
     }
 
-    /// The probabilities of a committee's stage, one for each class.
+    /// The probabilities of a committee's stage, one for each of so many classes.
     pub(crate) fn shares(
         &self,
         length: usize,
         stage: usize,
         row: &[f64],
-        shares: &mut [f64],
-    ) -> Result<(), ExportError> {
-        type Function = unsafe extern "C" fn(i32, i32, *const f64, *mut f64);
-        let function = unsafe { self.library.get::<Function>(b"prove_shares") }?;
-        unsafe { function(length as i32, stage as i32, row.as_ptr(), shares.as_mut_ptr()) };
-        Ok(())
+        classes: usize,
+    ) -> Vec<f64> {
+        let (mut shares, length) = (vec![0.0; classes], length as i32);
+        let into = shares.as_mut_ptr();
+        unsafe { (self.diagnosis.shares)(length, stage as i32, row.as_ptr(), into) };
+        shares
     }
 
     /// What a leaf of a committee's stage adds to an output.
-    pub(crate) fn value(
-        &self,
-        length: usize,
-        stage: usize,
-        (leaf, output): (i32, usize),
-    ) -> Result<f64, ExportError> {
-        type Function = unsafe extern "C" fn(i32, i32, i32, i32) -> f64;
-        let function = unsafe { self.library.get::<Function>(b"prove_value") }?;
-        Ok(unsafe { function(length as i32, stage as i32, leaf, output as i32) })
+    pub(crate) fn value(&self, length: usize, stage: usize, (leaf, output): (i32, usize)) -> f64 {
+        unsafe { (self.diagnosis.value)(length as i32, stage as i32, leaf, output as i32) }
     }
 
     /// The novelty of a row for healthy (0) or an action (1 …).
-    pub(crate) fn novelty(
-        &self,
-        length: usize,
-        known: usize,
-        row: &[f64],
-    ) -> Result<f64, ExportError> {
-        type Function = unsafe extern "C" fn(i32, i32, *const f64) -> f64;
-        let function = unsafe { self.library.get::<Function>(b"prove_novelty") }?;
-        Ok(unsafe { function(length as i32, known as i32, row.as_ptr()) })
+    pub(crate) fn novelty(&self, length: usize, known: usize, row: &[f64]) -> f64 {
+        unsafe { (self.diagnosis.novelty)(length as i32, known as i32, row.as_ptr()) }
     }
 
-    pub(crate) fn diagnose(
-        &self,
-        at: LibraryPlace,
-        views: &[Vec<f64>],
-    ) -> Result<Diagnosis, ExportError> {
-        type Function = unsafe extern "C" fn(i32, i32, *const *const f64) -> Diagnosis;
-        let function = unsafe { self.library.get::<Function>(b"prove_diagnose") }?;
-        let (is_committee, length) = at.numbers();
+    /// The answer of a hierarchy to a row seen from each actuator.
+    pub(crate) fn diagnose(&self, at: LibraryPlace, views: &[Vec<f64>]) -> Diagnosis {
         let views: Vec<*const f64> = views.iter().map(|view| view.as_ptr()).collect();
-        Ok(unsafe { function(is_committee, length, views.as_ptr()) })
+        let (is_committee, length) = (i32::from(at.is_committee), at.length as i32);
+        unsafe { (self.diagnosis.diagnose)(is_committee, length, views.as_ptr()) }
     }
 
-    /// The probabilities of all hypotheses.
+    /// The probabilities of so many hypotheses.
     pub(crate) fn probabilities(
         &self,
         length: usize,
         views: &[Vec<f64>],
-        into: &mut [f64],
-    ) -> Result<(), ExportError> {
-        type Function = unsafe extern "C" fn(i32, *const *const f64, *mut f64);
-        let function = unsafe { self.library.get::<Function>(b"prove_probabilities") }?;
+        count: usize,
+    ) -> Vec<f64> {
         let views: Vec<*const f64> = views.iter().map(|view| view.as_ptr()).collect();
-        unsafe { function(length as i32, views.as_ptr(), into.as_mut_ptr()) };
-        Ok(())
+        let mut into = vec![0.0; count];
+        let all = into.as_mut_ptr();
+        unsafe { (self.diagnosis.probabilities)(length as i32, views.as_ptr(), all) };
+        into
+    }
+
+    /// A new session.
+    pub(crate) fn session(&self) -> RunningSession<'_> {
+        let mut memory = memory(self.diagnosis.session_size);
+        unsafe { (self.diagnosis.start)(memory.as_mut_ptr()) };
+        RunningSession { library: self, memory }
+    }
+
+    /// A twin of this program before its start.
+    pub(crate) fn twin(&self, program: &Program) -> Result<RunningTwin<'_>, ExportError> {
+        let none = ExportError::Unsupported("the files of the export have no twin");
+        let (entries, _) = self.twin.as_ref().ok_or(none)?;
+        Ok(RunningTwin {
+            memory: memory(entries.size),
+            parameters: vec![0.0; program.parameters(&[]).iter().map(Vec::len).sum()],
+            pairs: vec![0.0; 2 * program.externals().len()],
+            variables_count: program.slots(),
+            entries,
+        })
+    }
+
+    /// A hybrid twin before its first sample; `None` if it fails its start test, or the export has none.
+    pub(crate) fn hybrid(&self) -> Option<RunningHybrid<'_>> {
+        let (_, entries) = self.twin.as_ref()?;
+        let mut memory = memory(entries.size);
+        let is_exact = unsafe { (entries.start)(memory.as_mut_ptr()) } == 1;
+        is_exact.then_some(RunningHybrid { memory, entries })
     }
 }
 
 /// A session of a compiled export.
 pub(super) struct RunningSession<'c> {
+    library: &'c Compiled,
     memory: Vec<u64>,
-    push: Symbol<
-        'c,
-        unsafe extern "C" fn(*mut u64, *const f64, *const f64, *const f64, *mut i64, *mut f64),
-    >,
-    command: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, i32)>,
-    row: Symbol<'c, unsafe extern "C" fn(*const u64, i32, *mut f64)>,
-}
-
-impl Compiled {
-    /// A new session.
-    pub(crate) fn session(&self) -> Result<RunningSession<'_>, ExportError> {
-        // SAFETY: the types are those of the C text; the memory is as large as the library states.
-        unsafe {
-            let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
-                self.library.get(b"prove_start")?;
-            let mut memory = self.memory(b"prove_session_size")?;
-            start(memory.as_mut_ptr());
-            Ok(RunningSession {
-                memory,
-                push: self.library.get(b"prove_push")?,
-                command: self.library.get(b"prove_command")?,
-                row: self.library.get(b"prove_row")?,
-            })
-        }
-    }
 }
 
 impl RunningSession<'_> {
@@ -312,31 +343,23 @@ impl RunningSession<'_> {
         said.integers.resize(like.integers.len(), 0);
         said.numbers.resize(like.numbers.len(), 0.0);
         let (integers, numbers) = (said.integers.as_mut_ptr(), said.numbers.as_mut_ptr());
-        let Sample { inputs, measured, twin } = sample;
-        // SAFETY: the lists are as long as those of the diagnoser that was exported.
-        unsafe {
-            (self.push)(
-                self.memory.as_mut_ptr(),
-                inputs.as_ptr(),
-                measured.as_ptr(),
-                twin.as_ptr(),
-                integers,
-                numbers,
-            )
-        }
+        let memory = self.memory.as_mut_ptr();
+        let [inputs, measured, twin] =
+            [&sample.inputs, &sample.measured, &sample.twin].map(|values| values.as_ptr());
+        let push = self.library.diagnosis.push;
+        unsafe { push(memory, inputs, measured, twin, integers, numbers) }
     }
 
     /// Passes a command of the flight control computer on.
     pub(crate) fn command(&mut self, command: i32, place: i32) {
-        // SAFETY: the place exists in the diagnoser.
-        unsafe { (self.command)(self.memory.as_mut_ptr(), command, place) }
+        unsafe { (self.library.diagnosis.command)(self.memory.as_mut_ptr(), command, place) }
     }
 
     /// The features of the last window outside its bands in a view.
     pub(crate) fn row(&self, view: usize, features: usize) -> Vec<f64> {
         let mut row = vec![0.0; features];
-        // SAFETY: the row has this many numbers.
-        unsafe { (self.row)(self.memory.as_ptr(), view as i32, row.as_mut_ptr()) };
+        let (memory, into) = (self.memory.as_ptr(), row.as_mut_ptr());
+        unsafe { (self.library.diagnosis.row)(memory, view as i32, into) };
         row
     }
 }
@@ -365,74 +388,43 @@ impl PointOf {
 
 /// A twin of a compiled export.
 pub(super) struct RunningTwin<'c> {
+    entries: &'c TwinEntries,
     memory: Vec<u64>,
     parameters: Vec<f64>,
     pairs: Vec<f64>,
     variables_count: usize,
-    parameters_of: Symbol<'c, unsafe extern "C" fn(*const f64, *mut f64)>,
-    start: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64, *const f64) -> i32>,
-    step: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64) -> i32>,
-    is_exact: Symbol<'c, unsafe extern "C" fn(*mut u64) -> i32>,
-    load: Symbol<'c, unsafe extern "C" fn(*mut u64, *const f64)>,
-    variables: Symbol<'c, unsafe extern "C" fn(*const u64) -> *const f64>,
-    gradients: Symbol<'c, unsafe extern "C" fn(*const u64) -> *const f64>,
-    point: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, *const f64, *const f64, *const f64)>,
 }
 
-impl Compiled {
-    /// A twin of this program before its start.
-    pub(crate) fn twin(&self, program: &Program) -> Result<RunningTwin<'_>, ExportError> {
-        // SAFETY: the types are those of the C text; the memory is as large as the library states.
-        unsafe {
-            Ok(RunningTwin {
-                memory: self.memory(b"prove_twin_size")?,
-                parameters: vec![0.0; program.parameters(&[]).iter().map(Vec::len).sum()],
-                pairs: vec![0.0; 2 * program.externals().len()],
-                variables_count: program.slots(),
-                parameters_of: self.library.get(b"prove_twin_parameters")?,
-                start: self.library.get(b"prove_twin_start")?,
-                step: self.library.get(b"prove_twin_step")?,
-                is_exact: self.library.get(b"prove_twin_is_exact")?,
-                load: self.library.get(b"prove_twin_load")?,
-                variables: self.library.get(b"prove_twin_variables")?,
-                gradients: self.library.get(b"prove_twin_gradients")?,
-                point: self.library.get(b"prove_twin_point")?,
-            })
-        }
-    }
-}
-
-// SAFETY of all calls: the lists are as long as those of the program that was exported.
 impl RunningTwin<'_> {
     /// Whether it passes its start test.
     pub(crate) fn is_exact(&mut self) -> bool {
-        unsafe { (self.is_exact)(self.memory.as_mut_ptr()) == 1 }
+        unsafe { (self.entries.is_exact)(self.memory.as_mut_ptr()) == 1 }
     }
 
     /// Starts with faults of these intensities; returns whether it is well, here and below.
     pub(crate) fn start(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
         self.take(intensities, inputs);
         let (memory, parameters) = (self.memory.as_mut_ptr(), self.parameters.as_ptr());
-        unsafe { (self.start)(memory, parameters, self.pairs.as_ptr()) == 1 }
+        unsafe { (self.entries.start)(memory, parameters, self.pairs.as_ptr()) == 1 }
     }
 
     /// Steps to the next sample.
     pub(crate) fn step(&mut self, inputs: &[Knot]) -> bool {
         self.take_inputs(inputs);
-        unsafe { (self.step)(self.memory.as_mut_ptr(), self.pairs.as_ptr()) == 1 }
+        unsafe { (self.entries.step)(self.memory.as_mut_ptr(), self.pairs.as_ptr()) == 1 }
     }
 
     /// The same, with other faults from the next sample on.
     pub(crate) fn step_with(&mut self, intensities: &[f64], inputs: &[Knot]) -> bool {
         self.take(intensities, inputs);
-        unsafe { (self.load)(self.memory.as_mut_ptr(), self.parameters.as_ptr()) };
+        unsafe { (self.entries.load)(self.memory.as_mut_ptr(), self.parameters.as_ptr()) };
         self.step(inputs)
     }
 
     /// All variables at the current sample.
     pub(crate) fn variables(&self) -> &[f64] {
         unsafe {
-            let first = (self.variables)(self.memory.as_ptr());
+            let first = (self.entries.variables)(self.memory.as_ptr());
             std::slice::from_raw_parts(first, self.variables_count)
         }
     }
@@ -447,16 +439,18 @@ impl RunningTwin<'_> {
     ) {
         self.take_faults(intensities);
         let (memory, parameters) = (self.memory.as_mut_ptr(), self.parameters.as_ptr());
-        unsafe { (self.point)(memory, of.number(), parameters, given.as_ptr(), slopes.as_ptr()) }
+        unsafe {
+            (self.entries.point)(memory, of.number(), parameters, given.as_ptr(), slopes.as_ptr())
+        }
     }
 
     /// The gradients of the last evaluation with them, in the layout of the program.
     pub(crate) fn gradients(&self, count: usize) -> &[f64] {
-        unsafe { std::slice::from_raw_parts((self.gradients)(self.memory.as_ptr()), count) }
+        unsafe { std::slice::from_raw_parts((self.entries.gradients)(self.memory.as_ptr()), count) }
     }
 
     fn take_faults(&mut self, intensities: &[f64]) {
-        unsafe { (self.parameters_of)(intensities.as_ptr(), self.parameters.as_mut_ptr()) }
+        unsafe { (self.entries.parameters)(intensities.as_ptr(), self.parameters.as_mut_ptr()) }
     }
 
     fn take(&mut self, intensities: &[f64], inputs: &[Knot]) {
@@ -473,37 +467,10 @@ impl RunningTwin<'_> {
 
 /// A hybrid twin of a compiled export.
 pub(super) struct RunningHybrid<'c> {
+    entries: &'c HybridEntries,
     memory: Vec<u64>,
-    push: Symbol<
-        'c,
-        unsafe extern "C" fn(*mut u64, *const f64, *const f64, *mut i64, *mut f64) -> *const f64,
-    >,
-    command: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, i32, i32)>,
-    set: Symbol<'c, unsafe extern "C" fn(*mut u64, i32, f64) -> i32>,
 }
 
-impl Compiled {
-    /// A hybrid twin before its first sample; `None` if it fails its start test.
-    pub(crate) fn hybrid(&self) -> Result<Option<RunningHybrid<'_>>, ExportError> {
-        // SAFETY: the types are those of the C text; the memory is as large as the library states.
-        unsafe {
-            let start: Symbol<unsafe extern "C" fn(*mut u64) -> i32> =
-                self.library.get(b"prove_hybrid_start")?;
-            let mut memory = self.memory(b"prove_hybrid_size")?;
-            if start(memory.as_mut_ptr()) != 1 {
-                return Ok(None);
-            }
-            Ok(Some(RunningHybrid {
-                memory,
-                push: self.library.get(b"prove_hybrid_push")?,
-                command: self.library.get(b"prove_hybrid_command")?,
-                set: self.library.get(b"prove_hybrid_set")?,
-            }))
-        }
-    }
-}
-
-// SAFETY of all calls: the lists are as long as those of the diagnoser that was exported; the values lie in the memory.
 impl RunningHybrid<'_> {
     /// Takes a sample. Returns finding, alarm and since when, the confidence, and what the twin expects of its sensors;
     /// `None` if the twin cannot be simulated.
@@ -517,7 +484,8 @@ impl RunningHybrid<'_> {
         let memory = self.memory.as_mut_ptr();
         let into = (integers.as_mut_ptr(), &raw mut confidence);
         unsafe {
-            let expected = (self.push)(memory, inputs.as_ptr(), measured.as_ptr(), into.0, into.1);
+            let expected =
+                (self.entries.push)(memory, inputs.as_ptr(), measured.as_ptr(), into.0, into.1);
             (!expected.is_null())
                 .then(|| (integers, confidence, std::slice::from_raw_parts(expected, sensors)))
         }
@@ -528,16 +496,16 @@ impl RunningHybrid<'_> {
         let numbers = [Some(known.actuator), Some(known.action), known.detail];
         let numbers = numbers.map(|number| number.map_or(-1, |number| number as i32));
         let [actuator, action, detail] = numbers;
-        unsafe { (self.command)(self.memory.as_mut_ptr(), actuator, action, detail) }
+        unsafe { (self.entries.command)(self.memory.as_mut_ptr(), actuator, action, detail) }
     }
 
     /// Undoes the reactions of an actuator.
     pub(crate) fn release(&mut self, actuator: usize) {
-        unsafe { (self.command)(self.memory.as_mut_ptr(), actuator as i32, -1, -1) }
+        unsafe { (self.entries.command)(self.memory.as_mut_ptr(), actuator as i32, -1, -1) }
     }
 
     /// Sets a parameter of the twin, and returns whether it could be set.
     pub(crate) fn set(&mut self, parameter: i32, value: f64) -> bool {
-        unsafe { (self.set)(self.memory.as_mut_ptr(), parameter, value) == 1 }
+        unsafe { (self.entries.set)(self.memory.as_mut_ptr(), parameter, value) == 1 }
     }
 }

@@ -23,7 +23,7 @@ pub(super) fn compare(
         for (is_committee, hierarchy) in [(false, &panel.trees), (true, &panel.committee)] {
             let at = LibraryPlace { is_committee, length };
             for place in 0..hierarchy.stages.len() {
-                compare_stage(hierarchy, (at, place), compiled, evidence)?;
+                compare_stage(hierarchy, (at, place), compiled, evidence);
             }
             compare_hierarchy((of_length, at), compiled, random_rows, evidence)?;
         }
@@ -50,7 +50,7 @@ fn compare_stage(
     (at, place): (LibraryPlace, usize),
     compiled: &Compiled,
     evidence: &mut ProofEvidence,
-) -> Result<(), ExportError> {
+) {
     let stage = &hierarchy.stages[place];
     let mut compared = ComparedStage {
         stage,
@@ -67,20 +67,20 @@ fn compare_stage(
         let Rows { rows, unreachable } = Rows::of(branches);
         for row in &rows {
             if evidence.has_enough() {
-                return Ok(());
+                return;
             }
             compared.set_row(row);
             let leaf = compared.leaf(branches);
             reached[leaf] = true;
             let number = own.binary_search(&leaf).map_or(-1, |k| (leaves_before + k) as i32);
-            let said = compiled.leaf(at, place, tree, &compared.row)?;
+            let said = compiled.leaf(at, place, tree, &compared.row);
             if said != number {
                 let node = row.node;
                 let what = format!("tree {tree}, node {node}: leaf {said} instead of {number}");
                 evidence.differ(compared.name(), what);
             }
-            compared.values((tree, leaf), number, evidence)?;
-            compared.answers(evidence)?;
+            compared.values((tree, leaf), number, evidence);
+            compared.answers(evidence);
         }
         // A tree that is a single leaf has no test.
         let all = own.iter().filter(|leaf| own.len() > 1 && !unreachable.contains(leaf));
@@ -91,7 +91,6 @@ fn compare_stage(
         evidence.rows += rows.len() as u64;
         leaves_before += own.len();
     }
-    Ok(())
 }
 
 /// A stage with the row that both sides are asked about.
@@ -123,28 +122,22 @@ impl ComparedStage<'_> {
     }
 
     /// Compares what a leaf adds to each output of boosted trees.
-    fn values(
-        &self,
-        (tree, leaf): (usize, usize),
-        number: i32,
-        evidence: &mut ProofEvidence,
-    ) -> Result<(), ExportError> {
-        let Model::BoostedTrees(model) = &self.stage.model else { return Ok(()) };
+    fn values(&self, (tree, leaf): (usize, usize), number: i32, evidence: &mut ProofEvidence) {
+        let Model::BoostedTrees(model) = &self.stage.model else { return };
         let outputs = model.outputs().len();
         for output in 0..outputs {
             let right = model.trees[tree].values[leaf * outputs + output];
-            let said = self.compiled.value(self.at.length, self.place, (number, output))?;
+            let said = self.compiled.value(self.at.length, self.place, (number, output));
             if said.to_bits() != right.to_bits() {
                 let what = format!("tree {tree}, leaf {number} adds {said} instead of {right}");
                 evidence.differ(self.name(), what);
             }
         }
-        Ok(())
     }
 
     /// Compares decision and probabilities.
-    fn answers(&mut self, evidence: &mut ProofEvidence) -> Result<(), ExportError> {
-        let said = self.compiled.decide(self.at, self.place, &self.row)?;
+    fn answers(&mut self, evidence: &mut ProofEvidence) {
+        let said = self.compiled.decide(self.at, self.place, &self.row);
         let right = self.stage.answer(&self.row, &mut self.scratch);
         let is_same = said.decided == right.class as i32
             && said.probability.to_bits() == right.probability.to_bits();
@@ -152,15 +145,14 @@ impl ComparedStage<'_> {
             evidence.differ(self.name(), format!("{said:?} instead of {right:?}"));
         }
         if self.at.is_committee {
-            let mut shares = vec![0.0; self.stage.classes.len()];
-            self.compiled.shares(self.at.length, self.place, &self.row, &mut shares)?;
+            let (length, classes) = (self.at.length, self.stage.classes.len());
+            let shares = self.compiled.shares(length, self.place, &self.row, classes);
             let right = self.stage.probabilities(&self.row, &mut self.scratch);
             if !same_bits(&shares, right) {
                 let what = format!("shares {shares:?} instead of {right:?}");
                 evidence.differ(self.name(), what);
             }
         }
-        Ok(())
     }
 }
 
@@ -183,7 +175,7 @@ fn compare_hierarchy(
         let views: Vec<Vec<f64>> = (0..hierarchy.views())
             .map(|_| thresholds.iter().map(|known| value(known, &mut random)).collect())
             .collect();
-        let said = compiled.diagnose(at, &views)?;
+        let said = compiled.diagnose(at, &views);
         let right = hierarchy.diagnose(&views, &mut scratch)?;
         if !is_same(&said, &right) {
             evidence.differ(at.to_string(), format!("{said:?} instead of {right:?}"));
@@ -215,15 +207,15 @@ fn compare_probabilities(
 ) -> Result<(), ExportError> {
     let committee = &of_length.panel.committee;
     let count = 1 + committee.names.actuators.len() * committee.names.actions.len();
-    let (mut said, mut right) = (vec![0.0; count], vec![0.0; count]);
-    compiled.probabilities(at.length, views, &mut said)?;
+    let mut right = vec![0.0; count];
+    let said = compiled.probabilities(at.length, views, count);
     committee.probabilities_into(views, scratch, &mut right)?;
     if !same_bits(&said, &right) {
         evidence.differ(at.to_string(), format!("probabilities {said:?} instead of {right:?}"));
     }
     for known in 0..of_length.novelty.classes.len() {
         let action = known.checked_sub(1).map(|action| action as u32);
-        let said = compiled.novelty(at.length, known, &views[0])?;
+        let said = compiled.novelty(at.length, known, &views[0]);
         let right = of_length.novelty.score(action, &views[0]);
         if said.to_bits() != right.to_bits() {
             evidence.differ(at.to_string(), format!("novelty {said} instead of {right}"));

@@ -2,6 +2,9 @@
 
 use servotwin_learning::metrics::Rate;
 
+/// A cell with evidence, or the one that says what is missing.
+pub(crate) type Filled = Result<FmeaCell, FmeaCell>;
+
 /// A cell of the sheet.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct FmeaCell {

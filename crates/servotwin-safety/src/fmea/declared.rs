@@ -1,42 +1,41 @@
 //! Cells from declarations: the system, the catalogue, the study and the user's table of rates.
 
-use super::cell::FmeaCell;
+use super::cell::{Filled, FmeaCell};
 use super::effects::{answers, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
-use crate::rates::RatedFault;
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
 use servotwin::text::spoken;
 
-pub(super) fn actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let name = match actuator_of(sources.study, &subject.fault.id) {
         Some("") => "the only one".into(),
         Some(unit) => spoken(unit),
         None => "shared".into(),
     };
-    FmeaCell::new(name, "study.toml units")
+    Ok(FmeaCell::new(name, "study.toml units"))
 }
 
-pub(super) fn component(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn component(_: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let fault = subject.fault;
-    FmeaCell::new(
+    Ok(FmeaCell::new(
         format!("{} ({})", fault.component, spoken(fault.kind)),
         format!("system.toml components.{}", fault.component),
-    )
+    ))
 }
 
-pub(super) fn fault_mode(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn fault_mode(_: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let fault = subject.fault;
     let name = fault.id.rsplit('.').next().unwrap_or_default();
-    FmeaCell::new(
+    Ok(FmeaCell::new(
         format!("{}: {} ({})", spoken(name), fault.summary, fault.category),
         format!("catalog {}, fault {name}", fault.kind),
-    )
+    ))
 }
 
-pub(super) fn range(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn range(_: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let fault = subject.fault;
-    FmeaCell::new(
+    Ok(FmeaCell::new(
         format!(
             "{}: {} … {} at intensity 1",
             fault.parameter,
@@ -47,26 +46,23 @@ pub(super) fn range(_: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
             "system.toml components.{}, catalog {} {}",
             fault.component, fault.kind, fault.parameter
         ),
-    )
+    ))
 }
 
-pub(super) fn action(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn action(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let Some(case) = subject.case else {
-        return match flown(sources, subject) {
-            Ok((flights, own)) => FmeaCell::new(
-                format!("no class of the study names one: {}", answers(&own)),
-                flight_evidence(flights, &own),
-            ),
-            Err(_) => not_in_study("none: not in the study"),
-        };
+        let flown = flown(sources, subject);
+        let (flights, own) = flown.map_err(|_| not_in_study("none: not in the study"))?;
+        let text = format!("no class of the study names one: {}", answers(&own));
+        return Ok(FmeaCell::new(text, flight_evidence(flights, &own)));
     };
     let study = sources.study;
     let class = &study.classes[case.class];
     let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
-    FmeaCell::new(
+    Ok(FmeaCell::new(
         format!("{}: {}", spoken(&class.command), reaction_in_words(study, &reaction)),
         format!("study.toml classes {}, reactions", class.detail),
-    )
+    ))
 }
 
 /// What a reaction does.
@@ -101,8 +97,7 @@ fn rate<'s>(
     sources: &'s FmeaSources,
     subject: &FmeaSubject,
 ) -> Option<&'s crate::rates::FailureRate> {
-    let rated = RatedFault { id: subject.fault.id.clone(), kind: subject.kind.clone() };
-    sources.rates.as_ref()?.of(&rated)
+    sources.rates.as_ref()?.of(&subject.fault.id, &subject.kind)
 }
 
 fn rate_evidence(sources: &FmeaSources, line: usize) -> String {
@@ -110,21 +105,21 @@ fn rate_evidence(sources: &FmeaSources, line: usize) -> String {
     format!("{} line {line}", path.unwrap_or_default())
 }
 
-pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     // Without a table the cell stays empty: a rate is never invented.
-    rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
+    Ok(rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
         // No rate is known to more than six digits; the unit's division has more.
         let per_h: f64 = format!("{:.5e}", rate.per_h).parse().unwrap_or(rate.per_h);
         FmeaCell::new(format!("{per_h:e}"), rate_evidence(sources, rate.line))
-    })
+    }))
 }
 
-pub(super) fn failure_rate_source(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
+pub(super) fn failure_rate_source(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
+    Ok(rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
         FmeaCell::new(rate.source.clone(), rate_evidence(sources, rate.line))
-    })
+    }))
 }
 
-pub(super) fn remarks(_: &FmeaSources, _: &FmeaSubject) -> FmeaCell {
-    FmeaCell::default()
+pub(super) fn remarks(_: &FmeaSources, _: &FmeaSubject) -> Filled {
+    Ok(FmeaCell::default())
 }

@@ -1,11 +1,11 @@
 //! Cells about detection and isolation, from the campaign, the evaluation and flights.
 
-use super::cell::{FmeaCell, rate_in_words, span_in_words};
+use super::cell::{Filled, FmeaCell, rate_in_words, span_in_words};
 use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
-use super::residuals::{MovedResidual, ResidualRuns, STRONG};
+use super::residuals::{MovedResidual, ResidualRuns};
 use servotwin::evaluation::protocol::{Confused, Protocol};
-use servotwin::flight::judge::KindLatency;
+use servotwin::flight::judge::{KindLatency, STRONG};
 use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::results::SubjectResult;
 use servotwin::shown::{number, shown};
@@ -44,11 +44,8 @@ fn evaluated<'s>(
     Ok((result, format!("evaluation.json {}", result.subject.name())))
 }
 
-pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let runs = match runs(sources, subject) {
-        Ok(runs) => runs,
-        Err(cell) => return cell,
-    };
+pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
+    let runs = runs(sources, subject)?;
     let strong = runs.strong(&subject.fault.id);
     let (first, count) = (strong.first().map_or(0, |run| run.row), strong.len());
     let figure = sources.results.and_then(|results| results.figure("bands.svg"));
@@ -63,7 +60,8 @@ pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> Fmea
     );
     let moved = runs.moved(&subject.fault.id);
     if moved.is_empty() {
-        return FmeaCell::new("no residual leaves its band in half of the strong runs", evidence);
+        let text = "no residual leaves its band in half of the strong runs";
+        return Ok(FmeaCell::new(text, evidence));
     }
     let words = |moved: &MovedResidual| {
         format!(
@@ -78,10 +76,11 @@ pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> Fmea
         0 => String::new(),
         more => format!(" and {more} more"),
     };
-    FmeaCell::new(format!("residuals leave their bands: {}{more}", named.join(", ")), evidence)
+    let text = format!("residuals leave their bands: {}{more}", named.join(", "));
+    Ok(FmeaCell::new(text, evidence))
 }
 
-pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let (mut parts, mut evidence) = (vec![], vec![]);
     let (runs, own) = (runs(sources, subject), flown(sources, subject));
     if let Ok(runs) = &runs {
@@ -112,8 +111,8 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
         evidence.push("ground_test/outcomes-judge-fitted.parquet".into());
     }
     match (runs, own) {
-        (Err(not_run), Err(_)) if tests.is_empty() => not_run,
-        _ => FmeaCell::new(parts.join("; "), evidence.join("; ")),
+        (Err(not_run), Err(_)) if tests.is_empty() => Err(not_run),
+        _ => Ok(FmeaCell::new(parts.join("; "), evidence.join("; "))),
     }
 }
 
@@ -133,7 +132,7 @@ fn counted_in_words(all: &[&FlightOutcome], of: &str) -> String {
     }
 }
 
-pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let (mut parts, mut evidence) = (vec![], vec![]);
     let own = flown(sources, subject);
     if let Ok((flights, own)) = &own {
@@ -160,8 +159,8 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell 
         }
     }
     match own {
-        Err(not_flown) if parts.is_empty() => not_flown,
-        _ => FmeaCell::new(parts.join("; "), evidence.join("; ")),
+        Err(not_flown) if parts.is_empty() => Err(not_flown),
+        _ => Ok(FmeaCell::new(parts.join("; "), evidence.join("; "))),
     }
 }
 
@@ -200,20 +199,21 @@ fn median_in_words(median: &MedianTime) -> String {
     format!("after {middle} ({low} … {high}) in {} of {}", median.events, median.of)
 }
 
-pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let own = flown(sources, subject)
         .map(|own| FmeaCell::new(reported_in_words(&own), flight_evidence(own.0, &own.1)));
     match (smallest_in_bands(sources, subject), own) {
-        (Ok(bands), Ok(own)) => FmeaCell::new(
+        (Ok(bands), Ok(own)) => Ok(FmeaCell::new(
             format!("{}; {}", bands.text, own.text),
             format!("{}; {}", bands.evidence, own.evidence),
-        ),
-        (Ok(known), Err(_)) | (Err(_), Ok(known)) | (Err(known), Err(_)) => known,
+        )),
+        (Err(missing), own) => own.or(Err(missing)),
+        (known, Err(_)) => known,
     }
 }
 
 /// The least intensity from which on a residual of the campaign leaves its band.
-fn smallest_in_bands(sources: &FmeaSources, subject: &FmeaSubject) -> Result<FmeaCell, FmeaCell> {
+fn smallest_in_bands(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let (result, place) = evaluated(sources, subject)?;
     let least = result.evaluation.detection.least.iter().enumerate();
     let own: Vec<_> = least.filter(|(_, least)| least.fault == subject.fault.id).collect();
@@ -328,30 +328,22 @@ impl RightActions {
     }
 }
 
-pub(super) fn isolation(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let right = match RightActions::of(sources, subject) {
-        Ok(right) => right,
-        Err(cell) => return cell,
-    };
+pub(super) fn isolation(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
+    let right = RightActions::of(sources, subject)?;
     let (rate, which) = match &right.of_visible {
         Some(rate) => (rate, "in which it is visible"),
         None => (&right.of_all, "at all flown intensities"),
     };
-    FmeaCell::new(
-        format!(
-            "right action for the right actuator first: {}, {} {which}",
-            rate_in_words(rate),
-            right.flights
-        ),
-        right.evidence,
-    )
+    let text = format!(
+        "right action for the right actuator first: {}, {} {which}",
+        rate_in_words(rate),
+        right.flights
+    );
+    Ok(FmeaCell::new(text, right.evidence))
 }
 
-pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let (result, place) = match evaluated(sources, subject) {
-        Ok(found) => found,
-        Err(cell) => return cell,
-    };
+pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
+    let (result, place) = evaluated(sources, subject)?;
     let protocol = result.evaluation.protocol(Protocol::UnseenIntensity);
     let all = protocol.iter().flat_map(|protocol| &protocol.confused).enumerate();
     let own: Vec<_> = all.filter(|(_, confused)| confused.kind == subject.kind).collect();
@@ -378,24 +370,19 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fme
         evidence += &format!("; flights.json, {}: wrong_kinds", metrics.title());
     }
     let text = if parts.is_empty() { "none counted".into() } else { parts.join("; ") };
-    FmeaCell::new(text, evidence)
+    Ok(FmeaCell::new(text, evidence))
 }
 
-pub(super) fn coverage(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let right = match RightActions::of(sources, subject) {
-        Ok(right) => right,
-        Err(cell) => return cell,
-    };
-    FmeaCell::new(
-        format!(
-            "{:.1} % above false alarms: right action in {}, {}; an action without a fault in {}",
-            100.0 * right.coverage(),
-            rate_in_words(&right.of_all),
-            right.flights,
-            rate_in_words(&right.false_alarms)
-        ),
-        right.evidence,
-    )
+pub(super) fn coverage(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
+    let right = RightActions::of(sources, subject)?;
+    let text = format!(
+        "{:.1} % above false alarms: right action in {}, {}; an action without a fault in {}",
+        100.0 * right.coverage(),
+        rate_in_words(&right.of_all),
+        right.flights,
+        rate_in_words(&right.false_alarms)
+    );
+    Ok(FmeaCell::new(text, right.evidence))
 }
 
 /// The diagnostic coverage of a fault as a number.

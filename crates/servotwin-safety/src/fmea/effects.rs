@@ -1,7 +1,7 @@
 //! Effects on the actuator and on the system, and the severity, from closed-loop flights.
 
 use super::can_fly;
-use super::cell::{FmeaCell, span_in_words};
+use super::cell::{Filled, FmeaCell, span_in_words};
 use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
 use super::flights::FmeaFlights;
 use super::severity::{SeverityInputs, level};
@@ -99,11 +99,8 @@ fn is_aircraft(study: &Study) -> bool {
 const MIN_TRAVEL_M: f64 = 1e-8;
 const MIN_FORCE_N: f64 = 0.1;
 
-pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let (flights, own) = match flown(sources, subject) {
-        Ok(found) => found,
-        Err(cell) => return cell,
-    };
+pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
+    let (flights, own) = flown(sources, subject)?;
     let evidence = flight_evidence(flights, &own);
     let flown =
         |of: fn(&FlightOutcome) -> Option<f64>| own.iter().filter_map(move |flown| of(flown));
@@ -112,7 +109,7 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaC
             None => "not measured: the component belongs to no single actuator",
             Some(_) => "not measured: the actuator has no piston",
         };
-        return FmeaCell::missing(reason, evidence);
+        return Err(FmeaCell::missing(reason, evidence));
     }
     let span = |of, (unit, factor), least: f64| {
         span_in_words(
@@ -135,18 +132,15 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaC
             parts.join(", ")
         ),
     };
-    FmeaCell::new(text, evidence)
+    Ok(FmeaCell::new(text, evidence))
 }
 
 fn intensities(own: &[&FlightOutcome]) -> String {
     own.iter().map(|flown| flown.intensity.to_string()).collect::<Vec<_>>().join(", ")
 }
 
-pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
-    let (flights, own) = match flown(sources, subject) {
-        Ok(found) => found,
-        Err(cell) => return cell,
-    };
+pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
+    let (flights, own) = flown(sources, subject)?;
     let study = sources.study;
     let place = if is_aircraft(study) { "aircraft" } else { "machine" };
     let mut parts = vec![];
@@ -178,7 +172,8 @@ pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCel
         parts.push(format!("rms force fight {alone} without it, {with} with it"));
     }
     parts.push(lanes_in_words(study, &own));
-    FmeaCell::new(format!("{place}: {}", parts.join("; ")), flight_evidence(flights, &own))
+    let text = format!("{place}: {}", parts.join("; "));
+    Ok(FmeaCell::new(text, flight_evidence(flights, &own)))
 }
 
 /// The names of the lanes that were switched off.
@@ -199,13 +194,11 @@ fn lanes_in_words(study: &Study, own: &[&FlightOutcome]) -> String {
     each.collect::<Vec<_>>().join(", ")
 }
 
-pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell {
+pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let lanes = sources.study.units.len();
     let Ok((flights, own)) = flown(sources, subject) else {
-        return subject.case.map_or_else(
-            || not_in_study("not assessed"),
-            |case| by_action_alone(sources.study, case),
-        );
+        let case = subject.case.ok_or_else(|| not_in_study("not assessed"))?;
+        return Ok(by_action_alone(sources.study, case));
     };
     let growth = growth(flights, &own);
     let inputs = SeverityInputs {
@@ -219,10 +212,9 @@ pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> FmeaCell
         None => "g is not measured".into(),
     };
     let (level, clause) = level(inputs);
-    FmeaCell::new(
-        format!("{level}: {clause}"),
-        format!("rule of docs/safety.md, {measured}; {}", flight_evidence(flights, &own)),
-    )
+    let evidence =
+        format!("rule of docs/safety.md, {measured}; {}", flight_evidence(flights, &own));
+    Ok(FmeaCell::new(format!("{level}: {clause}"), evidence))
 }
 
 /// What the level would be if the study's action were raised.

@@ -1,6 +1,6 @@
 //! The fields of the sheet: one line in [`FIELDS`] and one function each.
 
-use super::cell::FmeaCell;
+use super::cell::{Filled, FmeaCell};
 use super::flights::FmeaFlights;
 use super::residuals::ResidualRuns;
 use super::{declared, diagnosis, effects};
@@ -51,13 +51,13 @@ pub struct FmeaField {
     /// What it holds.
     pub meaning: &'static str,
     /// Fills the cell.
-    pub fill: fn(&FmeaSources, &FmeaSubject) -> FmeaCell,
+    pub(crate) fill: fn(&FmeaSources, &FmeaSubject) -> Filled,
 }
 
 const fn field(
     name: &'static str,
     meaning: &'static str,
-    fill: fn(&FmeaSources, &FmeaSubject) -> FmeaCell,
+    fill: fn(&FmeaSources, &FmeaSubject) -> Filled,
 ) -> FmeaField {
     FmeaField { name, meaning, fill }
 }
@@ -112,7 +112,8 @@ pub(crate) fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
     let list = study.system.fault_list();
     let row = |fault: &ListedFault| {
         let subject = FmeaSubject::of(study, fault);
-        let cells = FIELDS.iter().map(|field| (field.fill)(sources, &subject)).collect();
+        let cells = FIELDS.iter().map(|field| (field.fill)(sources, &subject));
+        let cells = cells.map(|filled| filled.unwrap_or_else(|missing| missing)).collect();
         FmeaRow { fault: fault.id.clone(), cells }
     };
     let (listed, others): (Vec<&ListedFault>, Vec<&ListedFault>) =

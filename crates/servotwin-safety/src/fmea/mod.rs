@@ -5,7 +5,6 @@
 //! - `flights`: outcomes of closed-loop flights, with the diagnosis and without it
 //! - [`severity`]: the stated rule
 //! - [`mod@sheet`]: what people filled in, and how it survives
-//! - [`mod@format`]: CSV and XLSX
 
 pub mod cell;
 mod declared;
@@ -13,13 +12,12 @@ mod diagnosis;
 mod effects;
 pub mod fields;
 pub(crate) mod flights;
-pub mod format;
 pub(crate) mod residuals;
 pub mod severity;
 pub mod sheet;
 
+use crate::counts;
 use crate::error::SafetyError;
-use crate::ground_test;
 use crate::rates::{FailureRates, RatedFault};
 use crate::results::{EvidenceBasis, StudyResultsFolder};
 use fields::{FmeaSources, FmeaSubject, rows};
@@ -27,6 +25,7 @@ use flights::FmeaFlights;
 use residuals::ResidualRuns;
 use servotwin::parallel::Workers;
 use servotwin::study::Study;
+use servotwin::table::csv::texts;
 use sheet::FmeaSheet;
 use std::path::Path;
 
@@ -52,7 +51,7 @@ pub fn sources<'s>(
         rates: read_rates(&results.study, rates)?,
         runs: ResidualRuns::read(results)?,
         flights: FmeaFlights::of_folder(results, flies, workers)?,
-        tests: ground_test::tests(results)?,
+        tests: counts::tests(results)?,
         results: Some(results),
     })
 }
@@ -87,7 +86,7 @@ pub fn sheet(sources: &FmeaSources, earlier: Option<&Path>) -> Result<FmeaSheet,
         Some(results) => results.basis.clone(),
         None => EvidenceBasis::of_study(sources.study),
     };
-    let texts = earlier.map(format::read).transpose()?;
+    let texts = earlier.map(texts::read).transpose()?;
     FmeaSheet::new(&rows(sources), &basis, earlier.zip(texts.as_ref()))
 }
 
@@ -108,8 +107,7 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
     let (mut covered, mut all, mut flown, mut rated) = (0.0, 0.0, 0, 0);
     for fault in &sources.study.system.fault_list() {
         let subject = FmeaSubject::of(sources.study, fault);
-        let name = RatedFault { id: fault.id.clone(), kind: subject.kind.clone() };
-        let Some(rate) = rates.of(&name) else { continue };
+        let Some(rate) = rates.of(&fault.id, &subject.kind) else { continue };
         rated += 1;
         if let Some(share) = diagnosis::coverage_share(sources, &subject) {
             flown += 1;

@@ -2,12 +2,10 @@
 
 use crate::error::SafetyError;
 use crate::results::{StudyResultsFolder, read_residual_columns};
+use servotwin::flight::judge::STRONG;
 use servotwin::table::Table;
 use servotwin_diagnosis::residual::BAND;
 use std::collections::BTreeMap;
-
-/// The least intensity of a strong fault, whose residuals the sheet names.
-pub(crate) const STRONG: f64 = 0.5;
 
 /// A run with a fault.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,8 +13,8 @@ use super::fields::{FIELDS, FmeaRow};
 use crate::error::SafetyError;
 use crate::results::EvidenceBasis;
 use servotwin::manifest::sha256_of_text;
-use servotwin::table::csv::encoding::is_latin;
 use servotwin::table::csv::texts::{TextRow, Texts};
+use servotwin::table::csv::{self, encoding::is_latin};
 use servotwin::table::{Column, Table};
 use std::path::Path;
 
@@ -37,6 +37,17 @@ const SEAL_VERSION: &str = "3";
 const SEAL_DIGITS: usize = 6;
 /// What a person writes into the status to accept a row for the present evidence.
 pub(crate) const CONFIRMED: &str = "confirmed";
+
+/// Whether a file's extension names a sheet.
+///
+/// # Errors
+/// It does not.
+pub fn check(path: &Path) -> Result<(), SafetyError> {
+    match path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
+        true => Ok(()),
+        false => Err(SafetyError::SheetFormat { path: path.into() }),
+    }
+}
 
 /// A row of the sheet.
 #[derive(Debug, Clone, PartialEq)]
@@ -174,17 +185,18 @@ impl FmeaSheet {
         names
     }
 
-    /// The sheet as a table of texts.
+    /// Writes the sheet as CSV, whole or not at all.
     ///
     /// # Errors
-    /// Two columns have the same name.
-    pub(crate) fn table(&self) -> Result<Table, SafetyError> {
+    /// Two columns have the same name; the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), SafetyError> {
         let rows: Vec<Vec<String>> = self.rows.iter().map(SheetRow::cells).collect();
         let column = |(place, name): (usize, String)| {
             let texts: Vec<String> = rows.iter().map(|row| row[place].clone()).collect();
             Column::new(name, "", texts)
         };
-        Ok(Table::from_columns(self.columns().into_iter().enumerate().map(column).collect())?)
+        let columns = self.columns().into_iter().enumerate().map(column).collect();
+        Ok(csv::write_sheet(path, &Table::from_columns(columns)?, self.separator)?)
     }
 
     /// The number of cells that a person filled in.

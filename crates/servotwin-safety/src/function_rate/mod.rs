@@ -17,19 +17,17 @@
 
 pub mod flight;
 
-use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
+use crate::counts::{FaultIntensities, JudgedFlights};
 use crate::error::SafetyError;
-use crate::ground_test::{GroundTest, PassedFaults};
 use crate::interval::{CountedValue, clopper_pearson};
 use crate::rated_flights::RatedFlights;
-use crate::rates::{FailureRates, RatedFault};
+use crate::rates::FailureRates;
 use crate::results::{FOLDER, StudyResultsFolder};
-use crate::tree::lanes::{CONFIDENCE, TreeParameter, rated_faults};
+use crate::tree::lanes::{CONFIDENCE, TreeParameter};
 use crate::tree::numbers::{BandEnd, ExposureHours};
 use flight::{FlightModel, FunctionFailure, LaneOnsets};
 use serde::Serialize;
 use servotwin::files::create_folder;
-use servotwin::flight::judge::FlightMetrics;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table};
 use std::path::PathBuf;
@@ -111,7 +109,7 @@ impl FunctionRate {
     /// # Errors
     /// The study has more than two actuators, or no action that switches one off; a rate is missing.
     pub fn new(flights: &RatedFlights) -> Result<Self, SafetyError> {
-        let RatedFlights { results, metrics, rates, test, hours } = flights;
+        let RatedFlights { results, flights, rates, hours } = flights;
         let (study, exposure) = (&results.study, *hours);
         let wrong = |problem| Err(SafetyError::Study { study: study.name.clone(), problem });
         if study.units.len() > 2 {
@@ -120,25 +118,25 @@ impl FunctionRate {
         if study.shutdowns().is_empty() {
             return wrong("no action switches an actuator off; declare one in [reactions]");
         }
-        check_rates(&rated_faults(study), rates)?;
-        let model = |metrics, intensities| {
-            FunctionModel::new(study, (metrics, test.as_ref()), rates, intensities)
+        rates.check(study)?;
+        let model = |judged: &JudgedFlights, intensities| {
+            FunctionModel::new(study, (judged, flights), rates, intensities)
         };
-        let whole = model(metrics, FaultIntensities::All);
+        let whole = model(flights, FaultIntensities::All);
         let mut conditions = vec![whole.condition("all intensities".into(), &exposure, 1.0)];
         for (words, intensities) in [
             ("strong faults, intensity 0.5 and more", FaultIntensities::Strong),
             ("weak faults, intensity below 0.5", FaultIntensities::Weak),
         ] {
-            let counts = |action: &String| ActionCounts::of(metrics, action, intensities);
-            if study.shutdowns().iter().all(|action| counts(action).flown > 0) {
-                let own = model(metrics, intensities);
+            if study.shutdowns().iter().all(|action| flights.of(action, intensities).flown > 0) {
+                let own = model(flights, intensities);
                 conditions.push(own.condition(words.into(), &exposure, 1.0));
             }
         }
         for other in results.flights.iter().flat_map(|flights| flights.of_other_plants()) {
-            let own = model(other, FaultIntensities::All);
-            let words = format!("plants that differ from their twin ({})", other.title());
+            let other = JudgedFlights::read(&results.folder, other)?;
+            let own = model(&other, FaultIntensities::All);
+            let words = format!("plants that differ from their twin ({})", other.title);
             conditions.push(own.condition(words, &exposure, 1.0));
         }
         for factor in WEAR {
@@ -152,7 +150,8 @@ impl FunctionRate {
                 "one actuator: the twin cannot keep the function, it only keeps faults from acting unnoticed".into(),
             );
         }
-        Ok(FunctionRate { scenario: metrics.title(), exposure, conditions, sensitivities, notes })
+        let scenario = flights.title.clone();
+        Ok(FunctionRate { scenario, exposure, conditions, sensitivities, notes })
     }
 
     /// Writes all files and returns their paths.
@@ -251,33 +250,35 @@ struct FunctionModel {
 }
 
 impl FunctionModel {
+    /// `tested` are the flights whose faults were tested on the ground, if any were.
     fn new(
         study: &Study,
-        (metrics, test): (&FlightMetrics, Option<&GroundTest>),
+        (flights, tested): (&JudgedFlights, &JudgedFlights),
         rates: &FailureRates,
         intensities: FaultIntensities,
     ) -> Self {
         let actions = study.commands();
         // Bonferroni, as in the fault trees.
-        let of_action = 5 + usize::from(test.is_some());
+        let of_action = 5 + usize::from(tested.passed.is_some());
         let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + of_action * actions.len()) as f64;
         let mut inputs: Vec<TreeParameter> = vec![];
         let mut answers = vec![];
         for action in &actions {
-            let counts = ActionCounts::of(metrics, action, intensities);
+            let counts = flights.of(action, intensities);
             let mut input = |what: &str, [count, of]: [u64; 2], evidence: String| {
                 let value = clopper_pearson(count, of, confidence);
                 inputs.push(TreeParameter { id: format!("{what}: {action}"), value, evidence });
                 inputs.len() - 1
             };
-            let passed = test.map(|test| test.of(action, intensities)).map(|counts| {
-                let PassedFaults { tested, passed } = counts;
+            let passed = tested.passed.is_some().then(|| {
+                let counts = tested.of(action, intensities);
+                let (tested, passed) = (counts.tested, counts.passed);
                 let evidence =
                     format!("{passed} of {tested} tests, outcomes-judge-*.parquet of both");
                 input("passed by the test on the ground", [passed, tested], evidence)
             });
             let mut share = |what: &str, count: u64| {
-                let (of, scenario) = (counts.flown, metrics.title());
+                let (of, scenario) = (counts.flown, &flights.title);
                 let evidence =
                     format!("{count} of {of} flights, flights.json, scenario {scenario}");
                 input(what, [count, of], evidence)
@@ -292,17 +293,15 @@ impl FunctionModel {
                 wrong_shutdown: share("wrong shutdown", counts.wrong_shutdown),
             });
         }
-        let (value, evidence) = false_shutdowns_per_h(metrics, study.units.len(), confidence);
+        let (value, evidence) = flights.false_shutdowns_per_h(study.units.len(), confidence);
         inputs.push(TreeParameter { id: "false shutdown".into(), value, evidence });
         let false_shutdown = inputs.len() - 1;
         let mut faults = vec![vec![]; study.units.len()];
         let mut last = None;
         for fault in &study.faults {
-            let rated = RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
             // A fault stands in the list once for each intensity.
-            let Some(rate) =
-                rates.of(&rated).filter(|_| last.replace(&fault.id) != Some(&fault.id))
-            else {
+            let rate = rates.of(&fault.id, &fault.kind);
+            let Some(rate) = rate.filter(|_| last.replace(&fault.id) != Some(&fault.id)) else {
                 continue;
             };
             let id = format!("failure rate: {}", rate.fault);

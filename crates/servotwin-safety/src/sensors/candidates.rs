@@ -78,14 +78,6 @@ impl Candidates {
         Ok(Candidates { list, needed })
     }
 
-    /// The index of a sensor.
-    ///
-    /// # Errors
-    /// There is none of this name; the message lists all.
-    pub(crate) fn place(&self, id: &str) -> Result<usize, String> {
-        place_of(&self.list, id)
-    }
-
     /// All candidates.
     pub fn all(&self) -> SensorMask {
         mask(self.list.iter().map(|_| true))

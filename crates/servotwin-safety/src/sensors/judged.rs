@@ -7,7 +7,7 @@
 //! rates have the same denominators for all sets: every judged fault, or every judged fault that needs a shutdown.
 
 use super::candidates::{Candidates, SensorMask};
-use super::runs::{FaultClass, SensorRuns};
+use super::runs::SensorRuns;
 use crate::error::SafetyError;
 use servotwin::evaluation::EvaluationError;
 use servotwin::evaluation::protocol::trial;
@@ -17,21 +17,19 @@ use servotwin_learning::classifiers::{Fit, Settings};
 use servotwin_learning::metrics::Rate;
 
 /// The sizes of groups to which a fault is isolated.
-pub(crate) const GROUPS: usize = 3;
+const GROUPS: usize = 3;
 
 /// The answer of the trees to a judged fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct FaultAnswer {
+struct FaultAnswer {
     /// The row of the data set.
-    pub row: usize,
+    row: usize,
     /// Whether a residual of a kept sensor leaves its band.
-    pub is_detected: bool,
-    /// The most probable fault; `None` for healthy or not detected.
-    pub fault: Option<FaultClass>,
+    is_detected: bool,
     /// The size of the smallest group of most probable faults that holds the right one; `None` above [`GROUPS`].
-    pub group: Option<usize>,
+    group: Option<usize>,
     /// The actuator that is shut down.
-    pub shut_down: Option<u32>,
+    shut_down: Option<u32>,
 }
 
 /// The rates of a set of sensors.
@@ -49,26 +47,24 @@ pub struct SensorRates {
     pub missed_shutdown: Rate,
 }
 
-/// Trains the trees of a set and judges them. Where no training row with a fault is detected, nothing is isolated.
+/// Trains the trees of a set and counts their answers. Where no training row with a fault is detected, nothing is
+/// isolated.
 ///
 /// # Errors
 /// Training fails.
-pub(crate) fn answers(
+pub(crate) fn rates(
     runs: &SensorRuns,
     candidates: &Candidates,
     set: SensorMask,
-) -> Result<Vec<FaultAnswer>, SafetyError> {
+) -> Result<SensorRates, SafetyError> {
     let trees = match SetTrees::train(runs, candidates, set) {
         Err(EvaluationError::NothingDetectable { .. }) => None,
         trained => Some(trained?),
     };
     let values = vec![0.0; runs.data.features.len()];
     let mut judge = SetJudge { runs, set, trees, values };
-    Ok(runs.faults().into_iter().map(|row| judge.answer(row)).collect())
-}
-
-/// Counts the answers of a set.
-pub(crate) fn rates(runs: &SensorRuns, set: SensorMask, answers: &[FaultAnswer]) -> SensorRates {
+    let answers: Vec<FaultAnswer> =
+        runs.faults().into_iter().map(|row| judge.answer(row)).collect();
     let data = &runs.data;
     let label = |answer: &FaultAnswer| data.examples.labels()[answer.row];
     let rate_of = |holds: &dyn Fn(&FaultAnswer) -> bool| {
@@ -79,13 +75,13 @@ pub(crate) fn rates(runs: &SensorRuns, set: SensorMask, answers: &[FaultAnswer])
     let is_missed = |answer: &FaultAnswer| answer.shut_down != Some(label(answer).actuator);
     let missed: Vec<_> = needs.map(|a| trial(data, a.row, is_missed(a))).collect();
     let is_within = |size: usize| move |a: &FaultAnswer| a.group.is_some_and(|own| own <= size);
-    SensorRates {
+    Ok(SensorRates {
         detected: rate_of(&|answer| answer.is_detected),
         alarms: Rate::of(&runs.healthy(), |&row| runs.beyond(row) & set != 0),
         isolated: [1, 2, 3].map(|size| rate_of(&is_within(size))),
         wrong_shutdown: rate_of(&|a| a.shut_down.is_some_and(|off| off != label(a).actuator)),
         missed_shutdown: Rate::clustered(&missed),
-    }
+    })
 }
 
 /// A tree and the columns that it reads.
@@ -184,7 +180,7 @@ struct SetJudge<'r> {
 impl SetJudge<'_> {
     fn answer(&mut self, row: usize) -> FaultAnswer {
         let is_detected = self.runs.beyond(row) & self.set != 0;
-        let none = FaultAnswer { row, is_detected, fault: None, group: None, shut_down: None };
+        let none = FaultAnswer { row, is_detected, group: None, shut_down: None };
         if !is_detected {
             return none;
         }
@@ -200,7 +196,6 @@ impl SetJudge<'_> {
         let place = place.filter(|_| actuator == label.actuator as usize);
         let actuator = actuator as u32;
         FaultAnswer {
-            fault: order.first().map(|&kind| FaultClass { kind: kind as u32, actuator }),
             group: place.map(|place| place + 1).filter(|size| *size <= GROUPS),
             shut_down: self.is_shut_down(&shares).then_some(actuator),
             ..none

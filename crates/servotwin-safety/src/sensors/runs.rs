@@ -11,15 +11,6 @@ use servotwin_diagnosis::features::{self, Feature, Sensor, Sensors};
 use servotwin_diagnosis::residual::BAND;
 use servotwin_learning::classifiers::Settings;
 
-/// A kind of fault in an actuator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) struct FaultClass {
-    /// Index in the data set's kinds.
-    pub kind: u32,
-    /// The actuator.
-    pub actuator: u32,
-}
-
 /// The runs of a scenario, with a band for every candidate.
 pub struct SensorRuns {
     /// All rows; [`servotwin::evaluation::data_set::DataRow::largest`] has one value for each candidate.
@@ -109,21 +100,6 @@ impl SensorRuns {
         let kept: Vec<usize> = candidates.within(set).collect();
         let left = features_left(&self.sensors, &kept);
         (0..self.columns.len()).filter(|&column| left.contains(&self.columns[column])).collect()
-    }
-
-    /// The name of a fault.
-    pub(crate) fn fault_name(&self, class: FaultClass) -> String {
-        let kind = &self.data.kinds[class.kind as usize];
-        match self.data.examples.names().actuators[class.actuator as usize].as_str() {
-            "" => kind.clone(),
-            actuator => format!("{actuator}.{kind}"),
-        }
-    }
-
-    /// The fault of a row.
-    pub(crate) fn class(&self, row: usize) -> FaultClass {
-        let actuator = self.data.examples.labels()[row].actuator;
-        FaultClass { kind: self.data.rows[row].kind, actuator }
     }
 }
 

@@ -1,6 +1,6 @@
-//! Tables and figure of a sensor trade.
+//! Table and figure of a sensor trade.
 
-use super::{FaultPair, SensorSet, SensorTrade, SetPairs};
+use super::{SensorSet, SensorTrade};
 use crate::error::SafetyError;
 use crate::results::{FOLDER, StudyResultsFolder};
 use servotwin::figure::Figure;
@@ -10,21 +10,18 @@ use servotwin::table::{self, Column, Table, Values};
 use servotwin_learning::metrics::Rate;
 use std::path::PathBuf;
 
-/// The rate that a column shows of a set; `None` if it is not known.
-type RateOf = fn(&SensorSet) -> Option<Rate>;
+/// A rate of a set.
+type RateOf = fn(&SensorSet) -> Rate;
 
 /// The rates of a set, with the names of their columns.
-const RATES: [(&str, RateOf); 10] = [
-    ("detected", |set| Some(set.rates.detected)),
-    ("healthy_alarms", |set| Some(set.rates.alarms)),
-    ("isolated_to_1", |set| Some(set.rates.isolated[0])),
-    ("isolated_to_2", |set| Some(set.rates.isolated[1])),
-    ("isolated_to_3", |set| Some(set.rates.isolated[2])),
-    ("isolable_to_1", |set| set.isolable.map(|of| of[0])),
-    ("isolable_to_2", |set| set.isolable.map(|of| of[1])),
-    ("isolable_to_3", |set| set.isolable.map(|of| of[2])),
-    ("wrong_shutdown", |set| Some(set.rates.wrong_shutdown)),
-    ("missed_shutdown", |set| Some(set.rates.missed_shutdown)),
+const RATES: [(&str, RateOf); 7] = [
+    ("detected", |set| set.rates.detected),
+    ("healthy_alarms", |set| set.rates.alarms),
+    ("isolated_to_1", |set| set.rates.isolated[0]),
+    ("isolated_to_2", |set| set.rates.isolated[1]),
+    ("isolated_to_3", |set| set.rates.isolated[2]),
+    ("wrong_shutdown", |set| set.rates.wrong_shutdown),
+    ("missed_shutdown", |set| set.rates.missed_shutdown),
 ];
 
 impl SensorTrade {
@@ -34,17 +31,11 @@ impl SensorTrade {
     /// A file cannot be written.
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
         create_folder(results.folder.path().join(FOLDER))?;
-        let [sets, pairs, figure] =
-            ["sensors.csv", "pairs.csv", "pareto.svg"].map(|name| results.artefact(name));
+        let [sets, figure] = ["sensors.csv", "pareto.svg"].map(|name| results.artefact(name));
         table::write(&sets, &self.set_table()?)?;
-        table::write(&pairs, &self.pair_table()?)?;
         let svg = self.figure().svg;
         write_atomically(&figure, |out| out.write_all(svg.as_bytes()))?;
-        Ok(vec![sets, pairs, figure])
-    }
-
-    fn upgrade_name(&self, set: &SensorSet) -> String {
-        set.upgrade.map_or_else(String::new, |place| self.upgrades[place].name.clone())
+        Ok(vec![sets, figure])
     }
 
     /// One row for each judged set.
@@ -57,7 +48,6 @@ impl SensorTrade {
         let left_out = |set: &SensorSet| candidates.names(candidates.all() & !set.set);
         let mut columns = vec![
             column("sensors", "", of(self, |set| candidates.names(set.set)).into()),
-            column("upgrade", "", of(self, |set| self.upgrade_name(set)).into()),
             column("left_out", "", of(self, left_out).into()),
             column("count", "1", of(self, |set| set.set.count_ones()).into()),
             column("cost", "", of(self, |set| set.cost).into()),
@@ -65,43 +55,14 @@ impl SensorTrade {
             column("on_front", "", of(self, |set| set.is_on_front).into()),
         ];
         for (name, rate) in RATES {
-            let share = |set: &SensorSet| rate(set).and_then(|rate| rate.share).unwrap_or(f64::NAN);
-            let end = |of: fn(&Rate) -> f64| {
-                move |set: &SensorSet| rate(set).as_ref().map_or(f64::NAN, of)
-            };
-            columns.push(column(name, "1", of(self, share).into()));
-            columns.push(column(&format!("{name}_low"), "1", of(self, end(|r| r.low)).into()));
-            columns.push(column(&format!("{name}_high"), "1", of(self, end(|r| r.high)).into()));
+            let share = of(self, |set| rate(set).share.unwrap_or(f64::NAN));
+            columns.push(column(name, "1", share.into()));
+            let ends = [of(self, |set| rate(set).low), of(self, |set| rate(set).high)];
+            for (end, values) in ["low", "high"].into_iter().zip(ends) {
+                columns.push(column(&format!("{name}_{end}"), "1", values.into()));
+            }
         }
         Ok(Table::from_columns(columns)?)
-    }
-
-    /// One row for each pair of faults that look alike or are confused.
-    fn pair_table(&self) -> Result<Table, SafetyError> {
-        let all =
-            || self.pairs.iter().flat_map(|own| own.pairs.iter().map(move |pair| (own, pair)));
-        let texts = |name: &str, texts: Vec<String>| Column::new(name, "", texts);
-        let counts = |name: &str, of: fn(&FaultPair) -> u64| {
-            Column::new(
-                name,
-                "1",
-                all().map(|(_, (_, pair))| of(pair) as u32).collect::<Vec<u32>>(),
-            )
-        };
-        let verdict = |own: &SetPairs, pair: &FaultPair| match own.is_structural {
-            true => pair.verdict().to_owned(),
-            false => "not known: too few healthy specimens".into(),
-        };
-        Ok(Table::from_columns(vec![
-            texts("sensors", all().map(|(own, _)| self.candidates.names(own.set)).collect()),
-            texts("fault", all().map(|(_, ((fault, _), _))| fault.clone()).collect()),
-            texts("other", all().map(|(_, ((_, other), _))| other.clone()).collect()),
-            counts("detected_runs", |pair| pair.detected),
-            counts("alike", |pair| pair.alike),
-            counts("confused", |pair| pair.confused),
-            counts("confused_alike", |pair| pair.confused_alike),
-            texts("verdict", all().map(|(own, (_, pair))| verdict(own, pair)).collect()),
-        ])?)
     }
 
     /// The best value of each rate that sets of at most a cost reach.
@@ -112,9 +73,8 @@ impl SensorTrade {
             able.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let mut best: Vec<(f64, Rate)> = vec![];
             for set in able {
-                let Some((rate, share)) = rate(set).and_then(|r| Some((r, r.share?))) else {
-                    continue;
-                };
+                let rate = rate(set);
+                let Some(share) = rate.share else { continue };
                 let last = best.last().copied();
                 if last.is_none_or(|(_, last)| is_better(share, last.share.unwrap_or(share))) {
                     best.retain(|(cost, _)| *cost < set.cost);
@@ -129,11 +89,10 @@ impl SensorTrade {
         let (more, less) = (|a: f64, b: f64| a > b, |a: f64, b: f64| a < b);
         let title = "Best value of each rate that sensors of at most a cost reach";
         let mut lines = Lines::new(title, "cost of the sensors", "share, %")
-            .with(curve("detected", |set| Some(set.rates.detected), more))
-            .with(curve("isolable", |set| set.isolable.map(|of| of[0]), more))
-            .with(curve("isolated", |set| Some(set.rates.isolated[0]), more))
-            .with(curve("missed shutdown", |set| Some(set.rates.missed_shutdown), less))
-            .with(curve("wrong shutdown", |set| Some(set.rates.wrong_shutdown), less));
+            .with(curve("detected", |set| set.rates.detected, more))
+            .with(curve("isolated", |set| set.rates.isolated[0], more))
+            .with(curve("missed shutdown", |set| set.rates.missed_shutdown, less))
+            .with(curve("wrong shutdown", |set| set.rates.wrong_shutdown, less));
         lines.curves.retain(|curve| !curve.points.is_empty());
         lines.y_range = Some((0.0, 100.0));
         lines.draw()

@@ -24,12 +24,10 @@
 //! weak ones included, and a fault that never becomes visible counts as missed.
 
 use super::structure::{EventLaw, Exposure, FaultTree, GateKind, TopEvent, TreeInput};
-use crate::counts::{ActionCounts, FaultIntensities, check_rates, false_shutdowns_per_h};
+use crate::counts::{FaultIntensities, JudgedFlights};
 use crate::error::SafetyError;
-use crate::ground_test::{GroundTest, PassedFaults};
 use crate::interval::{CountedValue, clopper_pearson};
-use crate::rates::{FailureRates, RatedFault};
-use servotwin::flight::judge::FlightMetrics;
+use crate::rates::FailureRates;
 use servotwin::study::Study;
 use servotwin::text::spoken;
 
@@ -60,33 +58,17 @@ pub struct LaneTrees {
     pub notes: Vec<String>,
 }
 
-/// The failure events of a fault.
-struct FaultEvents {
-    detail: String,
-    begins: TreeInput,
-    waits: TreeInput,
-    hidden: TreeInput,
-    /// Hidden since the last test on the ground, where there are tests.
-    hidden_since_test: Option<TreeInput>,
+/// A name in identifiers and in words.
+#[derive(Clone)]
+struct TreeName {
+    id: String,
+    words: String,
 }
 
-/// The answers of the diagnosis to faults of one lane that need one action. Flights are counted by action, so all of its
-/// faults in a lane share these events.
-struct AnswerEvents {
-    lane: usize,
-    needs_shutdown: bool,
-    missed: TreeInput,
-    /// The test on the ground passes a hidden fault.
-    passed: Option<TreeInput>,
-    /// For an action that is no shutdown: another one is raised, perhaps a shutdown.
-    other_action: Option<TreeInput>,
-    /// For every other lane: the lane, and the event that it is shut down.
-    wrong_shutdowns: Vec<(usize, TreeInput)>,
-}
-
-/// The constants of the answers to faults that need one action, as indices.
-#[derive(Debug, Clone, Copy)]
-struct AnswerConstants {
+/// An action with the constants of the answers to faults that need it, as indices.
+struct AnsweredAction {
+    action: String,
+    name: TreeName,
     needs_shutdown: bool,
     missed: usize,
     passed: Option<usize>,
@@ -94,53 +76,62 @@ struct AnswerConstants {
     wrong_shutdown: Option<usize>,
 }
 
-/// The gates of the faults of one lane that need one action.
-struct FaultGates {
+/// The faults of one lane that need one action, and what answers them. Flights are counted by action, so all of these
+/// faults share the events of their answers.
+struct FaultGroup {
+    lane: usize,
+    needs_shutdown: bool,
     begins: TreeInput,
     waits: TreeInput,
     hidden: TreeInput,
-    answers: AnswerEvents,
+    missed: TreeInput,
+    /// For an action that is no shutdown: another one is raised, perhaps a shutdown.
+    other_action: Option<TreeInput>,
+    /// For every other lane: the lane, and the event that it is shut down.
+    wrong_shutdowns: Vec<(usize, TreeInput)>,
 }
 
-/// The faults that the trees of a study need rates for.
-pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
-    let mut list: Vec<RatedFault> = vec![];
-    for fault in &study.faults {
-        if list.last().is_none_or(|last| last.id != fault.id) {
-            list.push(RatedFault { id: fault.id.clone(), kind: fault.kind.clone() });
-        }
-    }
-    list
-}
+/// How long a fault may have been there: in identifiers, in words, and the hours. Those of the test come last.
+const EXPOSURES: [(&str, &str, Exposure); 4] = [
+    ("begins", "begins in this flight", Exposure::Flight),
+    ("waits", "waits for its repair", Exposure::Repair),
+    ("hidden", "is there since the last check", Exposure::Check),
+    ("hidden_since_test", "is there since the last test on the ground", Exposure::Test),
+];
 
-/// Builds the trees of a study from counted flights, the user's rates, and tests on the ground if there are any.
+/// Builds the trees of a study from judged flights and the user's rates.
 ///
 /// # Errors
 /// The study has no action that switches an actuator off; a fault has no rate.
 pub fn lane_trees(
     study: &Study,
-    metrics: &FlightMetrics,
+    flights: &JudgedFlights,
     rates: &FailureRates,
-    test: Option<&GroundTest>,
 ) -> Result<LaneTrees, SafetyError> {
     if study.shutdowns().is_empty() {
         let problem = "no action switches an actuator off, so no lane can be lost by command; declare one with \
                        switches_off = true in [reactions]";
         return Err(SafetyError::Study { study: study.name.clone(), problem });
     }
-    check_rates(&rated_faults(study), rates)?;
+    rates.check(study)?;
     let trees =
         LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
-    let mut growing = TreeGrower { study, metrics, rates, test, trees, confidence: 0.0 };
+    let name = |unit: &String| match unit.as_str() {
+        "" => TreeName { id: "lane".into(), words: "the only lane".into() },
+        name => TreeName::of(name),
+    };
+    let names = study.units.iter().map(name).collect();
+    let mut growing = TreeGrower { study, flights, rates, names, trees, confidence: 0.0 };
     growing.grow();
     Ok(growing.trees)
 }
 
 struct TreeGrower<'g> {
     study: &'g Study,
-    metrics: &'g FlightMetrics,
+    flights: &'g JudgedFlights,
     rates: &'g FailureRates,
-    test: Option<&'g GroundTest>,
+    /// The names of the lanes.
+    names: Vec<TreeName>,
     trees: LaneTrees,
     /// The confidence of each interval.
     confidence: f64,
@@ -157,13 +148,13 @@ struct LaneGates {
 /// faults of others.
 fn needless(
     lane: usize,
-    gates: &[FaultGates],
-    fault: fn(&FaultGates) -> TreeInput,
+    groups: &[FaultGroup],
+    fault: fn(&FaultGroup) -> TreeInput,
 ) -> Vec<(TreeInput, TreeInput)> {
-    let own = gates.iter().filter(|of| of.answers.lane == lane);
-    let own = own.filter_map(|of| Some((fault(of), of.answers.other_action?)));
-    let others = gates.iter().flat_map(|of| {
-        let wrong = of.answers.wrong_shutdowns.iter().filter(|(other, _)| *other == lane);
+    let own = groups.iter().filter(|of| of.lane == lane);
+    let own = own.filter_map(|of| Some((fault(of), of.other_action?)));
+    let others = groups.iter().flat_map(|of| {
+        let wrong = of.wrong_shutdowns.iter().filter(|(other, _)| *other == lane);
         wrong.map(|(_, event)| (fault(of), *event))
     });
     own.chain(others).collect()
@@ -177,40 +168,38 @@ pub(super) fn identifier(name: &str) -> String {
     if starts_well { text } else { format!("n{text}") }
 }
 
+impl TreeName {
+    fn of(name: &str) -> Self {
+        TreeName { id: identifier(name), words: spoken(name) }
+    }
+}
+
+/// Adds a parameter, and returns its index.
+fn add(list: &mut Vec<TreeParameter>, id: String, value: CountedValue, evidence: String) -> usize {
+    list.push(TreeParameter { id, value, evidence });
+    list.len() - 1
+}
+
 impl TreeGrower<'_> {
     fn grow(&mut self) {
         let actions = self.study.commands();
-        let of_action = 2 + usize::from(self.lanes() > 1) + usize::from(self.test.is_some());
+        let of_action =
+            2 + usize::from(self.names.len() > 1) + usize::from(self.flights.passed.is_some());
         let counted = 1 + actions.len() * of_action;
         // Bonferroni: all intervals together hold with the joint confidence.
         self.confidence = 1.0 - (1.0 - CONFIDENCE) / counted as f64;
-        let constants: Vec<AnswerConstants> =
-            actions.iter().map(|action| self.constants_of(action)).collect();
-        let mut gates = vec![];
-        for lane in 0..self.lanes() {
-            for (name, &constants) in actions.iter().zip(&constants) {
-                // The answers follow their faults: then the decision diagram remembers one bit for all of them.
-                let faults = self.faults(lane, name);
-                let answers = self.answers((lane, name), constants);
-                gates.extend(self.fault_gates(name, answers, &faults));
+        let actions: Vec<AnsweredAction> =
+            actions.into_iter().map(|action| self.answered(action)).collect();
+        let mut groups = vec![];
+        for lane in 0..self.names.len() {
+            for action in &actions {
+                groups.extend(self.group(lane, action));
             }
         }
         let alarms = self.false_alarms();
-        let lanes: Vec<LaneGates> =
-            (0..self.lanes()).map(|lane| self.lane(lane, &gates, &alarms)).collect();
-        self.tops(&lanes, &gates);
-    }
-
-    fn lanes(&self) -> usize {
-        self.study.units.len()
-    }
-
-    /// A lane's name in identifiers and in words.
-    fn lane_name(&self, lane: usize) -> (String, String) {
-        match self.study.units[lane].as_str() {
-            "" => ("lane".into(), "the only lane".into()),
-            name => (identifier(name), spoken(name)),
-        }
+        let lanes = 0..self.names.len();
+        let lanes: Vec<LaneGates> = lanes.map(|lane| self.lane(lane, &groups, &alarms)).collect();
+        self.tops(&lanes, &groups);
     }
 
     fn constant(&mut self, id: String, count: u64, of: u64, what: &str) -> usize {
@@ -218,174 +207,162 @@ impl TreeGrower<'_> {
             0 => format!("{what}: not flown, so nothing is known"),
             _ => format!(
                 "{what}: {count} of {of} flights, flights.json, scenario {}",
-                self.metrics.title()
+                self.flights.title
             ),
         };
-        let value = clopper_pearson(count, of, self.confidence);
-        self.trees.constants.push(TreeParameter { id, value, evidence });
-        self.trees.constants.len() - 1
+        add(&mut self.trees.constants, id, clopper_pearson(count, of, self.confidence), evidence)
     }
 
-    /// The constants of an action's answers.
-    fn constants_of(&mut self, name: &str) -> AnswerConstants {
-        let counts = ActionCounts::of(self.metrics, name, FaultIntensities::All);
-        let (id, words) = (identifier(name), spoken(name));
-        let needs_shutdown = self.study.reactions.switches_off(name);
-        let what = format!("right action not raised first for faults that need '{words}'");
-        let missed = self.constant(format!("missed-{id}"), counts.missed, counts.flown, &what);
-        let what = format!("another action for the right lane for faults that need '{words}'");
+    /// An action with the constants of its answers.
+    fn answered(&mut self, action: String) -> AnsweredAction {
+        let counts = self.flights.of(&action, FaultIntensities::All);
+        let name = TreeName::of(&action);
+        let TreeName { id, words } = &name;
+        let needs_shutdown = self.study.reactions.switches_off(&action);
+        let has_several = self.names.len() > 1;
+        let mut constant = |what: &str, how: &str, count: u64| {
+            let how = format!("{how} for faults that need '{words}'");
+            self.constant(format!("{what}-{id}"), count, counts.flown, &how)
+        };
+        let missed = constant("missed", "right action not raised first", counts.missed);
         let other_action = (!needs_shutdown).then(|| {
-            let (count, of) = (counts.other_action, counts.flown);
-            self.constant(format!("other_action-{id}"), count, of, &what)
+            constant("other_action", "another action for the right lane", counts.other_action)
         });
-        let what = format!("shutdown of another lane for faults that need '{words}'");
-        let wrong_shutdown = (self.lanes() > 1).then(|| {
-            let (count, of) = (counts.wrong_shutdown, counts.flown);
-            self.constant(format!("wrong_shutdown-{id}"), count, of, &what)
+        let wrong_shutdown = has_several
+            .then(|| constant("wrong_shutdown", "shutdown of another lane", counts.wrong_shutdown));
+        let passed = self.flights.passed.is_some().then(|| {
+            let (tested, passed) = (counts.tested, counts.passed);
+            let evidence = match tested {
+                0 => "no hidden fault was tested on the ground, so nothing is known".into(),
+                _ => format!(
+                    "the test on the ground passes {passed} of {tested} faults that need '{words}' and were hidden in \
+                     flight, outcomes-judge-*.parquet of both"
+                ),
+            };
+            let value = clopper_pearson(passed, tested, self.confidence);
+            add(&mut self.trees.constants, format!("passed-{id}"), value, evidence)
         });
-        let passed = self.test.map(|test| test.of(name, FaultIntensities::All));
-        let passed = passed.map(|counts| self.passed(name, counts));
-        AnswerConstants { needs_shutdown, missed, passed, other_action, wrong_shutdown }
+        AnsweredAction {
+            action,
+            name,
+            needs_shutdown,
+            missed,
+            passed,
+            other_action,
+            wrong_shutdown,
+        }
     }
 
-    /// The constant of the tests on the ground that pass a hidden fault.
-    fn passed(&mut self, name: &str, PassedFaults { tested, passed }: PassedFaults) -> usize {
-        let value = clopper_pearson(passed, tested, self.confidence);
-        let evidence = match tested {
-            0 => "no hidden fault was tested on the ground, so nothing is known".into(),
-            _ => format!(
-                "the test on the ground passes {passed} of {tested} faults that need '{}' and were hidden in flight, \
-                 outcomes-judge-*.parquet of both",
-                spoken(name)
-            ),
-        };
-        let id = format!("passed-{}", identifier(name));
-        self.trees.constants.push(TreeParameter { id, value, evidence });
-        self.trees.constants.len() - 1
-    }
-
-    /// The answers to the faults of a lane that need an action.
-    fn answers(&mut self, (lane, name): (usize, &str), constants: AnswerConstants) -> AnswerEvents {
-        let (lane_id, lane_words) = self.lane_name(lane);
-        let names: Vec<_> = (0..self.lanes()).map(|other| self.lane_name(other)).collect();
-        let (id, words) = (format!("{lane_id}-{}", identifier(name)), spoken(name));
-        let fault = format!("a fault of {lane_words} that needs '{words}'");
+    /// The faults of a lane that need an action, with their answers; `None` without such faults.
+    fn group(&mut self, lane: usize, action: &AnsweredAction) -> Option<FaultGroup> {
+        let exposures = &EXPOSURES[..if self.flights.passed.is_some() { 4 } else { 3 }];
+        let TreeName { id: lane_id, words: lane_words } = self.names[lane].clone();
+        let id = format!("{lane_id}-{}", action.name.id);
+        let fault = format!("a fault of {lane_words} that needs '{}'", action.name.words);
+        let events = self.faults(lane, &action.action, exposures);
+        // The answers follow their faults: then the decision diagram remembers one bit for all of them.
         let tree = &mut self.trees.tree;
-        let mut event = |what: String, words: String, constant: usize| {
+        let mut answer = |what: &str, words: String, constant: usize| {
             tree.event(format!("{id}-{what}"), words, EventLaw::Constant(constant))
         };
-        let missed = event("missed".into(), format!("{fault} is missed"), constants.missed);
-        let passed = constants.passed.map(|constant| {
-            event("passed".into(), format!("the test on the ground passes {fault}"), constant)
+        let missed = answer("missed", format!("{fault} is missed"), action.missed);
+        let passed = action.passed.map(|constant| {
+            answer("passed", format!("the test on the ground passes {fault}"), constant)
         });
-        let other_action = constants.other_action.map(|constant| {
+        let other_action = action.other_action.map(|constant| {
             let words = format!("{fault} raises another action, perhaps a shutdown");
-            event("other_action".into(), words, constant)
+            answer("other_action", words, constant)
         });
-        let others = names.into_iter().enumerate().filter(|(other, _)| *other != lane);
-        let wrong_shutdowns = constants.wrong_shutdown.map_or(vec![], |constant| {
-            let one = |(other, (other_id, other_words)): (usize, (String, String))| {
-                let words = format!("{fault} shuts {other_words} down");
-                (other, event(format!("shuts_down-{other_id}"), words, constant))
-            };
-            others.map(one).collect()
-        });
-        let needs_shutdown = constants.needs_shutdown;
-        AnswerEvents { lane, needs_shutdown, missed, passed, other_action, wrong_shutdowns }
+        let mut wrong_shutdowns = vec![];
+        if let Some(constant) = action.wrong_shutdown {
+            for (other, TreeName { id, words }) in self.names.iter().enumerate() {
+                if other != lane {
+                    let words = format!("{fault} shuts {words} down");
+                    let event = answer(&format!("shuts_down-{id}"), words, constant);
+                    wrong_shutdowns.push((other, event));
+                }
+            }
+        }
+        let mut gates = vec![];
+        for (place, (what, how, _)) in exposures.iter().enumerate() {
+            let own = events.iter().map(|(detail, events)| (detail.as_str(), events[place]));
+            let own: Vec<(&str, TreeInput)> = own.collect();
+            gates.push(self.by_class(
+                &format!("{id}-{what}"),
+                &format!("{fault} {how}"),
+                how,
+                &own,
+            )?);
+        }
+        let mut hidden = gates[2];
+        if let (Some(passed), Some(&since_test)) = (passed, gates.get(3)) {
+            let id = format!("{id}-hidden");
+            let title = "a fault was there at the last test on the ground, which passed it";
+            let was_passed = self.both(&format!("{id}-passed"), title, hidden, passed);
+            let (id, title) = (format!("{id}-now"), format!("{fault} is hidden"));
+            let inputs = vec![since_test, was_passed];
+            hidden = self.trees.tree.named_gate(GateKind::Or, &id, &title, inputs);
+        }
+        Some(FaultGroup {
+            lane,
+            needs_shutdown: action.needs_shutdown,
+            begins: gates[0],
+            waits: gates[1],
+            hidden,
+            missed,
+            other_action,
+            wrong_shutdowns,
+        })
     }
 
-    /// The events of every fault of a lane that needs an action.
-    fn faults(&mut self, lane: usize, action: &str) -> Vec<FaultEvents> {
-        let (study, is_tested) = (self.study, self.test.is_some());
-        let mut found: Vec<FaultEvents> = vec![];
-        let mut last = None;
+    /// For every fault of a lane that needs an action its class, and an event for each exposure.
+    fn faults(
+        &mut self,
+        lane: usize,
+        action: &str,
+        exposures: &[(&str, &str, Exposure)],
+    ) -> Vec<(String, Vec<TreeInput>)> {
+        let study = self.study;
+        let (mut found, mut last) = (vec![], None);
         for fault in study.faults.iter().filter(|fault| fault.unit == lane) {
             let class = &study.classes[fault.class];
             // A fault stands in the list once for each intensity.
             if class.command != action || last.replace(&fault.id) == Some(&fault.id) {
                 continue;
             }
-            let rated = RatedFault { id: fault.id.clone(), kind: fault.kind.clone() };
-            let Some(rate) = self.rates.of(&rated) else { continue };
+            let Some(rate) = self.rates.of(&fault.id, &fault.kind) else { continue };
             let value = CountedValue { point: rate.per_h, low: rate.per_h, high: rate.per_h };
-            let (id, words) = (identifier(&fault.id), spoken(&fault.id));
+            let TreeName { id, words } = TreeName::of(&fault.id);
             let evidence =
                 format!("{} line {}: {}", self.rates.path.display(), rate.line, rate.source);
-            self.trees.rates.push(TreeParameter { id: format!("rate-{id}"), value, evidence });
-            let rate = self.trees.rates.len() - 1;
-            let tree = &mut self.trees.tree;
-            let mut failure = |what: &str, how: &str, exposure: Exposure| {
+            let rate = add(&mut self.trees.rates, format!("rate-{id}"), value, evidence);
+            let event = |&(what, how, exposure): &(&str, &str, Exposure)| {
                 let law = EventLaw::Exponential(rate, exposure);
-                tree.event(format!("{id}-{what}"), format!("{words} {how}"), law)
+                self.trees.tree.event(format!("{id}-{what}"), format!("{words} {how}"), law)
             };
-            found.push(FaultEvents {
-                detail: class.detail.clone(),
-                begins: failure("begins", "begins in this flight", Exposure::Flight),
-                waits: failure("waits", "waits for its repair", Exposure::Repair),
-                hidden: failure("hidden", "is there since the last check", Exposure::Check),
-                hidden_since_test: is_tested.then(|| {
-                    let how = "is there since the last test on the ground";
-                    failure("hidden_since_test", how, Exposure::Test)
-                }),
-            });
+            found.push((class.detail.clone(), exposures.iter().map(event).collect()));
         }
         found
     }
 
-    /// The gates of the faults that some answers are for; `None` without such faults.
-    fn fault_gates(
-        &mut self,
-        name: &str,
-        answers: AnswerEvents,
-        faults: &[FaultEvents],
-    ) -> Option<FaultGates> {
-        let (lane_id, lane_words) = self.lane_name(answers.lane);
-        let (id, words) = (identifier(name), spoken(name));
-        let own = |of: fn(&FaultEvents) -> TreeInput| {
-            faults.iter().map(|fault| (fault.detail.clone(), of(fault))).collect::<Vec<_>>()
-        };
-        let mut gate = |what: &str, how: &str, of: fn(&FaultEvents) -> TreeInput| {
-            let title = format!("a fault of {lane_words} that needs '{words}' {how}");
-            self.by_class(&format!("{lane_id}-{id}-{what}"), &title, how, own(of))
-        };
-        let begins = gate("begins", "begins in this flight", |fault| fault.begins)?;
-        let waits = gate("waits", "waits for its repair", |fault| fault.waits)?;
-        let hidden = gate("hidden", "is there since the last check", |fault| fault.hidden)?;
-        let since_test = answers.passed.and_then(|passed| {
-            let how = "is there since the last test on the ground";
-            let of = |fault: &FaultEvents| fault.hidden_since_test.unwrap_or(fault.hidden);
-            Some((passed, gate("hidden_since_test", how, of)?))
-        });
-        let hidden = since_test.map_or(hidden, |(passed, since_test)| {
-            let id = format!("{lane_id}-{id}-hidden");
-            let title = "a fault was there at the last test on the ground, which passed it";
-            let was_passed = self.both(&format!("{id}-passed"), title, hidden, passed);
-            let title = format!("a fault of {lane_words} that needs '{words}' is hidden");
-            let inputs = vec![since_test, was_passed];
-            self.trees.tree.named_gate(GateKind::Or, &format!("{id}-now"), &title, inputs)
-        });
-        Some(FaultGates { begins, waits, hidden, answers })
-    }
-
     /// For every lane: a false alarm shuts it down in this flight, or has done so and waits for its repair.
     fn false_alarms(&mut self) -> Vec<[TreeInput; 2]> {
-        let (value, evidence) = false_shutdowns_per_h(self.metrics, self.lanes(), self.confidence);
-        self.trees.rates.push(TreeParameter { id: "rate-false_shutdown".into(), value, evidence });
-        let rate = self.trees.rates.len() - 1;
-        let names: Vec<_> = (0..self.lanes()).map(|lane| self.lane_name(lane)).collect();
+        let (value, evidence) =
+            self.flights.false_shutdowns_per_h(self.names.len(), self.confidence);
+        let rate = add(&mut self.trees.rates, "rate-false_shutdown".into(), value, evidence);
         let tree = &mut self.trees.tree;
         let mut event = |id: &str, what: &str, words: String, exposure: Exposure| {
             tree.event(format!("{id}-{what}"), words, EventLaw::Exponential(rate, exposure))
         };
-        let mut of_lane = |(id, words): (String, String)| {
+        let mut of_lane = |TreeName { id, words }: &TreeName| {
             let now = format!("a false alarm shuts {words} down in this flight");
             let before = format!("{words} waits for its release after a false alarm");
             [
-                event(&id, "false_shutdown-begins", now, Exposure::Flight),
-                event(&id, "false_shutdown-waits", before, Exposure::Repair),
+                event(id, "false_shutdown-begins", now, Exposure::Flight),
+                event(id, "false_shutdown-waits", before, Exposure::Repair),
             ]
         };
-        names.into_iter().map(&mut of_lane).collect()
+        self.names.iter().map(&mut of_lane).collect()
     }
 
     fn or(&mut self, id: &str, title: &str, inputs: Vec<TreeInput>) -> Option<TreeInput> {
@@ -415,33 +392,33 @@ impl TreeGrower<'_> {
         id: &str,
         title: &str,
         how: &str,
-        events: Vec<(String, TreeInput)>,
+        events: &[(&str, TreeInput)],
     ) -> Option<TreeInput> {
-        let mut details: Vec<String> = vec![];
-        for (detail, _) in &events {
-            if !details.contains(detail) {
-                details.push(detail.clone());
+        let mut details: Vec<&str> = vec![];
+        for &(detail, _) in events {
+            if !details.contains(&detail) {
+                details.push(detail);
             }
         }
         let mut gates = vec![];
         for detail in details {
             let own = events.iter().filter(|(of, _)| *of == detail).map(|(_, event)| *event);
             let own: Vec<TreeInput> = own.collect();
-            let own_id = format!("{id}-{}", identifier(&detail));
-            gates.extend(self.folded(&own_id, &format!("{}: {how}", spoken(&detail)), own));
+            let own_id = format!("{id}-{}", identifier(detail));
+            gates.extend(self.folded(&own_id, &format!("{}: {how}", spoken(detail)), own));
         }
         self.or(id, title, gates)
     }
 
-    fn lane(&mut self, lane: usize, gates: &[FaultGates], alarms: &[[TreeInput; 2]]) -> LaneGates {
-        let (id, words) = self.lane_name(lane);
-        let own = gates.iter().filter(|of| of.answers.lane == lane && of.answers.needs_shutdown);
+    fn lane(&mut self, lane: usize, groups: &[FaultGroup], alarms: &[[TreeInput; 2]]) -> LaneGates {
+        let TreeName { id, words } = self.names[lane].clone();
+        let own = groups.iter().filter(|of| of.lane == lane && of.needs_shutdown);
         let (mut now, mut before) = (vec![], vec![]);
         for (place, of) in own.enumerate() {
             now.push(of.begins);
             let title = format!("a hidden fault of {words} was missed");
             let both_id = format!("{id}-missed-{}", place + 1);
-            let hidden = self.both(&both_id, &title, of.hidden, of.answers.missed);
+            let hidden = self.both(&both_id, &title, of.hidden, of.missed);
             before.extend([of.waits, hidden]);
         }
         let title = format!("a fault that needs a shutdown begins in {words}");
@@ -450,10 +427,10 @@ impl TreeGrower<'_> {
         let physical_before = self.or(&format!("{id}-failed"), &title, before);
         let [false_now, false_before] = alarms[lane];
         let title = format!("{words} is shut down without need in this flight");
-        let pairs = needless(lane, gates, |of| of.begins);
+        let pairs = needless(lane, groups, |of| of.begins);
         let commanded_now = self.commanded(&format!("{id}-is_shut_down"), &title, pairs, false_now);
         let title = format!("{words} was shut down without need before the flight");
-        let pairs = needless(lane, gates, |of| of.waits);
+        let pairs = needless(lane, groups, |of| of.waits);
         let commanded_before =
             self.commanded(&format!("{id}-was_shut_down"), &title, pairs, false_before);
         let some = |list: [Option<TreeInput>; 2]| list.into_iter().flatten().collect::<Vec<_>>();
@@ -495,7 +472,7 @@ impl TreeGrower<'_> {
         self.trees.tree.named_gate(GateKind::Or, id, title, inputs)
     }
 
-    fn tops(&mut self, lanes: &[LaneGates], gates: &[FaultGates]) {
+    fn tops(&mut self, lanes: &[LaneGates], groups: &[FaultGroup]) {
         let lost: Vec<TreeInput> = lanes.iter().filter_map(|lane| lane.lost_now).collect();
         let title = match lanes.len() {
             1 => "Loss of the only lane in a flight",
@@ -510,7 +487,7 @@ impl TreeGrower<'_> {
             count => self.loss_of_all(lanes, count),
         }
         let mut undetected = vec![];
-        for (place, of) in gates.iter().enumerate() {
+        for (place, of) in groups.iter().enumerate() {
             let present = self.trees.tree.named_gate(
                 GateKind::Or,
                 &format!("present-{}", place + 1),
@@ -519,7 +496,7 @@ impl TreeGrower<'_> {
             );
             let both_id = format!("undetected-{}", place + 1);
             let title = "a fault is there and missed";
-            undetected.push(self.both(&both_id, title, present, of.answers.missed));
+            undetected.push(self.both(&both_id, title, present, of.missed));
         }
         let title = "A fault without its action in a flight: undetected degradation";
         self.top("undetected_degradation", title, undetected, false);
@@ -538,7 +515,7 @@ impl TreeGrower<'_> {
             .flatten();
         let mut ways = vec![];
         for (last, lane) in lanes.iter().enumerate() {
-            let (id, words) = self.lane_name(last);
+            let TreeName { id, words } = self.names[last].clone();
             let others = lanes.iter().enumerate().filter(|(other, _)| *other != last);
             let others = others.filter_map(|(_, other)| other.lost_ever);
             let inputs: Vec<TreeInput> =

@@ -138,20 +138,27 @@ impl FaultTree {
         }
     }
 
-    /// The basic events below an input, ascending.
-    pub(crate) fn events_below(&self, input: TreeInput) -> Vec<usize> {
-        let (mut found, mut seen) = (vec![false; self.events.len()], vec![false; self.gates.len()]);
-        let mut open = vec![input];
+    /// The gates and the basic events below some inputs, with these, ascending.
+    pub(crate) fn below(&self, inputs: impl Iterator<Item = TreeInput>) -> [Vec<usize>; 2] {
+        let (mut events, mut gates) =
+            (vec![false; self.events.len()], vec![false; self.gates.len()]);
+        let mut open: Vec<TreeInput> = inputs.collect();
         while let Some(next) = open.pop() {
             match next {
-                TreeInput::Event(event) => found[event] = true,
-                TreeInput::Gate(gate) if !seen[gate] => {
-                    seen[gate] = true;
+                TreeInput::Event(event) => events[event] = true,
+                TreeInput::Gate(gate) if !gates[gate] => {
+                    gates[gate] = true;
                     open.extend(&self.gates[gate].inputs);
                 }
                 TreeInput::Gate(_) => {}
             }
         }
-        (0..found.len()).filter(|&event| found[event]).collect()
+        [gates, events].map(|of| (0..of.len()).filter(|&at| of[at]).collect())
+    }
+
+    /// The basic events below an input, ascending.
+    pub(crate) fn events_below(&self, input: TreeInput) -> Vec<usize> {
+        let [_, events] = self.below(std::iter::once(input));
+        events
     }
 }

@@ -1,15 +1,13 @@
 //! The fault trees of studies: their numbers, cut sets, documents and figures.
 
 use super::brute_force;
-use serde_json::json;
-use servotwin::flight::judge::FlightMetrics;
-use servotwin::flight::outcome::{FlightOutcome, Word};
+use servotwin::flight::outcome::{FirstAction, FlightOutcome, Word};
 use servotwin::study::Study;
-use servotwin_safety::ground_test::GroundTest;
+use servotwin_safety::counts::JudgedFlights;
 use servotwin_safety::interval::CountedValue;
-use servotwin_safety::rates::{FailureRate, FailureRates};
+use servotwin_safety::rates::{FailureRate, FailureRates, rated_faults};
 use servotwin_safety::tree::decision_diagram::DecisionDiagram;
-use servotwin_safety::tree::lanes::{LaneTrees, lane_trees, rated_faults};
+use servotwin_safety::tree::lanes::{LaneTrees, lane_trees};
 use servotwin_safety::tree::numbers::{BandEnd, ExposureHours, evaluate, event_probabilities};
 use servotwin_safety::tree::structure::TreeInput;
 use servotwin_safety::tree::{drawing, exchange};
@@ -28,32 +26,27 @@ fn class(detail: &str, action: &str, fault: &str) -> String {
 }
 
 /// Flights with so many isolated of so many flown, with the other counts beside them.
-fn metrics(classes: &[(&str, u64, u64, u64, u64)], shutdowns: u64, hours: f64) -> FlightMetrics {
-    let rate = |count: u64, of: u64| json!({"count": count, "of": of, "share": null, "low": 0.0, "high": 1.0, "by_kind": null});
-    let class = |&(command, flown, isolated, other, wrong): &(&str, u64, u64, u64, u64)| {
-        json!({
-            "command": command, "intensities": [0.1, 1.0], "flown": flown,
-            "rates": {
-                "visible": rate(flown, flown), "right_action_of_all": rate(isolated, flown),
-                "other_action": rate(other, flown), "wrong_shutdown": rate(wrong, flown), "silent": rate(0, flown),
+fn flights(
+    actions: &[(&str, usize, usize, usize, usize)],
+    shutdowns: u64,
+    hours: f64,
+) -> JudgedFlights {
+    let mut faults = vec![];
+    for &(action, flown, isolated, other, wrong) in actions {
+        faults.extend((0..flown).map(|place| FlightOutcome {
+            action: action.into(),
+            intensity: 1.0,
+            visible_s: Some(0.1),
+            first: match place {
+                _ if place < isolated => FirstAction::Right,
+                _ if place < isolated + other => FirstAction::OtherAction,
+                _ => FirstAction::OtherActuator,
             },
-            "detection": null, "isolation": null, "isolation_since_visible": null,
-        })
-    };
-    let healthy = json!({
-        "hours": hours, "alarms": shutdowns, "shutdowns": shutdowns, "alarms_per_h": 0.0, "alarms_per_h_upper": 1.0,
-        "visible_by_chance": 0, "flights": [0, 0],
-        "environments": {"flown": 0, "with_alarm": 0, "share_upper": 1.0},
-        "shutdown_environments": {"flown": 0, "with_alarm": 0, "share_upper": 1.0},
-    });
-    let text = json!({
-        "suite": "judge", "scenario": "noise", "missing": "", "flights": 1, "failed": 0,
-        "limit_s": 1.0, "rates": {},
-        "classes": classes.iter().map(class).collect::<Vec<_>>(), "strong_classes": [], "kinds": [], "onsets": [],
-        "healthy": healthy,
-        "wrong_kinds": [],
-    });
-    serde_json::from_value(text).unwrap()
+            shutdown_healthy: place < wrong,
+            ..FlightOutcome::default()
+        }));
+    }
+    JudgedFlights { title: "noise".into(), faults, healthy: (hours, shutdowns), passed: None }
 }
 
 fn rates(list: &[(&str, f64)]) -> FailureRates {
@@ -71,8 +64,8 @@ const VALVE: &str = "servo_valve.bias_positive";
 fn two_lanes() -> LaneTrees {
     let study = study(&class("valve", "shut_down", VALVE));
     // Coarse numbers, so that every kind of event matters.
-    let metrics = metrics(&[("shut_down", 20, 15, 2, 3)], 1, 30.0);
-    lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap()
+    let flights = flights(&[("shut_down", 20, 15, 2, 3)], 1, 30.0);
+    lane_trees(&study, &flights, &rates(&[(VALVE, 0.01)])).unwrap()
 }
 
 #[test]
@@ -155,10 +148,10 @@ fn one_lane_by_hand() {
 #[test]
 fn bands_hold_the_estimate_and_shrink_with_more_flights() {
     let study = study(&class("valve", "shut_down", VALVE));
-    let width = |times: u64| {
+    let width = |times: usize| {
         let classes = [("shut_down", 20 * times, 15 * times, 2 * times, times)];
-        let metrics = metrics(&classes, times, 30.0 * times as f64);
-        let trees = lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap();
+        let flights = flights(&classes, times as u64, 30.0 * times as f64);
+        let trees = lane_trees(&study, &flights, &rates(&[(VALVE, 0.01)])).unwrap();
         let top = &evaluate(&trees, &HOURS)[1];
         let band = top.probability;
         assert!(band.low < band.point && band.point < band.high, "{band:?}");
@@ -171,22 +164,28 @@ fn bands_hold_the_estimate_and_shrink_with_more_flights() {
 #[test]
 fn a_test_on_the_ground_ends_what_it_finds_and_nothing_else() {
     let study = study(&class("valve", "shut_down", VALVE));
-    let metrics = metrics(&[("shut_down", 200, 150, 20, 1)], 1, 300.0);
-    let outcome = |word: Word| FlightOutcome {
-        event: format!("actuator_1.{VALVE}"),
-        action: "shut_down".into(),
-        onset_s: Some(0.0),
-        is_finished: true,
-        word,
-        ..FlightOutcome::default()
-    };
-    let hidden = vec![outcome(Word::Healthy); 10];
+    let flights = flights(&[("shut_down", 200, 150, 20, 1)], 1, 300.0);
+    let mut flights = flights;
+    // Ten faults are hidden in flight; the others have another name and are not tested.
+    flights.faults.iter_mut().for_each(|row| row.event = "another fault".into());
+    for hidden in &mut flights.faults[150..160] {
+        hidden.event = VALVE.into();
+        hidden.first = FirstAction::None;
+    }
     let undetected = |found: usize, hours: ExposureHours| {
-        let tests =
-            (0..10).map(|k| outcome(if k < found { Word::Actuator } else { Word::Healthy }));
-        let test = GroundTest::count(&hidden, &tests.collect::<Vec<_>>());
-        let test = hours.test_h.map(|_| &test);
-        let trees = lane_trees(&study, &metrics, &rates(&[(VALVE, 0.01)]), test).unwrap();
+        let test = |place| FlightOutcome {
+            event: VALVE.into(),
+            intensity: 1.0,
+            is_finished: true,
+            word: if place < found { Word::Actuator } else { Word::Healthy },
+            ..FlightOutcome::default()
+        };
+        let tests: Vec<FlightOutcome> = (0..10).map(test).collect();
+        let flights = match hours.test_h {
+            Some(_) => flights.clone().with_tests(&tests),
+            None => flights.clone(),
+        };
+        let trees = lane_trees(&study, &flights, &rates(&[(VALVE, 0.01)])).unwrap();
         let top = evaluate(&trees, &hours).pop().unwrap();
         assert_eq!(top.id, "undetected_degradation");
         [top.probability.point, top.mean_probability.point]
@@ -210,8 +209,8 @@ fn the_only_lane_of_a_machine_has_no_tree_for_both() {
     let study = Study::parse(servotwin::built_in::STUDIES[2].1, "press_axis").unwrap();
     let faults = rated_faults(&study);
     let list: Vec<(&str, f64)> = faults.iter().map(|fault| (fault.id.as_str(), 1e-6)).collect();
-    let metrics = metrics(&[("stop", 64, 60, 1, 0), ("maintenance", 40, 38, 1, 0)], 0, 2.0);
-    let trees = lane_trees(&study, &metrics, &rates(&list), None).unwrap();
+    let flights = flights(&[("stop", 64, 60, 1, 0), ("maintenance", 40, 38, 1, 0)], 0, 2.0);
+    let trees = lane_trees(&study, &flights, &rates(&list)).unwrap();
     let tops = evaluate(&trees, &HOURS);
     let ids: Vec<&str> = tops.iter().map(|top| top.id.as_str()).collect();
     assert_eq!(ids, ["loss_of_one_lane", "undetected_degradation"]);
@@ -229,11 +228,11 @@ fn the_trees_of_the_aileron_are_read_on_two_screens() {
     let study = Study::default();
     let faults = rated_faults(&study);
     let list: Vec<(&str, f64)> = faults.iter().map(|fault| (fault.id.as_str(), 1e-7)).collect();
-    let classes: Vec<(String, u64, u64, u64, u64)> =
+    let classes: Vec<(String, usize, usize, usize, usize)> =
         study.commands().into_iter().map(|action| (action, 300, 240, 3, 0)).collect();
     let classes: Vec<_> =
         classes.iter().map(|(action, a, b, c, d)| (action.as_str(), *a, *b, *c, *d)).collect();
-    let trees = lane_trees(&study, &metrics(&classes, 0, 3.6), &rates(&list), None).unwrap();
+    let trees = lane_trees(&study, &flights(&classes, 0, 3.6), &rates(&list)).unwrap();
     for top in &trees.tree.tops {
         let figure = drawing::draw(&trees, &HOURS, top.gate);
         let id = &trees.tree.gates[top.gate].id;
@@ -249,8 +248,8 @@ fn the_trees_of_the_aileron_are_read_on_two_screens() {
 fn a_fault_without_a_rate_and_a_study_without_a_shutdown_are_refused() {
     let classes = class("valve", "shut_down", VALVE)
         + &class("sensor", "change_mode", "sensor_ram.bias_positive");
-    let metrics = metrics(&[], 0, 1.0);
-    let error = lane_trees(&study(&classes), &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap_err();
+    let flights = flights(&[], 0, 1.0);
+    let error = lane_trees(&study(&classes), &flights, &rates(&[(VALVE, 0.01)])).unwrap_err();
     let error = error.to_string();
     assert!(
         error.starts_with(
@@ -260,15 +259,14 @@ fn a_fault_without_a_rate_and_a_study_without_a_shutdown_are_refused() {
     );
     let text = format!("{HEAD}{}", class("valve", "shut_down", VALVE));
     let without = Study::parse(&text, "tiny.toml").unwrap();
-    let error =
-        lane_trees(&without, &metrics, &rates(&[(VALVE, 0.01)]), None).unwrap_err().to_string();
+    let error = lane_trees(&without, &flights, &rates(&[(VALVE, 0.01)])).unwrap_err().to_string();
     assert!(error.contains("no action switches an actuator off"), "{error}");
 }
 
 #[test]
 fn an_action_that_was_not_flown_is_missed_for_certain_or_not_at_all() {
     let study = study(&class("valve", "shut_down", VALVE));
-    let trees = lane_trees(&study, &metrics(&[], 0, 1.0), &rates(&[(VALVE, 0.01)]), None).unwrap();
+    let trees = lane_trees(&study, &flights(&[], 0, 1.0), &rates(&[(VALVE, 0.01)])).unwrap();
     let missed = trees.constants.iter().find(|constant| constant.id == "missed-shut_down").unwrap();
     assert_eq!(missed.value, CountedValue { point: 1.0, low: 0.0, high: 1.0 });
     assert!(missed.evidence.contains("not flown"), "{}", missed.evidence);

@@ -134,7 +134,7 @@ impl EffectFlyer<'_> {
             needed: Needed::Nothing,
             ..truth.run
         };
-        Truth { run, at_fault: unit.into_iter().collect(), misinformed: vec![] }
+        Truth { run, at_fault: unit.into_iter().collect(), ..Truth::default() }
     }
 
     fn outcome(&self, run: &Run, healthy: &(Environment, FlightRecord)) -> FlightOutcome {
@@ -142,7 +142,7 @@ impl EffectFlyer<'_> {
         let known = truth.run_watched_by(self.diagnoser);
         let (environment, healthy) = healthy;
         let onset = truth.first_sample(self.diagnoser.period_s);
-        let mut watch = SessionWatch::new(self.diagnoser, onset);
+        let mut watch = SessionWatch::new(self.diagnoser, &truth, onset);
         let take = |index: u64, session: &Session| watch.take(index, session, &truth);
         let Ok(reacting) = self.fly(environment, run, true, take) else { return known };
         let outcome = watch.outcome(known.clone(), self.diagnoser, &truth);

@@ -14,6 +14,7 @@
 //! - `effects`: runs of a suite in closed loop, and what their faults do to the flight
 //! - [`outcome`]: what was flown and what a diagnosis did, a row for each flight; `watched` fills it
 //! - [`judge`]: latency, certainty and errors of the diagnosis, counted from outcomes
+//! - [`margin`]: how far a flight is from an error
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //! - [`unseen_faults`]: the response to faults outside the training data
 
@@ -23,6 +24,7 @@ pub mod cost;
 mod effects;
 mod evidence;
 pub mod judge;
+pub mod margin;
 pub mod measure;
 pub mod outcome;
 pub mod runtime;

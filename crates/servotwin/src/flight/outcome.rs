@@ -143,6 +143,11 @@ outcome! {
     shutdown_evidence: f64, DIMENSIONLESS;
     /// The same in windows of baseline-corrected residuals.
     corrected_shutdown_evidence: f64, DIMENSIONLESS;
+    /// What a search chose of the flight: the number from which specimen and noise follow, then the place of each
+    /// number of the search in its range, or its choice; empty for other flights.
+    point: String, "";
+    /// The distance to the error that the search looks for, at most 0 for an error; of a transient minus the departure, SI.
+    margin: Option<f64>, DIMENSIONLESS;
     /// The actuators that the flight control computer switched off, separated by commas; `all` for the only one.
     /// Empty in open loop, of which nothing below is known either.
     switched_off: String, "";
@@ -181,7 +186,7 @@ impl FlightOutcome {
     }
 
     /// Whether the first action was right and the fault was visible.
-    pub(crate) fn is_isolated(&self) -> bool {
+    pub fn is_isolated(&self) -> bool {
         self.first == FirstAction::Right && self.visible_s.is_some()
     }
 
@@ -202,6 +207,11 @@ impl FlightOutcome {
             FirstAction::None => self.needed == Needed::Nothing,
             first => first == FirstAction::Right,
         }
+    }
+
+    /// Whether a healthy actuator with right boundary sensors was shut down at any time.
+    pub fn shuts_down_healthy(&self) -> bool {
+        self.shutdown_healthy || self.early_shutdowns > 0
     }
 
     /// The largest evidence for a shutdown in windows of any kind.

@@ -2,6 +2,7 @@
 
 use super::effects;
 use super::evidence::EvidencePeak;
+use super::margin::{MarginWatch, SearchObjective};
 use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
 use super::unseen_faults::{self, Touched};
 use crate::campaign::columns::HEALTHY;
@@ -33,6 +34,8 @@ pub(super) struct Truth {
     pub at_fault: Vec<usize>,
     /// Healthy actuators whose twin reads a wrong boundary sensor.
     pub misinformed: Vec<usize>,
+    /// What a search looks for that chose the flight.
+    pub objective: Option<SearchObjective>,
 }
 
 impl Truth {
@@ -58,7 +61,7 @@ impl Truth {
             ..FlightOutcome::default()
         };
         let at_fault = fault.map(|fault| fault.unit).into_iter().collect();
-        Truth { run, at_fault, misinformed: vec![] }
+        Truth { run, at_fault, ..Truth::default() }
     }
 
     /// What is known of the flight before it is flown, watched by a diagnoser.
@@ -184,7 +187,8 @@ struct FlightWatch {
 impl FlightWatch {
     fn new(watching: &[Watching], truth: Truth, touched: Option<Touched>, period_s: f64) -> Self {
         let onset = truth.first_sample(period_s);
-        let diagnoses = watching.iter().map(|own| Diagnosis::new(own.clone(), onset)).collect();
+        let watched = |own: &Watching| Diagnosis::new(own.clone(), &truth, onset);
+        let diagnoses = watching.iter().map(watched).collect();
         FlightWatch { diagnoses, truth, touched }
     }
 
@@ -215,6 +219,14 @@ impl Observer for FlightWatch {
             own.take(index, (inputs, measured, twin), truth);
         }
     }
+
+    fn track(&mut self, index: usize, plant: &[f64], twin: &[f64]) {
+        for Diagnosis { watch, .. } in &mut self.diagnoses {
+            if let Some(margin) = &mut watch.margin {
+                margin.track(index as u64, &watch.log.raised, plant, twin);
+            }
+        }
+    }
 }
 
 /// A session with what is kept of it.
@@ -227,8 +239,8 @@ struct Diagnosis {
 }
 
 impl Diagnosis {
-    fn new(Watching { session, missing }: Watching, onset: u64) -> Self {
-        let watch = SessionWatch::new(session.diagnoser(), onset);
+    fn new(Watching { session, missing }: Watching, truth: &Truth, onset: u64) -> Self {
+        let watch = SessionWatch::new(session.diagnoser(), truth, onset);
         Diagnosis { session, missing, measured: vec![], watch }
     }
 
@@ -270,10 +282,12 @@ pub(super) struct SessionWatch {
     of_shutdown: EvidencePeak,
     word: Word,
     first_word: Option<u64>,
+    margin: Option<MarginWatch>,
 }
 
 impl SessionWatch {
-    pub(crate) fn new(diagnoser: &Diagnoser, onset: u64) -> Self {
+    /// For a fault that begins at the sample `onset`.
+    pub(crate) fn new(diagnoser: &Diagnoser, truth: &Truth, onset: u64) -> Self {
         let switches_off = diagnoser.tuning.switches_off(diagnoser.names());
         SessionWatch {
             out_of_bands: OutOfBands::new(diagnoser.lengths.len(), onset),
@@ -284,6 +298,9 @@ impl SessionWatch {
             log: RaisedLog::default(),
             word: Word::Healthy,
             first_word: None,
+            margin: truth.objective.map(|objective| {
+                MarginWatch::new(objective, diagnoser, (truth.at_fault.first().copied(), onset))
+            }),
         }
     }
 
@@ -299,6 +316,9 @@ impl SessionWatch {
         self.out_of_bands.look(index, session);
         self.of_any.take(session);
         self.of_shutdown.take(session);
+        if let Some(margin) = &mut self.margin {
+            margin.take(index, session);
+        }
     }
 
     /// The outcome of a finished run, which was watched by a diagnoser.
@@ -337,7 +357,7 @@ impl SessionWatch {
                 lengths.filter(|(length, _)| length.baseline_corrected.is_some() == is_corrected);
             own.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
         };
-        FlightOutcome {
+        let outcome = FlightOutcome {
             visible_s: self.out_of_bands.seen.map(after),
             visible_by_chance: self.out_of_bands.by_chance,
             first,
@@ -360,7 +380,10 @@ impl SessionWatch {
             corrected_shutdown_evidence: evidence(true),
             is_finished: true,
             ..run
-        }
+        };
+        let margin = self.margin.as_ref();
+        let margin = margin.map(|own| own.margin(&outcome, &self.log.raised, period_s));
+        FlightOutcome { margin, ..outcome }
     }
 
     /// Whether an action is right after the onset.

@@ -17,6 +17,7 @@ pub mod run;
 pub mod sealed;
 mod subject;
 pub mod tasks;
+pub mod worst_case;
 
 pub use error::JobError;
 pub use folder::{Folder, Kept};

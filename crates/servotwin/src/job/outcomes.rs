@@ -100,7 +100,7 @@ pub struct FlownSuite {
 }
 
 impl FlownSuite {
-    fn new(
+    pub(super) fn new(
         folder: &Folder,
         (study, is_full): (&Study, bool),
         suite: &Suite,
@@ -143,7 +143,7 @@ impl FlownSuite {
     }
 
     /// What determines the runs.
-    fn origin(&self) -> [(&'static str, String); 8] {
+    pub(super) fn origin(&self) -> [(&'static str, String); 8] {
         let FlownSuite { suite, scenario, seed, runs, basis, .. } = self;
         [
             ("suite", suite.clone()),
@@ -163,6 +163,15 @@ impl FlownSuite {
         });
         let all = self.origin().into_iter().chain(calibration);
         all.map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(super) fn write(&self, path: &Path) -> Result<(), JobError> {
+        let written = table::write(path, &self.to_table());
+        written.map_err(|error| JobError::Outcomes { path: path.into(), error })
     }
 
     fn to_table(&self) -> Table {
@@ -321,8 +330,7 @@ pub fn fly(
     let parts = FlownParts::new(folder, (study, is_full), suite, scenario)?;
     parts.fly(&parts.files.all(), crew)?;
     let joined = parts.joined()?;
-    let path = folder.outcomes(&suite.name, scenario.name());
-    table::write(&path, &joined.to_table()).map_err(|error| JobError::Outcomes { path, error })?;
+    joined.write(&folder.outcomes(&suite.name, scenario.name()))?;
     Ok(joined)
 }
 

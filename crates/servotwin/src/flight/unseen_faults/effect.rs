@@ -8,46 +8,52 @@ use crate::study::Study;
 use crate::study::faults::full_name;
 use crate::study::flights::Environment;
 use crate::system::imperfection::Imperfection;
+use EffectKind::{
+    Drift, Fault, Grows, InputTimes, Missing, Noise, Pulses, Swing, Times, TwinFrozen,
+    TwinImpossible, TwinLate, TwinMissing, TwinOff, Value, Weather,
+};
+use serde::Deserialize;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::f64::consts::TAU;
 
-/// One effect. Names of parameters, faults and inputs omit the unit's name.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Effect {
-    /// A fault of the catalogue at an intensity.
-    Fault(&'static str, f64),
+/// What an effect does to what it changes, and what its size is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum EffectKind {
+    /// A fault of the catalogue; its intensity.
+    Fault,
     /// The same, present and absent for [`PULSE_S`] in turn: shorter than in training.
-    Pulses(&'static str, f64),
+    Pulses,
     /// The same, growing from nothing within [`GROWTH_S`]: slower than in training.
-    Grows(&'static str, f64),
-    /// Sets a parameter to a value.
-    Value(&'static str, f64),
-    /// Multiplies a parameter by a factor.
-    Times(&'static str, f64),
-    /// Lets a parameter grow at a rate per second.
-    Drift(&'static str, f64),
-    /// Lets a parameter oscillate with an amplitude, at [`SWING_HZ`].
-    Swing(&'static str, f64),
+    Grows,
+    /// A parameter has another value.
+    Value,
+    /// A parameter is multiplied by a factor.
+    Times,
+    /// A parameter grows at a rate per second.
+    Drift,
+    /// A parameter oscillates with an amplitude, at [`SWING_HZ`].
+    Swing,
     /// A sensor has no reading.
-    Missing(Quantity),
-    /// Multiplies a sensor's noise by a factor.
-    Noise(Quantity, f64),
-    /// Multiplies an input by a factor, for the plant and the twin.
-    InputTimes(&'static str, f64),
-    /// Sets a parameter of the environment during the whole flight, for the plant and the twin.
-    Weather(&'static str, f64),
+    Missing,
+    /// A sensor's noise is multiplied by a factor.
+    Noise,
+    /// An input is multiplied by a factor, for the plant and the twin.
+    InputTimes,
+    /// A parameter of the environment has another value during the whole flight, for the plant and the twin.
+    Weather,
     /// The twin's input freezes at its value.
-    ToldFrozen(&'static str),
+    TwinFrozen,
     /// The twin's input is missing.
-    ToldMissing(&'static str),
+    TwinMissing,
     /// The twin's input has an impossible value.
-    ToldTooLarge(&'static str),
+    TwinImpossible,
     /// The twin's input is wrong by a fraction.
-    ToldOff(&'static str, f64),
+    TwinOff,
     /// The twin's input arrives late by a time, s.
-    ToldLate(&'static str, f64),
+    TwinLate,
 }
 
 /// Frequency of oscillations, Hz.
@@ -65,60 +71,43 @@ const TOO_LARGE: f64 = 1e9;
 
 /// The units that an effect applies to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Who {
+pub(crate) enum Who {
     /// The unit at fault.
     Own,
     /// The next unit, which is then also at fault.
     Other,
     /// All units, none of which is at fault.
-    Whole,
+    All,
 }
 
-/// An effect with the units it applies to.
-pub(crate) type On = (Who, Effect);
-
-/// An effect on the unit at fault.
-pub(crate) fn own(effect: Effect) -> On {
-    (Who::Own, effect)
-}
-
-/// An effect on the next unit, which is then also at fault.
-pub(crate) fn other(effect: Effect) -> On {
-    (Who::Other, effect)
-}
-
-/// An effect on all units.
-pub(crate) fn whole(effect: Effect) -> On {
-    (Who::Whole, effect)
-}
-
-/// A change of a reading or an input on its way to the diagnosis.
+/// One effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Touch {
-    /// The reading is missing.
-    Reading(usize),
-    /// A reading has additional noise with this standard deviation.
-    Noisy(usize, f64),
-    /// The input has another value.
-    Input(usize, f64),
+pub(crate) struct Effect {
+    /// The units that it applies to.
+    pub who: Who,
+    /// What it does.
+    pub kind: EffectKind,
+    /// What it changes: a fault, parameter or input without the unit's name, or the quantity of a sensor.
+    pub of: &'static str,
+    /// Its size.
+    pub size: f64,
 }
 
-/// An effect on a specific system, with names resolved.
-#[derive(Clone, Debug)]
-enum Change {
-    /// A fault at its largest intensity, with the effect that describes how it develops.
-    Fault(FaultAt, Effect),
-    /// A parameter, changed depending on its value and the time since the onset.
-    Parameter(usize, usize, Effect),
-    Touch(Touch),
-    /// An input, and whether the change applies to the plant and to the twin.
-    Input {
-        input: usize,
-        effect: Effect,
-        in_plant: bool,
-        in_twin: bool,
-    },
-    Weather(usize, usize, f64),
+/// An effect on a unit, with what it changes.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    kind: EffectKind,
+    size: f64,
+    place: Place,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    Fault(FaultAt),
+    /// A component and its parameter.
+    Parameter(usize, usize),
+    Sensor(usize),
+    Input(usize),
 }
 
 /// All changes of an unseen fault in a flight.
@@ -133,39 +122,34 @@ pub(crate) struct Changes {
 
 impl Changes {
     /// Resolves effects on a unit; `None` if the study lacks one of the names.
-    pub(crate) fn new(study: &Study, unit: usize, effects: &[On]) -> Option<Self> {
+    pub(crate) fn new(
+        study: &Study,
+        unit: usize,
+        effects: impl Iterator<Item = Effect>,
+    ) -> Option<Self> {
         let units = study.units.len();
         let mut changes = Changes::default();
-        for &(who, effect) in effects {
-            let of: Vec<usize> = match who {
+        for effect in effects {
+            let of: Vec<usize> = match effect.who {
                 Who::Own => vec![unit],
                 Who::Other if units > 1 => vec![(unit + 1) % units],
                 Who::Other => return None,
-                Who::Whole => (0..units).collect(),
+                Who::All => (0..units).collect(),
             };
             for &unit in &of {
-                changes.list.extend(resolved(study, unit, effect)?);
+                changes.list.push(resolved(study, unit, effect)?);
             }
-            if who == Who::Whole {
-                continue;
-            }
-            match effect.misinforms() {
-                Some(input) => changes.misinformed.extend(readers(study, unit, input)),
-                None => changes.at_fault.extend(of),
+            match effect.who {
+                Who::All => (),
+                _ if effect.kind.is_of_twin() => {
+                    changes.misinformed.extend(readers(study, unit, effect.of));
+                }
+                _ => changes.at_fault.extend(of),
             }
         }
         let Changes { at_fault, misinformed, .. } = &mut changes;
         misinformed.retain(|unit| !at_fault.contains(unit));
         Some(changes)
-    }
-
-    /// The changes of readings and inputs on their way to the diagnosis, from the onset on.
-    pub(crate) fn touches(&self) -> Vec<Touch> {
-        let touch = |change: &Change| match change {
-            Change::Touch(touch) => Some(*touch),
-            _ => None,
-        };
-        self.list.iter().filter_map(touch).collect()
     }
 
     /// The environment of the plant and of the twin; `None` if unchanged.
@@ -175,27 +159,24 @@ impl Changes {
         flight: &Run,
         period_s: f64,
     ) -> [Option<Environment>; 2] {
-        let one = |is_of: &dyn Fn(bool, bool) -> bool| {
+        let one = |is_twin: bool| {
             let (mut environment, mut is_changed) = (was.clone(), false);
-            for change in &self.list {
-                match *change {
-                    Change::Weather(component, parameter, value) => {
-                        environment.parameters.push((component, parameter, value));
-                        is_changed = true;
+            for &Change { kind, size, place } in &self.list {
+                match place {
+                    Place::Parameter(component, parameter) if kind == Weather => {
+                        environment.parameters.push((component, parameter, size));
                     }
-                    Change::Input { input, effect, in_plant, in_twin }
-                        if is_of(in_plant, in_twin) =>
-                    {
+                    Place::Input(input) if is_twin || !kind.is_of_twin() => {
                         let signal = &environment.inputs[input];
-                        environment.inputs[input] = altered(signal, effect, flight, period_s);
-                        is_changed = true;
+                        environment.inputs[input] = altered(signal, (kind, size), flight, period_s);
                     }
-                    _ => (),
+                    _ => continue,
                 }
+                is_changed = true;
             }
             is_changed.then_some(environment)
         };
-        [one(&|plant, _| plant), one(&|_, twin| twin)]
+        [false, true].map(one)
     }
 
     /// Faults and parameter changes from the onset on. `overrides` are those of the variant.
@@ -205,68 +186,59 @@ impl Changes {
         flight: &Run,
         overrides: &[(usize, usize, f64)],
     ) -> Vec<Later> {
-        let is_held = |change: &Change| match change {
-            Change::Fault(_, effect) | Change::Parameter(_, _, effect) => !effect.moves(),
-            _ => true,
+        let is_of_plant = |change: &&Change| match change.place {
+            Place::Fault(_) => true,
+            Place::Parameter(..) => change.kind != Weather,
+            Place::Sensor(_) | Place::Input(_) => false,
         };
-        let is_plant = |c: &&Change| matches!(c, Change::Fault(..) | Change::Parameter(..));
-        let own: Vec<&Change> = self.list.iter().filter(is_plant).collect();
+        let own: Vec<&Change> = self.list.iter().filter(is_of_plant).collect();
         let at = |time_s: f64| {
+            let age_s = time_s - flight.onset_s;
             let mut later = Later { time_s, ..Later::default() };
             for change in &own {
-                match change {
-                    Change::Fault(fault, effect) => {
-                        let intensity = fault.intensity * effect.share(time_s - flight.onset_s);
-                        later.faults.push(FaultAt { intensity, ..*fault });
+                match change.place {
+                    Place::Fault(fault) => {
+                        let intensity = fault.intensity * change.kind.share(age_s);
+                        later.faults.push(FaultAt { intensity, ..fault });
                     }
-                    Change::Parameter(component, parameter, effect) => {
-                        let place = (*component, *parameter);
-                        let value =
-                            moved(study, place, *effect, time_s - flight.onset_s, overrides);
-                        later.overrides.push((place.0, place.1, value));
+                    Place::Parameter(component, parameter) => {
+                        let value = change.moved(study, (component, parameter), age_s, overrides);
+                        later.overrides.push((component, parameter, value));
                     }
-                    _ => (),
+                    Place::Sensor(_) | Place::Input(_) => (),
                 }
             }
             later
         };
         let moments = match () {
             () if own.is_empty() => 0,
-            () if own.iter().all(|change| is_held(change)) => 1,
+            () if own.iter().all(|change| !change.kind.moves()) => 1,
             () => ((flight.duration_s - flight.onset_s) / STEP_S).ceil() as u32,
         };
         (0..moments).map(|k| at(flight.onset_s + STEP_S * f64::from(k))).collect()
     }
 }
 
-impl Effect {
+impl EffectKind {
     fn moves(self) -> bool {
-        use Effect::{Drift, Grows, Pulses, Swing};
-        matches!(self, Drift(..) | Swing(..) | Pulses(..) | Grows(..))
+        matches!(self, Drift | Swing | Pulses | Grows)
+    }
+
+    /// Whether only the twin reads an input wrong, while the plant is unchanged.
+    fn is_of_twin(self) -> bool {
+        matches!(self, TwinFrozen | TwinMissing | TwinImpossible | TwinOff | TwinLate)
     }
 
     /// The share of its intensity that a fault has at an age, s.
     fn share(self, age_s: f64) -> f64 {
         match self {
             // The age is a multiple of the step, up to rounding.
-            Effect::Pulses(..) => {
+            Pulses => {
                 let pulse = ((age_s + 0.5 * STEP_S) / PULSE_S) as u64;
                 f64::from(u8::from(pulse.is_multiple_of(2)))
             }
-            Effect::Grows(..) => (age_s / GROWTH_S).min(1.0),
+            Grows => (age_s / GROWTH_S).min(1.0),
             _ => 1.0,
-        }
-    }
-
-    /// The input that only the twin reads wrong, while the plant is unchanged.
-    fn misinforms(self) -> Option<&'static str> {
-        match self {
-            Effect::ToldFrozen(input)
-            | Effect::ToldMissing(input)
-            | Effect::ToldTooLarge(input)
-            | Effect::ToldOff(input, _)
-            | Effect::ToldLate(input, _) => Some(input),
-            _ => None,
         }
     }
 }
@@ -281,110 +253,92 @@ fn readers(study: &Study, unit: usize, input: &str) -> Vec<usize> {
 }
 
 /// Resolves an effect on a unit; `None` if a name does not exist.
-fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Vec<Change>> {
-    let name = |rest: &str| full_name(&study.units[unit], rest);
-    let parameter = |rest: &str| {
-        let name = name(rest);
-        let (component, parameter) = name.rsplit_once('.')?;
-        let components = &study.system.network().components;
-        let place = components.iter().position(|known| known.id == component)?;
-        Some((place, components[place].component.spec().parameter(parameter)?))
-    };
-    // An input of the unit, or of the whole system.
-    let input = |rest: &str| {
-        let find = |name: &str| study.system.network().inputs.iter().position(|i| i.id == name);
-        find(&name(rest)).or_else(|| find(rest))
-    };
-    let told = |rest: &str| {
-        let input = input(rest)?;
-        Some((input, Change::Input { input, effect, in_plant: false, in_twin: true }))
-    };
-    Some(match effect {
-        Effect::Fault(rest, intensity)
-        | Effect::Pulses(rest, intensity)
-        | Effect::Grows(rest, intensity) => {
-            let (component, fault) = study.system.program.find_fault(&name(rest))?;
-            vec![Change::Fault(FaultAt { component, fault, intensity }, effect)]
+fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Change> {
+    let Effect { kind, of, mut size, .. } = effect;
+    let name = full_name(&study.units[unit], of);
+    let place = match kind {
+        Fault | Pulses | Grows => {
+            let (component, fault) = study.system.program.find_fault(&name)?;
+            Place::Fault(FaultAt { component, fault, intensity: size })
         }
-        Effect::Value(rest, _)
-        | Effect::Times(rest, _)
-        | Effect::Drift(rest, _)
-        | Effect::Swing(rest, _) => {
-            let (component, parameter) = parameter(rest)?;
-            vec![Change::Parameter(component, parameter, effect)]
+        Value | Times | Drift | Swing | Weather => {
+            let (id, parameter) = name.rsplit_once('.')?;
+            let components = &study.system.network().components;
+            let component = components.iter().position(|known| known.id == id)?;
+            let parameter = components[component].component.spec().parameter(parameter)?;
+            if kind == Weather {
+                // Conditions that the liquid does not allow are not flown.
+                study.system.allows(component, parameter, size).ok()?;
+            }
+            Place::Parameter(component, parameter)
         }
-        Effect::Weather(rest, value) => {
-            let (component, parameter) = parameter(rest)?;
-            // Conditions that the liquid does not allow are not flown.
-            study.system.allows(component, parameter, value).ok()?;
-            vec![Change::Weather(component, parameter, value)]
-        }
-        Effect::Missing(quantity) => {
-            vec![Change::Touch(Touch::Reading(study.sensors.find(quantity, unit)?))]
-        }
-        Effect::Noise(quantity, times) => {
+        Missing | Noise => {
+            let (quantity, _) = Quantity::ALL.into_iter().find(|(_, own)| *own == of)?;
             let sensor = study.sensors.find(quantity, unit)?;
-            let own = Imperfection::of(&study.system, study.measured[sensor]).deviation();
-            vec![Change::Touch(Touch::Noisy(sensor, own * (times * times - 1.0).sqrt()))]
+            if kind == Noise {
+                // What must be added to the sensor's own noise.
+                let own = Imperfection::of(&study.system, study.measured[sensor]).deviation();
+                size = own * (size * size - 1.0).sqrt();
+            }
+            Place::Sensor(sensor)
         }
-        Effect::InputTimes(rest, _) => {
-            vec![Change::Input { input: input(rest)?, effect, in_plant: true, in_twin: true }]
+        // An input of the unit, or of the whole system.
+        InputTimes | TwinFrozen | TwinMissing | TwinImpossible | TwinOff | TwinLate => {
+            let inputs = &study.system.network().inputs;
+            let find = |name: &str| inputs.iter().position(|input| input.id == name);
+            Place::Input(find(&name).or_else(|| find(of))?)
         }
-        Effect::ToldFrozen(rest) | Effect::ToldOff(rest, _) | Effect::ToldLate(rest, _) => {
-            vec![told(rest)?.1]
-        }
-        // Impossible values are not accepted: the twin keeps the previous value.
-        Effect::ToldMissing(rest) => {
-            let (input, change) = told(rest)?;
-            vec![change, Change::Touch(Touch::Input(input, f64::NAN))]
-        }
-        Effect::ToldTooLarge(rest) => {
-            let (input, change) = told(rest)?;
-            vec![change, Change::Touch(Touch::Input(input, TOO_LARGE))]
-        }
-    })
+    };
+    Some(Change { kind, size, place })
 }
 
-/// An input with the change from the onset on.
-fn altered(was: &Piecewise, effect: Effect, flight: &Run, period_s: f64) -> Piecewise {
+/// An input with the change from the onset on. An impossible or missing value is not accepted: the twin keeps the last one.
+fn altered(
+    was: &Piecewise,
+    (kind, size): (EffectKind, f64),
+    flight: &Run,
+    period_s: f64,
+) -> Piecewise {
     let onset_s = (flight.onset_s / period_s).floor() * period_s;
     let value = |time_s: f64| {
         let risen = ((time_s - onset_s) / FALL_S).clamp(0.0, 1.0);
-        match effect {
-            Effect::InputTimes(_, times) => was.value(time_s) * (1.0 + (times - 1.0) * risen),
-            Effect::ToldOff(_, part) => was.value(time_s) * (1.0 + part * risen),
-            Effect::ToldLate(_, late_s) => was.value((time_s - late_s).max(0.0)),
+        match kind {
+            InputTimes => was.value(time_s) * (1.0 + (size - 1.0) * risen),
+            TwinOff => was.value(time_s) * (1.0 + size * risen),
+            TwinLate => was.value((time_s - size).max(0.0)),
             _ => was.value(time_s.min(onset_s)),
         }
     };
     sent(value, period_s, flight.duration_s).expect("a finite signal")
 }
 
-/// A changed parameter at a time after the onset, within its range.
-fn moved(
-    study: &Study,
-    (component, parameter): (usize, usize),
-    effect: Effect,
-    age_s: f64,
-    overrides: &[(usize, usize, f64)],
-) -> f64 {
-    let instance = &study.system.network().components[component];
-    let own = overrides.iter().rev().find(|o| (o.0, o.1) == (component, parameter));
-    let was = own.map_or(instance.parameters[parameter], |own| own.2);
-    let value = match effect {
-        Effect::Value(_, value) => value,
-        Effect::Times(_, times) => was * times,
-        Effect::Drift(_, per_s) => was + per_s * age_s,
-        Effect::Swing(_, size) => was + size * (TAU * SWING_HZ * age_s).sin(),
-        _ => was,
-    };
-    let (min, max) = instance.range(parameter);
-    value.clamp(min, max)
+impl Change {
+    /// A changed parameter at a time after the onset, within its range.
+    fn moved(
+        &self,
+        study: &Study,
+        (component, parameter): (usize, usize),
+        age_s: f64,
+        overrides: &[(usize, usize, f64)],
+    ) -> f64 {
+        let instance = &study.system.network().components[component];
+        let own = overrides.iter().rev().find(|o| (o.0, o.1) == (component, parameter));
+        let was = own.map_or(instance.parameters[parameter], |own| own.2);
+        let value = match self.kind {
+            Value => self.size,
+            Times => was * self.size,
+            Drift => was + self.size * age_s,
+            Swing => was + self.size * (TAU * SWING_HZ * age_s).sin(),
+            _ => was,
+        };
+        let (min, max) = instance.range(parameter);
+        value.clamp(min, max)
+    }
 }
 
 /// Applies changes to readings and inputs before the diagnosis.
 pub(crate) struct Touched {
-    touches: Vec<Touch>,
+    changes: Vec<Change>,
     onset: usize,
     random: NormalDeviates,
     /// The readings of the last sample.
@@ -395,8 +349,9 @@ pub(crate) struct Touched {
 
 impl Touched {
     /// Applies the changes from the sample `onset` on.
-    pub(crate) fn new(touches: Vec<Touch>, onset: usize, random: NormalDeviates) -> Self {
-        Touched { touches, onset, random, measured: vec![], inputs: vec![] }
+    pub(crate) fn new(changes: &Changes, onset: usize, random: NormalDeviates) -> Self {
+        let changes = changes.list.clone();
+        Touched { changes, onset, random, measured: vec![], inputs: vec![] }
     }
 
     /// Takes a sample and applies the changes.
@@ -408,13 +363,13 @@ impl Touched {
         if index < self.onset {
             return;
         }
-        for touch in &self.touches {
-            match *touch {
-                Touch::Reading(sensor) => self.measured[sensor] = f64::NAN,
-                Touch::Noisy(sensor, sigma) => {
-                    self.measured[sensor] += sigma * self.random.normal();
-                }
-                Touch::Input(input, value) => self.inputs[input] = value,
+        for &Change { kind, size, place } in &self.changes {
+            match (place, kind) {
+                (Place::Sensor(sensor), Missing) => self.measured[sensor] = f64::NAN,
+                (Place::Sensor(sensor), _) => self.measured[sensor] += size * self.random.normal(),
+                (Place::Input(input), TwinMissing) => self.inputs[input] = f64::NAN,
+                (Place::Input(input), TwinImpossible) => self.inputs[input] = TOO_LARGE,
+                _ => (),
             }
         }
     }
@@ -426,11 +381,9 @@ mod tests {
 
     #[test]
     fn pulses_alternate_and_growth_ends_at_the_intensity() {
-        let pulses = Effect::Pulses("leak", 1.0);
-        let shares: Vec<f64> = (0..15).map(|k| pulses.share(STEP_S * f64::from(k))).collect();
+        let shares: Vec<f64> = (0..15).map(|k| Pulses.share(STEP_S * f64::from(k))).collect();
         assert_eq!(shares, [[1.0; 5], [0.0; 5], [1.0; 5]].concat());
-        let grows = Effect::Grows("leak", 1.0);
-        assert_eq!([0.0, 2.0, 8.0, 9.0].map(|age_s| grows.share(age_s)), [0.0, 0.25, 1.0, 1.0]);
-        assert_eq!(Effect::Fault("leak", 1.0).share(3.0), 1.0);
+        assert_eq!([0.0, 2.0, 8.0, 9.0].map(|age_s| Grows.share(age_s)), [0.0, 0.25, 1.0, 1.0]);
+        assert_eq!(Fault.share(3.0), 1.0);
     }
 }

@@ -7,7 +7,8 @@ mod effect;
 mod list;
 
 pub(super) use effect::Touched;
-pub use list::{ALL, UnseenFault, set_names};
+use list::set_names;
+pub use list::{ALL, UnseenFault};
 
 use super::judge::{Latency, latency};
 use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
@@ -215,7 +216,8 @@ impl Case {
             needs_shutdown: needed == Needed::Shutdown,
             ..FlightOutcome::default()
         };
-        Truth { run, at_fault: at_fault.clone(), misinformed: misinformed.clone() }
+        let (at_fault, misinformed) = (at_fault.clone(), misinformed.clone());
+        Truth { run, at_fault, misinformed, objective: None }
     }
 }
 
@@ -231,21 +233,12 @@ impl Plan {
     fn new(study: &Study, suite: &Suite) -> Result<Self, CampaignError> {
         let told = study.environments(suite, 0..suite.environments)?;
         let mut plan = Plan { cases: vec![], runs: vec![], told };
-        for (place_in_list, fault) in ALL.iter().enumerate() {
-            for (place, &strength) in fault.strengths.iter().enumerate() {
-                for unit in 0..study.units.len() {
-                    let effects = (fault.effects)(strength);
-                    let Some(changes) = Changes::new(study, unit, &effects) else { continue };
-                    for repeat in 0..suite.repeats {
-                        // Eleven and seven have no common divisor with the usual numbers.
-                        let number = 11 * repeat + 7 * place_in_list + 5 * place + 3 * unit;
-                        let base = number % suite.environments;
-                        let changes = changes.clone();
-                        let case =
-                            Case { fault: place_in_list, strength, changes, real: None, base };
-                        plan.add(study, suite, case);
-                    }
-                }
+        for Event { fault, place, strength, unit, changes } in events(study) {
+            for repeat in 0..suite.repeats {
+                // Eleven and seven have no common divisor with the usual numbers.
+                let number = 11 * repeat + 7 * fault + 5 * place + 3 * unit;
+                let (base, changes) = (number % suite.environments, changes.clone());
+                plan.add(study, suite, Case { fault, strength, changes, real: None, base });
             }
         }
         Ok(plan)
@@ -275,18 +268,34 @@ impl Plan {
     }
 }
 
+/// A fault of a strength in an actuator.
+struct Event {
+    /// The index of the fault in [`ALL`].
+    fault: usize,
+    /// The index of the strength.
+    place: usize,
+    strength: f64,
+    unit: usize,
+    changes: Changes,
+}
+
+/// All events of the list that apply to a study's system, each for every actuator.
+fn events(study: &Study) -> Vec<Event> {
+    let mut events = vec![];
+    for (fault, known) in ALL.iter().enumerate() {
+        for (place, &strength) in known.strengths.iter().enumerate() {
+            events.extend((0..study.units.len()).filter_map(|unit| {
+                let changes = Changes::new(study, unit, known.effects(strength))?;
+                Some(Event { fault, place, strength, unit, changes })
+            }));
+        }
+    }
+    events
+}
+
 /// The number of runs of a suite of unseen faults.
 pub(super) fn count(study: &Study, suite: &Suite) -> usize {
-    let is_possible = |fault: &UnseenFault, strength: f64, unit: usize| {
-        Changes::new(study, unit, &(fault.effects)(strength)).is_some()
-    };
-    let units = |fault: &UnseenFault, strength: f64| {
-        (0..study.units.len()).filter(|&unit| is_possible(fault, strength, unit)).count()
-    };
-    let of = |fault: &UnseenFault| -> usize {
-        fault.strengths.iter().map(|&strength| units(fault, strength)).sum()
-    };
-    suite.repeats * ALL.iter().map(of).sum::<usize>()
+    suite.repeats * events(study).len()
 }
 
 /// Flies runs with unseen faults of a suite, watched by diagnoses. Returns the outcomes.
@@ -308,7 +317,7 @@ pub(super) fn fly(
     let touched = |run: &Run| {
         let onset = (run.onset_s / flown.period_s()).ceil() as usize;
         let random = suite.seed_of(run.number).stream(Stream::Reading);
-        Some(Touched::new(case(run).changes.touches(), onset, random))
+        Some(Touched::new(&case(run).changes, onset, random))
     };
     Ok(watch(
         &flown,
@@ -334,8 +343,7 @@ fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
     let of = finished.len() as u64;
     let count =
         |holds: fn(&FlightOutcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
-    let has_shutdown = |row: &FlightOutcome| row.shutdown_healthy || row.early_shutdowns > 0;
-    let is_wrong = |row: &&&FlightOutcome| has_shutdown(row) || row.shutdown_misinformed;
+    let is_wrong = |row: &&&FlightOutcome| row.shuts_down_healthy() || row.shutdown_misinformed;
     let in_words = |row: &FlightOutcome| {
         let of = if row.at_fault.is_empty() { &row.misinformed } else { &row.at_fault };
         let of = if of.is_empty() { String::new() } else { format!(", {of}") };
@@ -355,7 +363,7 @@ fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
             count(|row| row.needs_shutdown && !row.shutdown_at_fault),
         ],
         shutdowns_at_fault: count(|row| row.shutdown_at_fault),
-        shutdowns_healthy: count(has_shutdown),
+        shutdowns_healthy: count(FlightOutcome::shuts_down_healthy),
         shutdowns_behind_wrong_sensor: own
             .iter()
             .any(|row| !row.misinformed.is_empty())

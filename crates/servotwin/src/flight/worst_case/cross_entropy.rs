@@ -18,12 +18,11 @@
 //! mixtures: Hesterberg, Technometrics 37, 1995; uniform crossover with a share of new values: Syswerda, Proc. 3rd Int.
 //! Conf. Genetic Algorithms, 1989.
 
-use super::SearchOutcome;
 use super::space::{Distribution, SearchPoint, SearchSpace};
 use crate::signal::random::NormalDeviates;
 
 /// Number of points of a generation.
-pub const GENERATION: usize = 16;
+pub(crate) const GENERATION: usize = 16;
 /// Number of the worst points from which the next generation learns.
 const ELITE: usize = 6;
 /// Number of points with the distributions of the study before the search learns.
@@ -39,6 +38,9 @@ const NEW_VALUES: f64 = 0.3;
 /// The smallest standard deviation, in parts of the distance between the ends.
 const MIN_DEVIATION: f64 = 0.05;
 
+/// The order of points by [`SearchObjective::rank`](crate::flight::margin::SearchObjective::rank).
+pub(crate) type Rank = (bool, f64);
+
 /// From what a number of the next points is drawn.
 #[derive(Debug, Clone, PartialEq)]
 enum Law {
@@ -51,25 +53,25 @@ enum Law {
 }
 
 /// A running search.
-pub struct CrossEntropy<'s> {
+pub(crate) struct CrossEntropy<'s> {
     space: &'s SearchSpace,
     laws: Vec<Law>,
-    /// The worst points so far, the worst first.
-    elite: Vec<(SearchPoint, SearchOutcome)>,
+    /// The worst points so far with their ranks, the worst first.
+    elite: Vec<(SearchPoint, Rank)>,
     random: NormalDeviates,
     /// Number of points from which it learned.
     flown: usize,
 }
 
 impl<'s> CrossEntropy<'s> {
-    /// A search that begins with the distributions of the study.
-    pub fn new(space: &'s SearchSpace, random: NormalDeviates) -> Self {
+    /// A search that begins with the distributions of the study, and keeps to them if it never learns.
+    pub(crate) fn new(space: &'s SearchSpace, random: NormalDeviates) -> Self {
         let laws = vec![Law::OfStudy; space.dimensions.len()];
         CrossEntropy { space, laws, elite: vec![], random, flown: 0 }
     }
 
     /// Draws a point. Offspring keep the number of their parent, others get this one.
-    pub fn draw(&mut self, number: usize) -> SearchPoint {
+    pub(crate) fn draw(&mut self, number: usize) -> SearchPoint {
         if self.flown < FIRST || self.random.unit() < DEFENSIVE {
             return self.space.draw(number, &mut self.random);
         }
@@ -95,14 +97,11 @@ impl<'s> CrossEntropy<'s> {
     }
 
     /// Learns from a generation.
-    pub fn learn(&mut self, flown: &[(SearchPoint, SearchOutcome)]) {
-        self.elite.extend_from_slice(flown);
-        self.elite.sort_by(|(_, a), (_, b)| {
-            let (a, b) = (a.rank(), b.rank());
-            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-        });
-        self.elite.truncate(ELITE);
+    pub(crate) fn learn(&mut self, flown: Vec<(SearchPoint, Rank)>) {
         self.flown += flown.len();
+        self.elite.extend(flown);
+        self.elite.sort_by(|(_, a), (_, b)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        self.elite.truncate(ELITE);
         if self.flown < FIRST {
             return;
         }
@@ -153,8 +152,8 @@ fn chosen(shares: &[f64], place: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::SearchObjective;
     use super::*;
+    use crate::flight::margin::SearchObjective;
     use crate::study::{Scenario, Study};
 
     #[test]
@@ -183,10 +182,6 @@ mod tests {
         (1.0 + fault as f64).powi(2) * near(1, 0.9) * near(3, 0.2) * near(4, 0.8) * (1.0 + chance)
     }
 
-    fn outcome(space: &SearchSpace, point: &SearchPoint) -> SearchOutcome {
-        SearchOutcome { margin: -departure(space, point), ..SearchOutcome::failed() }
-    }
-
     #[test]
     fn a_search_finds_larger_departures_than_random_flights() {
         let study = Study::default();
@@ -202,8 +197,8 @@ mod tests {
             for first in (0..runs).step_by(GENERATION) {
                 let points = (first..first + GENERATION).map(|number| search.draw(number));
                 let points: Vec<SearchPoint> = points.collect();
-                let pairs = points.iter().map(|point| (point.clone(), outcome(&space, point)));
-                search.learn(&pairs.collect::<Vec<_>>());
+                let rank = |point: &SearchPoint| (true, -departure(&space, point));
+                search.learn(points.iter().map(|point| (point.clone(), rank(point))).collect());
                 searched.extend(points);
             }
             let mut random = NormalDeviates::stream(seed, 2);

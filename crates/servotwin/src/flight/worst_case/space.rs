@@ -1,6 +1,7 @@
 //! The space of a search: everything that varies between flights, as a list of numbers.
 
-use super::{SearchError, SearchObjective};
+use crate::flight::margin::SearchObjective;
+use crate::run::{CampaignError, RunName};
 use crate::shown::shown;
 use crate::signal::random::NormalDeviates;
 use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Scenario, Seed, Study};
@@ -21,7 +22,7 @@ pub enum Distribution {
 
 impl Distribution {
     /// The ends of its values.
-    pub fn ends(self) -> [f64; 2] {
+    pub(crate) fn ends(self) -> [f64; 2] {
         match self {
             Distribution::Choice(count) => [0.0, count as f64 - 1.0],
             Distribution::Share => [0.0, 1.0],
@@ -71,16 +72,10 @@ impl Dimension {
             ..Dimension::new(name, Distribution::Choice(choices.len()))
         }
     }
-
-    /// A value in words: the choice, or the number in SI units.
-    pub fn in_words(&self, value: f64) -> String {
-        match (self.choices.get(value as usize), self.range) {
-            (Some(choice), _) => choice.clone(),
-            (None, Some([low, high])) => format!("{}", low + (high - low) * value),
-            (None, None) => format!("{value}"),
-        }
-    }
 }
+
+/// The largest number of a point.
+pub(crate) const MAX_POINTS: usize = 200_000;
 
 /// A point of a space.
 #[derive(Debug, Clone, PartialEq)]
@@ -110,25 +105,22 @@ pub struct SearchSpace {
 const LARGE: f64 = 2.0;
 const MAX_TOLERANCES: usize = 4;
 
+/// What the names of suites begin with whose flights a search chose.
+const SUITES: &str = "worst_";
+
 /// The places of the first dimensions.
 const FAULT: usize = 0;
 const ONSET: usize = 1;
 const COMMAND: usize = 2;
 
 impl SearchSpace {
-    /// The space of a study in a scenario. Flights without a fault have the choice `none`, and an onset without effect.
-    ///
-    /// # Errors
-    /// The study has no flights, or no fault for the objective.
-    pub fn new(
-        study: &Study,
-        scenario: Scenario,
-        objective: SearchObjective,
-    ) -> Result<Self, SearchError> {
-        let ranges = study.environment_ranges().ok_or(SearchError::NoFlights)?;
+    /// The space of a study in a scenario; `None` if the study has no flights, or no fault for the objective. Flights
+    /// without a fault have the choice `none`, and an onset without effect.
+    pub fn new(study: &Study, scenario: Scenario, objective: SearchObjective) -> Option<Self> {
+        let ranges = study.environment_ranges()?;
         let faults = faults(study, objective);
         if faults.is_empty() && objective.has_fault(study) {
-            return Err(SearchError::NoFault(objective.name()));
+            return None;
         }
         let names = match faults[..] {
             [] => vec!["none".into()],
@@ -164,11 +156,23 @@ impl SearchSpace {
             dimensions.push(Dimension::new(name, Distribution::Deviation));
         }
         let begins = [commands, environment, tolerances];
-        Ok(SearchSpace { objective, dimensions, ranges, faults, begins })
+        Some(SearchSpace { objective, dimensions, ranges, faults, begins })
+    }
+
+    /// The name of the suite of its flights.
+    pub fn suite(&self) -> String {
+        format!("{SUITES}{}", self.objective.name())
+    }
+
+    /// The space of a run that a search chose; `None` of other runs.
+    pub fn of_run(study: &Study, run: &RunName) -> Option<Self> {
+        let name = run.suite.strip_prefix(SUITES)?;
+        let objective = SearchObjective::ALL.into_iter().find(|own| own.name() == name)?;
+        SearchSpace::new(study, run.scenario, objective)
     }
 
     /// A point from the distributions of the study.
-    pub fn draw(&self, number: usize, random: &mut NormalDeviates) -> SearchPoint {
+    pub(crate) fn draw(&self, number: usize, random: &mut NormalDeviates) -> SearchPoint {
         let draw = |dimension: &Dimension| {
             let distribution = dimension.distribution;
             distribution.rounded(distribution.draw(random))
@@ -176,39 +180,46 @@ impl SearchSpace {
         SearchPoint { number, values: self.dimensions.iter().map(draw).collect() }
     }
 
-    /// Whether a point lies in the space.
-    pub fn contains(&self, point: &SearchPoint) -> bool {
-        let is_inside = |(dimension, &value): (&Dimension, &f64)| {
-            let [low, high] = dimension.distribution.ends();
-            let is_index =
-                !matches!(dimension.distribution, Distribution::Choice(_)) || value.fract() == 0.0;
-            (low..=high).contains(&value) && is_index
-        };
-        point.values.len() == self.dimensions.len()
-            && self.dimensions.iter().zip(&point.values).all(is_inside)
-            && point.number < super::MAX_POINTS
+    /// A point as text, of which every number is read with the same bits.
+    pub fn text_of(&self, point: &SearchPoint) -> String {
+        let values = self.dimensions.iter().zip(&point.values);
+        let values = values.map(|(dimension, value)| format!(" {}={value}", dimension.name));
+        format!("number={}{}", point.number, values.collect::<String>())
+    }
+
+    /// The point of a text; `None` if it is none of this space.
+    pub fn point_of(&self, text: &str) -> Option<SearchPoint> {
+        let mut words = text.split(' ');
+        let number = words.next()?.strip_prefix("number=")?.parse().ok()?;
+        let values = words.zip(&self.dimensions).map(|(word, dimension)| {
+            let value: f64 = word.strip_prefix(&dimension.name)?.strip_prefix('=')?.parse().ok()?;
+            (dimension.distribution.rounded(value) == value).then_some(value)
+        });
+        let point = SearchPoint { number, values: values.collect::<Option<_>>()? };
+        let is_whole = point.values.len() == self.dimensions.len() && self.text_of(&point) == text;
+        (is_whole && number < MAX_POINTS).then_some(point)
     }
 
     /// A flight in words: fault and onset, the command, the environment with its units, and the largest tolerances. `seed`
     /// is that of the search.
     ///
     /// # Errors
-    /// The command cannot be flown, or the study has no flights.
+    /// The command cannot be flown.
     pub fn flight_in_words(
         &self,
         study: &Study,
         seed: u64,
         point: &SearchPoint,
-    ) -> Result<String, SearchError> {
-        let flown = study.chosen_environments(&[self.chosen(seed, point)]).map_err(Box::new)?;
-        let flown = flown.and_then(|all| all.into_iter().next()).ok_or(SearchError::NoFlights)?;
+    ) -> Result<String, CampaignError> {
+        let flown = study.chosen_environments(&[self.chosen(seed, point)])?.unwrap_or_default();
         let fault = match self.fault(point) {
             Some(fault) => {
                 format!("{} from {:.2} s", study.faults[fault].id, self.onset_s(point))
             }
             None => "no fault".into(),
         };
-        let mut parts = vec![fault, format!("command {}", flown.command)];
+        let mut parts = vec![fault];
+        parts.extend(flown.iter().map(|environment| format!("command {}", environment.command)));
         parts.extend(self.environment().map(|(place, dimension)| {
             let [low, high] = dimension.range.unwrap_or_default();
             let value = low + (high - low) * point.values[place];
@@ -265,4 +276,31 @@ fn faults(study: &Study, objective: SearchObjective) -> Vec<usize> {
     };
     let all = if objective.has_fault(study) { 0..study.faults.len() } else { 0..0 };
     all.filter(is_searched).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_is_read_as_it_was_written() {
+        let study = Study::default();
+        let objective = SearchObjective::WrongShutdown;
+        let space = SearchSpace::new(&study, Scenario::Realistic, objective).unwrap();
+        let point = space.draw(123, &mut NormalDeviates::stream(0, 1));
+        let text = space.text_of(&point);
+        assert!(text.starts_with("number=123 fault=") && text.contains(" command.1=0."), "{text}");
+        assert_eq!(space.point_of(&text), Some(point));
+        let run = format!("{}#7@realistic", space.suite()).parse().unwrap();
+        assert_eq!(SearchSpace::of_run(&study, &run).unwrap().objective, objective);
+        for (from, to) in [
+            ("number=123", "number=x"),
+            ("fault=", "fault=1000"),
+            (" onset_s=", " onset="),
+            ("command.1=0", "command.1=1"),
+        ] {
+            assert_eq!(space.point_of(&text.replacen(from, to, 1)), None, "{from} {to}");
+        }
+        assert_eq!(space.point_of(text.rsplit_once(' ').unwrap().0), None);
+    }
 }
