@@ -185,11 +185,6 @@ impl Doubt {
         [&self.since, &self.healthy, &self.waiting, &self.filling].iter().all(|sums| sums.fits())
     }
 
-    /// Forgets all samples.
-    pub(crate) fn clear(&mut self) {
-        *self = Doubt::default();
-    }
-
     /// Takes a window of `panes` panes, of which `share` is new. A window that holds the onset of the deviation counts
     /// nothing: there the residual steps, whatever the flow is.
     pub(crate) fn take(

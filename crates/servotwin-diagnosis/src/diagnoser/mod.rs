@@ -1,10 +1,14 @@
 //! A complete diagnosis for one system as one value, and the session that runs it.
 //!
 //! ```text
-//! inputs   → environment   (believed?)
-//! measured → windows       (of several lengths)          → judge (bands, features, trees, committee)
-//! twin     ↗               → decision (the sequential test) → alarm → outcome
+//! inputs   ↘
+//! measured → guard → windows → evidence → alarm → outcome
+//! twin     ↗
 //! ```
+//!
+//! Each of the four has a file: [`guard`] rejects samples, [`crate::windows`] slides windows of several lengths over
+//! the others, [`evidence`] judges them (bands, features, trees, committee, then the sequential test of [`decision`]),
+//! and [`alarm`] keeps what is raised.
 //!
 //! A [`Diagnoser`] never changes; it is stored as JSON ([`FORMAT`]). A [`Session`] holds the state: it takes sample
 //! after sample in fixed memory. A stored session continues elsewhere bit for bit. Many sessions share one diagnoser.
@@ -27,17 +31,17 @@ mod boundary;
 pub mod common_mode;
 pub mod decision;
 pub mod environment;
+mod evidence;
+mod guard;
 pub(crate) mod healthy_evidence;
 pub mod novelty;
 mod outcome;
 pub(crate) mod scatter;
-mod sensor_health;
 mod session;
 pub mod tuning;
-mod window_classifier;
 
 pub use boundary::Boundary;
-pub use environment::{InputChecks, Invalid, Why};
+pub use environment::{InputChecks, Why};
 pub use healthy_evidence::{HealthyEvidence, ShutdownMargin};
 pub use novelty::Novelty;
 pub use outcome::{Alarm, IndexedFinding, Outcome, Raised, UnjudgedCounts};
@@ -291,7 +295,7 @@ impl Diagnoser {
         self.windows().map(drop)?;
         self.lengths
             .iter()
-            .try_for_each(|length| window_classifier::WindowClassifier::new(self, length).map(drop))
+            .try_for_each(|length| evidence::LengthEvidence::new(self, length).map(drop))
     }
 
     fn check_sensors(&self) -> Result<(), Error> {
