@@ -12,9 +12,9 @@ pub fn write(material: &Material, page: &mut Page) {
         HtmlTable::new([("family", Alignment::Left), ("what it computes", Alignment::Left)]);
     let words = material.words();
     let known = data_features(material.study);
-    let has = |family: &&&dyn Family| known.iter().any(|one| one.family == family.name());
+    let has = |family: &&Family| known.iter().any(|one| one.family == family.name);
     for family in features::ALL.iter().filter(has) {
-        families.push(vec![family.name().into(), words.adapted(family.summary())]);
+        families.push(vec![family.name.into(), words.adapted(family.summary)]);
     }
     let mut tables = vec![];
     for result in &material.results.subjects {
