@@ -1,4 +1,4 @@
-//! The declaration of a component: parameters, faults, ports and states.
+//! What a component declares: parameters, faults, ports and states.
 //!
 //! Each is declared once, as data. The parser of system files, the fault list, the
 //! documentation, the column names and the checks are all derived from it.
@@ -111,6 +111,19 @@ units! {
 }
 
 impl Unit {
+    /// The unit of a quantity, by the longest suffix of its name.
+    const fn of_name(name: &str) -> Unit {
+        let (mut unit, mut place) = (Unit::None, 0);
+        while place < Unit::ALL.len() {
+            let suffix = Unit::ALL[place].suffix();
+            if suffix.len() > unit.suffix().len() && ends_with(name.as_bytes(), suffix.as_bytes()) {
+                unit = Unit::ALL[place];
+            }
+            place += 1;
+        }
+        unit
+    }
+
     /// The suffix of every public name in this unit, e.g. `_pa`.
     pub const fn suffix(self) -> &'static str {
         self.facts().suffix
@@ -136,6 +149,17 @@ impl Unit {
     pub fn difference_to_shown(self, si: f64) -> f64 {
         si * self.facts().shown_per_si
     }
+}
+
+const fn ends_with(name: &[u8], end: &[u8]) -> bool {
+    let mut left = end.len();
+    while left > 0
+        && left <= name.len()
+        && name[name.len() - 1 - (end.len() - left)] == end[left - 1]
+    {
+        left -= 1;
+    }
+    left == 0
 }
 
 /// A number that a system file gives to a component.
@@ -352,60 +376,14 @@ pub enum Start {
     Parameter(&'static str),
 }
 
-/// The complete declaration of a component.
-#[derive(Clone, Copy, Debug)]
-pub struct Spec {
-    /// The word for `kind` in a system file.
-    pub kind: &'static str,
-    /// One line of documentation.
-    pub summary: &'static str,
-    /// Parameters, in the order in which equations index them.
-    pub parameters: &'static [Parameter],
-    /// Faults, in the order of the fault list.
-    pub faults: &'static [Fault],
-    /// Ports, in the order of their positions.
-    pub ports: &'static [Port],
-    /// State variables, in the order of their positions.
-    pub states: &'static [State],
-    /// Whether it fixes the absolute pressure of its hydraulic circuit.
-    pub reference: bool,
-}
-
-impl Spec {
-    /// The position of a parameter by name.
-    pub fn parameter(&self, name: &str) -> Option<usize> {
-        self.parameters.iter().position(|p| p.name == name)
-    }
-
-    /// The position of a fault by name.
-    pub fn fault(&self, name: &str) -> Option<usize> {
-        self.faults.iter().position(|f| f.name == name)
-    }
-
-    /// Range of a signal input: that of its default parameter, or else its own.
-    pub fn input_range(&self, port: &Port) -> Option<(f64, f64)> {
-        match port.kind {
-            PortKind::SignalIn { default: Some(name), .. } => {
-                let declared = &self.parameters[self.parameter(name)?];
-                Some((declared.min, declared.max))
-            }
-            _ => port.range,
-        }
-    }
-
-    /// The position of a port by name.
-    pub fn port(&self, name: &str) -> Option<usize> {
-        self.ports.iter().position(|p| p.name == name)
-    }
-}
-
 /// Shorthands that make a component's declaration read as a table.
 pub mod declare {
     use super::*;
 
-    /// Declares the parameters of a component, one per row: `name: parameter(unit, default, range, summary)`.
+    /// Declares the parameters of a component, one per row: `name: parameter(default, range, summary)`.
+    /// The unit follows from the name.
     ///
-    /// System files and equations use the name. The macro creates the array `PARAMETERS` for the [`Spec`] and
+    /// System files and equations use the name. The macro creates the array `PARAMETERS` for the component and
     /// the module `index` with the position of each parameter: an equation reads `given[index::area_m2]`.
     macro_rules! parameters {
         ($($name:ident: $($declare:ident)::+ ($($argument:expr),* $(,)?)),* $(,)?) => {
@@ -427,12 +405,11 @@ pub mod declare {
     /// A parameter with a default.
     pub const fn parameter(
         name: &'static str,
-        unit: Unit,
         default: f64,
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
-        Parameter { name, unit, default: Some(default), min: range.0, max: range.1, summary }
+        Parameter { default: Some(default), ..required(name, range, summary) }
     }
 
     /// The parameters of a kind that stands for another: those of the other at the same positions, then its own.
@@ -452,10 +429,10 @@ pub mod declare {
     /// A parameter that every system file must give.
     pub const fn required(
         name: &'static str,
-        unit: Unit,
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
+        let unit = Unit::of_name(name);
         Parameter { name, unit, default: None, min: range.0, max: range.1, summary }
     }
 
@@ -579,11 +556,11 @@ pub mod declare {
     /// A state variable with error weight 1 and no lower bound.
     pub(crate) const fn state(
         name: &'static str,
-        unit: Unit,
         scale: f64,
         start: Start,
         summary: &'static str,
     ) -> State {
+        let unit = Unit::of_name(name);
         State { name, unit, scale, error_weight: 1.0, start, lowest: f64::NEG_INFINITY, summary }
     }
 
@@ -603,9 +580,7 @@ pub mod declare {
         start: &'static str,
         summary: &'static str,
     ) -> State {
-        let start = Start::Parameter(start);
-        let lowest = LOWEST_AT_REST_PA;
-        State { name, unit: Unit::Pascal, scale: 2e7, error_weight: 1.0, start, lowest, summary }
+        State { lowest: LOWEST_AT_REST_PA, ..state(name, 2e7, Start::Parameter(start), summary) }
     }
 }
 

@@ -9,8 +9,9 @@ use crate::system::reservoir::VOLUME;
 use crate::system::{FLUID, FORMAT, POINT};
 use crate::units;
 use serde_json::{Map, Value, json};
+use servotwin_model::component::Component;
 use servotwin_model::fluid::FluidKind;
-use servotwin_model::spec::{Law, Parameter, Spec, Unit};
+use servotwin_model::spec::{Law, Parameter, Unit};
 
 const DRAFT: &str = "https://json-schema.org/draft/2020-12/schema";
 const NAME: &str = "^[a-z0-9_]+$";
@@ -125,7 +126,7 @@ fn parameter(declared: &Parameter) -> Value {
     schema
 }
 
-fn component(spec: &Spec) -> Value {
+fn component(spec: &Component) -> Value {
     let mut properties = Map::new();
     properties.insert("kind".into(), json!({ "const": spec.kind }));
     for declared in spec.parameters {

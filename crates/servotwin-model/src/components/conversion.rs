@@ -14,7 +14,7 @@
 
 use crate::equation::Given;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, declare::*};
 
 /// Bias of the first conversion.
 pub(crate) const fn bias_electrical(name: &'static str) -> Parameter {
@@ -47,7 +47,7 @@ pub(crate) const fn bits(name: &'static str) -> Parameter {
 }
 
 const fn share(name: &'static str, range: (f64, f64), summary: &'static str) -> Parameter {
-    parameter(name, Unit::None, 0.0, range, summary)
+    parameter(name, 0.0, range, summary)
 }
 
 /// The faults of both conversions, and one more fault of the sensor itself.

@@ -9,39 +9,30 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// An external force; see the module documentation.
-pub(crate) struct Force;
-
 parameters! {
-    force_n: parameter(Unit::Newton, 0.0, (-1e9, 1e9), "constant force"),
+    force_n: parameter(0.0, (-1e9, 1e9), "constant force"),
 }
 
-static SPEC: Spec = Spec {
+/// An external force; see the module documentation.
+pub(crate) static FORCE: Component = Component {
     kind: "force",
     summary: "force from outside",
     parameters: &PARAMETERS,
-    faults: &[],
     ports: &[
         translational("port", "part on which the force acts"),
         input_or("force", Unit::Newton, "force_n", "force along the coordinate"),
     ],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Force {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let force = wiring.signal("force");
-        let sum = Output::add(wiring.force("port"));
-        wiring.equation::<Applied, 1, 1, 0>(0, [force], [sum]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let force = wiring.signal("force");
+    let sum = Output::add(wiring.force("port"));
+    wiring.equation(Applied, [force], [sum]);
 }
 
 /// Equation (P1): signal → force.

@@ -9,11 +9,8 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Spec, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
-
-/// A gain; see the module documentation.
-pub(crate) struct Gain;
+use crate::spec::{Category, Fault, Unit, declare::*};
+use crate::wiring::Wiring;
 
 /// Fault of an amplifier whose gain, a parameter, is too low.
 pub(crate) const fn gain_low(parameter: &'static str) -> Fault {
@@ -28,30 +25,23 @@ pub(crate) const fn gain_high(parameter: &'static str) -> Fault {
 }
 
 parameters! {
-    gain: required(Unit::None, (-1e12, 1e12), "factor k"),
+    gain: required((-1e12, 1e12), "factor k"),
 }
 
-static SPEC: Spec = Spec {
+/// A gain; see the module documentation.
+pub(crate) static GAIN: Component = Component {
     kind: "gain",
     summary: "dimensionless signal times a number",
     parameters: &PARAMETERS,
     faults: &[gain_low("gain"), gain_high("gain")],
     ports: &[input("input", Unit::None, "x"), output("output", Unit::None, "k x")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Gain {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let input = wiring.signal("input");
-        let output = wiring.internal();
-        wiring.equation::<Product, 1, 1, 1>(0, [input], [Output::add(output)]);
-        wiring.set("output", output.variable());
-    }
+fn connect(wiring: &mut Wiring) {
+    let input = wiring.signal("input");
+    wiring.output("output", Product, [input]);
 }
 
 /// Equation (G1): input → output.

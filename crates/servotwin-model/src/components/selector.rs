@@ -19,23 +19,20 @@
 use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Spec, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A selector; see the module documentation.
-pub(crate) struct Selector;
-
 parameters! {
-    select: parameter(Unit::None, 0.0, (0.0, 1.0), "selection s: 0 for the first, 1 for the vote"),
+    select: parameter(0.0, (0.0, 1.0), "selection s: 0 for the first, 1 for the vote"),
 }
 
-static SPEC: Spec = Spec {
+/// A selector; see the module documentation.
+pub(crate) static SELECTOR: Component = Component {
     kind: "selector",
     summary: "one of two to four displacements, or their vote, for a controller",
     parameters: &PARAMETERS,
-    faults: &[],
     ports: &[
         input("first", Unit::Metre, "x_1"),
         input("second", Unit::Metre, "x_2"),
@@ -44,28 +41,21 @@ static SPEC: Spec = Spec {
         input_or("select", Unit::None, "select", "0 for the first, 1 for the vote"),
         output("output", Unit::Metre, "selected displacement y"),
     ],
-    states: &[],
-    reference: false,
+    connect,
+    steady_gains,
+    ..Component::PLAIN
 };
 
-impl Component for Selector {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn connect(wiring: &mut Wiring) {
+    let [first, second, select] = ["first", "second", "select"].map(|p| wiring.signal(p));
+    let vote = vote(wiring, first, second);
+    let inputs = [first, vote, select];
+    wiring.output("output", Selection, inputs);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let [first, second, select] = ["first", "second", "select"].map(|p| wiring.signal(p));
-        let vote = vote(wiring, first, second);
-        let output = wiring.internal();
-        let inputs = [first, vote, select];
-        wiring.equation::<Selection, 3, 1, 0>(0, inputs, [Output::add(output)]);
-        wiring.set("output", output.variable());
-    }
-
-    /// Those of the first displacement; a vote is not linear.
-    fn steady_gains(&self, _parameters: &[f64]) -> Vec<SteadyGain> {
-        vec![SteadyGain { from: "first", to: "output", gain: 1.0 }]
-    }
+/// Those of the first displacement; a vote is not linear.
+fn steady_gains(_parameters: &[f64]) -> Vec<SteadyGain> {
+    vec![SteadyGain { from: "first", to: "output", gain: 1.0 }]
 }
 
 /// Wires the vote v of the connected displacements. Either optional port may be left open.
@@ -79,11 +69,11 @@ fn vote(wiring: &mut Wiring, first: Variable, second: Variable) -> Variable {
     let output = [Output::add(vote)];
     match others {
         [Some(third), Some(fourth)] => {
-            wiring.equation::<MiddleOfFour, 4, 1, 0>(0, [first, second, third, fourth], output);
+            wiring.equation(MiddleOfFour, [first, second, third, fourth], output);
         }
         [third, fourth] => {
             let third = third.or(fourth).expect("one is connected");
-            wiring.equation::<MiddleOfThree, 3, 1, 0>(0, [first, second, third], output);
+            wiring.equation(MiddleOfThree, [first, second, third], output);
         }
     }
     vote.variable()

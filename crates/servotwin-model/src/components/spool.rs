@@ -2,10 +2,9 @@
 //! states and faults. [`super::servo_valve`] gives the equations (W1) to (W3).
 
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
-use crate::equation::Equation;
 use crate::scalar::Scalar;
 use crate::spec::{Category, Fault, Parameter, Port, Start, State, Unit, declare::*};
-use crate::wiring::{Listed, Output, Variable, Wiring};
+use crate::wiring::{Output, Variable, Wiring};
 
 /// Whether each edge opens with the spool or against it, in the order of `which`.
 pub(crate) const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
@@ -29,17 +28,11 @@ pub(crate) const fn ports(current: &'static str) -> [Port; 7] {
 /// The states of the spool.
 pub(crate) const fn states() -> [State; 2] {
     [
-        state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
+        state("spool_position_m", 1e-3, Start::Value(0.0), "spool position"),
         // The samples of an oscillating valve depend on the velocity.
         with_error_weight(
             2.0,
-            state(
-                "spool_velocity_m_s",
-                Unit::MetrePerSecond,
-                0.1,
-                Start::Value(0.0),
-                "spool velocity before its limit",
-            ),
+            state("spool_velocity_m_s", 0.1, Start::Value(0.0), "spool velocity before its limit"),
         ),
     ]
 }
@@ -96,7 +89,7 @@ pub(crate) const fn jam() -> Fault {
 pub(crate) const fn breakaway(name: &'static str) -> Parameter {
     let summary =
         "difference to the command, per unit of the largest, below which the spool sticks";
-    parameter(name, Unit::None, 0.0, (0.0, 1.0), summary)
+    parameter(name, 0.0, (0.0, 1.0), summary)
 }
 
 /// The variables of the spool's motion. The inputs are current, position and velocity, the outputs the rates of
@@ -105,25 +98,18 @@ pub(crate) fn motion_variables(wiring: &mut Wiring) -> ([Variable; 3], [Output; 
     let position = wiring.state("spool_position_m");
     let velocity = wiring.state("spool_velocity_m_s");
     wiring.set("spool_position", position);
-    let rates = [
-        Output::add(wiring.derivative("spool_position_m")),
-        Output::add(wiring.derivative("spool_velocity_m_s")),
-    ];
+    let rates = [wiring.rate("spool_position_m"), wiring.rate("spool_velocity_m_s")];
     ([wiring.signal("current"), position, velocity], rates)
 }
 
-/// Wires the flow through each edge, `Edge`: (x, transmission, p_up, p_down) → flow.
-pub(crate) fn connect_edges<Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
-where
-    Edge: Equation<4, 1, EDGE_CONSTANTS> + Listed,
-{
+/// What the flow through each edge reads, (x, transmission, p_up, p_down), and the transfer of this flow.
+pub(crate) fn edges(wiring: &mut Wiring) -> [([Variable; 4], Output); 4] {
     let position = wiring.state("spool_position_m");
     let transmission = wiring.signal("transmission");
-    for (which, (up, down)) in EDGES.into_iter().enumerate() {
+    EDGES.map(|(up, down)| {
         let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
-        let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
-        wiring.equation::<Edge, 4, 1, EDGE_CONSTANTS>(which, inputs, [flow]);
-    }
+        (inputs, Output::transfer(wiring.flow(up), wiring.flow(down)))
+    })
 }
 
 /// The parameters of a spool's motion.

@@ -11,12 +11,12 @@ use crate::document::{self, Collector, Entry, TextSpan, entries};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
 use crate::units;
-use servotwin_model::components::{ALL, find};
+use servotwin_model::components::{ALL, Component, find};
 use servotwin_model::fluid::table::{LEAST_STEP_K, Point, Table};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table};
 use servotwin_model::network::PortOf;
 use servotwin_model::spec::{
-    Law, Parameter, PortKind, Spec, Unit, declare::parameter, declare::required,
+    Law, Parameter, PortKind, Unit, declare::parameter, declare::required,
 };
 use toml::de::DeTable;
 
@@ -26,64 +26,21 @@ const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 /// The numbers of a fluid, in the order of [`set_fluid`]: first those of all kinds, then those of `table` and `own`,
 /// then those of `own` alone.
 pub(crate) static FLUID: [Parameter; 10] = [
-    parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
-    parameter(
-        "polytropic_exponent",
-        Unit::None,
-        1.4,
-        (1.0, 1.67),
-        "polytropic exponent of the gas",
-    ),
-    parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
-    parameter(
-        "bulk_modulus_slope",
-        Unit::None,
-        11.0,
-        (0.0, 20.0),
-        "rise of the bulk modulus, Pa per pascal",
-    ),
-    parameter(
-        "bulk_modulus_pa",
-        Unit::Pascal,
-        1.6e9,
-        MODULUS_PA,
-        "bulk modulus of the liquid at 40 °C",
-    ),
+    parameter("air_fraction", 0.005, (0.0, 0.2), "free gas per volume of liquid"),
+    parameter("polytropic_exponent", 1.4, (1.0, 1.67), "polytropic exponent of the gas"),
+    parameter("wall_modulus_pa", 10e9, (1e8, 1e13), "stiffness of the walls"),
+    parameter("bulk_modulus_slope", 11.0, (0.0, 20.0), "rise of the bulk modulus, Pa per pascal"),
+    parameter("bulk_modulus_pa", 1.6e9, MODULUS_PA, "bulk modulus of the liquid at 40 °C"),
     parameter(
         "bulk_modulus_change",
-        Unit::None,
         -8e6,
         (-2e7, 0.0),
         "change of the bulk modulus, Pa per kelvin",
     ),
-    parameter(
-        "density_kg_m3",
-        Unit::KilogramPerCubicMetre,
-        880.0,
-        (500.0, 2000.0),
-        "density at 15 °C",
-    ),
-    parameter(
-        "expansion",
-        Unit::None,
-        7e-4,
-        (0.0, 5e-3),
-        "thermal expansion of its volume, per kelvin",
-    ),
-    parameter(
-        "viscosity_40_m2_s",
-        Unit::SquareMetrePerSecond,
-        46e-6,
-        (2e-6, 1e-3),
-        "kinematic viscosity at 40 °C",
-    ),
-    parameter(
-        "viscosity_100_m2_s",
-        Unit::SquareMetrePerSecond,
-        6.8e-6,
-        (1e-6, 5e-4),
-        "kinematic viscosity at 100 °C",
-    ),
+    parameter("density_kg_m3", 880.0, (500.0, 2000.0), "density at 15 °C"),
+    parameter("expansion", 7e-4, (0.0, 5e-3), "thermal expansion of its volume, per kelvin"),
+    parameter("viscosity_40_m2_s", 46e-6, (2e-6, 1e-3), "kinematic viscosity at 40 °C"),
+    parameter("viscosity_100_m2_s", 6.8e-6, (1e-6, 5e-4), "kinematic viscosity at 100 °C"),
 ];
 
 /// The allowed bulk modulus, Pa.
@@ -115,25 +72,21 @@ fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
 pub(crate) static POINT: [Parameter; 4] = [
     required(
         "temperature_k",
-        Unit::Kelvin,
         (200.0, 480.0),
         "temperature, at least one kelvin above the previous point",
     ),
     required(
         "density_kg_m3",
-        Unit::KilogramPerCubicMetre,
         (500.0, 2000.0),
         "density, no more than at the previous, colder point",
     ),
     required(
         "viscosity_m2_s",
-        Unit::SquareMetrePerSecond,
         (1e-6, 2e-2),
         "kinematic viscosity, no more than at the previous, colder point",
     ),
     required(
         "bulk_modulus_pa",
-        Unit::Pascal,
         MODULUS_PA,
         "bulk modulus of the liquid, no more than at the previous, colder point",
     ),
@@ -717,7 +670,7 @@ impl Reader {
     }
 
     fn unknown_parameter(&mut self, part: &mut Part, entry: &Entry) {
-        let spec: &'static Spec = part.spec();
+        let spec: &'static Component = part.spec();
         if spec.fault(entry.key).is_some() {
             let key = entry.key.into();
             self.mistakes.note(&entry.at, SystemMistake::FaultAmongParameters { key });
@@ -1019,7 +972,7 @@ impl Reader {
     fn above_noise(&mut self, part: &Part, (id, scale, unit): (&str, f64, Unit), at: &TextSpan) {
         let noise = Imperfection::of_component(part.component, &part.parameters).deviation();
         if part.sound && noise > scale {
-            let full_scale = part.component.span(&part.parameters).map(|span| span.full_scale);
+            let full_scale = (part.component.span)(&part.parameters).map(|span| span.full_scale);
             let (sensor, component) = (id.into(), part.id.clone());
             let mistake = SystemMistake::ScaleBelowNoise {
                 sensor,

@@ -16,18 +16,14 @@
 
 use super::System;
 use servotwin_model::program::{Program, Slot};
-use servotwin_model::spec::{Parameter, Unit, declare::required};
+use servotwin_model::spec::{Parameter, declare::required};
 
 /// The share of the volume below which the pump draws air.
 const LOW: f64 = 0.05;
 
 /// The declaration of the volume.
-pub(crate) static VOLUME: Parameter = required(
-    "volume_m3",
-    Unit::CubicMetre,
-    (1e-6, 10.0),
-    "fluid that can leak before the pump has none",
-);
+pub(crate) static VOLUME: Parameter =
+    required("volume_m3", (1e-6, 10.0), "fluid that can leak before the pump has none");
 
 /// A reservoir as declared.
 #[derive(Clone, Debug, PartialEq)]
