@@ -272,6 +272,43 @@ pub struct Fault {
     pub summary: &'static str,
 }
 
+impl Fault {
+    /// Adds `full · i` to a parameter.
+    pub(crate) const fn adds(self, parameter: &'static str, full: f64, range: (f64, f64)) -> Self {
+        self.acting(Law::Add, parameter, full, range)
+    }
+
+    /// Scales a parameter linearly to `full` times its value.
+    pub(crate) const fn scales(
+        self,
+        parameter: &'static str,
+        full: f64,
+        range: (f64, f64),
+    ) -> Self {
+        self.acting(Law::Scale, parameter, full, range)
+    }
+
+    /// Multiplies a parameter by `full^i`, such as that of a shrinking passage.
+    pub(crate) const fn shrinks(
+        self,
+        parameter: &'static str,
+        full: f64,
+        range: (f64, f64),
+    ) -> Self {
+        self.acting(Law::Geometric, parameter, full, range)
+    }
+
+    const fn acting(
+        self,
+        law: Law,
+        parameter: &'static str,
+        full: f64,
+        (full_min, full_max): (f64, f64),
+    ) -> Self {
+        Fault { law, parameter, full, full_min, full_max, ..self }
+    }
+}
+
 /// The kind of a port: the quantities that it exchanges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
@@ -363,6 +400,18 @@ pub struct State {
     pub summary: &'static str,
 }
 
+impl State {
+    /// Sets the initial guess for the steady-state search.
+    pub(crate) const fn from(self, start: Start) -> Self {
+        State { start, ..self }
+    }
+
+    /// Sets the error weight.
+    pub(crate) const fn with_error_weight(self, error_weight: f64) -> Self {
+        State { error_weight, ..self }
+    }
+}
+
 /// Lower bound of a pressure in the steady-state search. An implicit step may end below vacuum, where hardly any flow
 /// raises the pressure again, and the search would fail. No system of the catalogue has a lower steady-state pressure.
 const LOWEST_AT_REST_PA: f64 = 1e3;
@@ -436,49 +485,14 @@ pub mod declare {
         Parameter { name, unit, default: None, min: range.0, max: range.1, summary }
     }
 
-    /// A fault that adds `full · i` to a parameter.
-    pub(crate) const fn adds(
+    /// A fault; [`Fault::adds`], [`Fault::scales`] or [`Fault::shrinks`] says what it does.
+    pub(crate) const fn fault(
         name: &'static str,
-        parameter: &'static str,
-        full: f64,
-        range: (f64, f64),
         category: Category,
         summary: &'static str,
     ) -> Fault {
-        Fault {
-            name,
-            parameter,
-            law: Law::Add,
-            full,
-            full_min: range.0,
-            full_max: range.1,
-            category,
-            summary,
-        }
-    }
-
-    /// A fault that scales a parameter linearly to `full` times its value.
-    pub(crate) const fn scales(
-        name: &'static str,
-        parameter: &'static str,
-        full: f64,
-        range: (f64, f64),
-        category: Category,
-        summary: &'static str,
-    ) -> Fault {
-        Fault { law: Law::Scale, ..adds(name, parameter, full, range, category, summary) }
-    }
-
-    /// A fault that multiplies a parameter by `full^i`, such as a shrinking passage.
-    pub(crate) const fn shrinks(
-        name: &'static str,
-        parameter: &'static str,
-        full: f64,
-        range: (f64, f64),
-        category: Category,
-        summary: &'static str,
-    ) -> Fault {
-        Fault { law: Law::Geometric, ..adds(name, parameter, full, range, category, summary) }
+        let (law, full) = (Law::Add, 0.0);
+        Fault { name, parameter: "", law, full, full_min: full, full_max: full, category, summary }
     }
 
     const fn port(name: &'static str, kind: PortKind, summary: &'static str) -> Port {
@@ -553,14 +567,9 @@ pub mod declare {
         Port { optional: true, ..port }
     }
 
-    /// A state variable with error weight 1 and no lower bound.
-    pub(crate) const fn state(
-        name: &'static str,
-        scale: f64,
-        start: Start,
-        summary: &'static str,
-    ) -> State {
-        let unit = Unit::of_name(name);
+    /// A state variable that starts at zero, with error weight 1 and no lower bound.
+    pub(crate) const fn state(name: &'static str, scale: f64, summary: &'static str) -> State {
+        let (unit, start) = (Unit::of_name(name), Start::Value(0.0));
         State { name, unit, scale, error_weight: 1.0, start, lowest: f64::NEG_INFINITY, summary }
     }
 
@@ -569,18 +578,16 @@ pub mod declare {
     /// where an edge clogs or the supply is lost.
     pub(crate) const VELOCITY_ERROR_WEIGHT: f64 = 5.0;
 
-    /// Sets the error weight of a state.
-    pub(crate) const fn with_error_weight(error_weight: f64, state: State) -> State {
-        State { error_weight, ..state }
-    }
-
     /// The absolute pressure of a fluid, Pa; `start` names the parameter with the initial guess.
     pub(crate) const fn pressure_state(
         name: &'static str,
         start: &'static str,
         summary: &'static str,
     ) -> State {
-        State { lowest: LOWEST_AT_REST_PA, ..state(name, 2e7, Start::Parameter(start), summary) }
+        State {
+            lowest: LOWEST_AT_REST_PA,
+            ..state(name, 2e7, summary).from(Start::Parameter(start))
+        }
     }
 }
 

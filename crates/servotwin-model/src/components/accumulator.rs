@@ -39,13 +39,10 @@ pub(crate) static ACCUMULATOR: Component = Component {
     kind: "accumulator",
     summary: "gas accumulator",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "precharge_loss",
+    faults: &[fault("precharge_loss", Category::Wear, "gas has been lost").scales(
         "precharge_pa",
         0.1,
         (0.01, 1.0),
-        Category::Wear,
-        "gas has been lost",
     )],
     ports: &[pressure("port", "fluid side")],
     states: &[pressure_state("pressure_pa", "start_pa", "pressure, absolute")],

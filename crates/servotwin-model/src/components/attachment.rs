@@ -32,21 +32,15 @@ pub(crate) static ATTACHMENT: Component = Component {
     summary: "elastic joint with play between two moving parts",
     parameters: &PARAMETERS,
     faults: &[
-        adds(
-            "backlash",
+        fault("backlash", Category::Looseness, "worn bearings of the rod end").adds(
             "backlash_m",
             0.5e-3,
             (0.0, 0.1),
-            Category::Looseness,
-            "worn bearings of the rod end",
         ),
-        shrinks(
-            "stiffness_loss",
+        fault("stiffness_loss", Category::Looseness, "cracked or loosened attachment").shrinks(
             "stiffness_n_m",
             0.01,
             (1e-6, 1.0),
-            Category::Looseness,
-            "cracked or loosened attachment",
         ),
     ],
     ports: &[translational("a", "one side"), translational("b", "other side")],

@@ -19,7 +19,7 @@ use super::position_controller::{LOOP_FAULTS, feedback};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Start, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 parameters! {
@@ -48,8 +48,8 @@ pub(crate) static AXIS_CONTROLLER: Component = Component {
         output("current", Unit::None, "valve current per unit of the rated current"),
     ],
     states: &[
-        state("washout_pa", 2e7, Start::Value(0.0), "slow part d of the differential pressure"),
-        state("integral", 1.0, Start::Value(0.0), "integral part z of the output"),
+        state("washout_pa", 2e7, "slow part d of the differential pressure"),
+        state("integral", 1.0, "integral part z of the output"),
     ],
     connect,
     ..Component::PLAIN

@@ -21,7 +21,7 @@ use super::cylinder::{
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Parameter, Start, State, declare::*};
+use crate::spec::{Parameter, State, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
@@ -39,7 +39,7 @@ static PARAMETERS: [Parameter; DAMPING + 1] = with_more(
 
 static ALL_STATES: [State; STATES.len() + 1] = {
     let [a, b, position, velocity] = STATES;
-    let bristle = state("bristle_m", 1e-4, Start::Value(0.0), "deflection of the bristles");
+    let bristle = state("bristle_m", 1e-4, "deflection of the bristles");
     [a, b, position, velocity, bristle]
 };
 

@@ -37,21 +37,15 @@ pub(crate) static CHECK_VALVE: Component = Component {
     summary: "check valve with smooth opening",
     parameters: &PARAMETERS,
     faults: &[
-        adds(
-            "stuck_open",
+        fault("stuck_open", Category::Jamming, "does not close and passes fluid back").adds(
             "leak_area_m2",
             1e-6,
             (0.0, 1e-2),
-            Category::Jamming,
-            "does not close and passes fluid back",
         ),
-        scales(
-            "clogging",
+        fault("clogging", Category::Clogging, "does not open far enough").scales(
             "area_m2",
             0.05,
             (0.0, 1.0),
-            Category::Clogging,
-            "does not open far enough",
         ),
     ],
     ports: &[hydraulic("a", "inlet"), hydraulic("b", "outlet")],

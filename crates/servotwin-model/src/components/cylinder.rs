@@ -36,7 +36,7 @@ use crate::fluid::{
     BULK_CONSTANTS, NORMAL_PRESSURE_PA, REFERENCE_TEMPERATURE_K, liquid_share, pressure_rate_pa_s,
 };
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Port, Start, State, Unit, declare::*};
+use crate::spec::{Category, Fault, Port, State, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 use alloc::format;
 use alloc::string::String;
@@ -92,30 +92,18 @@ parameters! {
 
 /// The faults of every cylinder, whatever its friction law.
 pub(super) const FAULTS: [Fault; 3] = [
-    adds(
-        "internal_leakage",
+    fault("internal_leakage", Category::InternalLeakage, "the piston seal is worn").adds(
         "internal_leakage_m3_s_pa",
         8e-12,
         (0.0, 1e-8),
-        Category::InternalLeakage,
-        "the piston seal is worn",
     ),
-    scales(
-        "friction",
+    fault("friction", Category::Friction, "the seals drag, both sticking and sliding").scales(
         "coulomb_friction_n",
         10.0,
         (1.0, 100.0),
-        Category::Friction,
-        "the seals drag, both sticking and sliding",
     ),
-    scales(
-        "viscous_friction",
-        "viscous_friction_n_s_m",
-        10.0,
-        (1.0, 100.0),
-        Category::Friction,
-        "the guides drag in proportion to velocity",
-    ),
+    fault("viscous_friction", Category::Friction, "the guides drag in proportion to velocity")
+        .scales("viscous_friction_n_s_m", 10.0, (1.0, 100.0)),
 ];
 
 /// The ports of every cylinder.
@@ -131,11 +119,8 @@ pub(super) const PORTS: [Port; 5] = [
 pub(super) const STATES: [State; 4] = [
     pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
     pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
-    state("position_m", 2e-2, Start::Value(0.0), "piston position"),
-    with_error_weight(
-        VELOCITY_ERROR_WEIGHT,
-        state("velocity_m_s", 0.05, Start::Value(0.0), "piston velocity"),
-    ),
+    state("position_m", 2e-2, "piston position"),
+    state("velocity_m_s", 0.05, "piston velocity").with_error_weight(VELOCITY_ERROR_WEIGHT),
 ];
 
 /// A double-acting cylinder; see the module documentation.

@@ -28,14 +28,8 @@ pub(crate) static EXTERNAL_LEAKAGE: Component = Component {
     kind: "external_leakage",
     summary: "leak from a node to the surroundings",
     parameters: &PARAMETERS,
-    faults: &[adds(
-        "leakage",
-        "area_m2",
-        2e-7,
-        (0.0, 1e-4),
-        Category::ExternalLeakage,
-        "a seal or a line leaks to the outside",
-    )],
+    faults: &[fault("leakage", Category::ExternalLeakage, "a seal or a line leaks to the outside")
+        .adds("area_m2", 2e-7, (0.0, 1e-4))],
     ports: &[
         hydraulic("port", "node that leaks"),
         output("flow_m3_s", Unit::CubicMetrePerSecond, "flow that leaks away"),

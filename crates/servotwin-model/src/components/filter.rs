@@ -26,13 +26,10 @@ pub(crate) static FILTER: Component = Component {
     kind: "filter",
     summary: "laminar and quadratic resistance of a filter or a line",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "clogging",
+    faults: &[fault("clogging", Category::Clogging, "the element fills with dirt").scales(
         "resistance_pa_s_m3",
         30.0,
         (1.0, 1e5),
-        Category::Clogging,
-        "the element fills with dirt",
     )],
     ports: &[hydraulic("a", "one side"), hydraulic("b", "other side")],
     connect,

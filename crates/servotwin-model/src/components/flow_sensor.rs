@@ -19,7 +19,7 @@ use super::filter::FilterFlow;
 use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Start, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 // The resistances come first, where the equation of a filter reads them.
@@ -41,13 +41,10 @@ pub(crate) static FLOW_SENSOR: Component = Component {
     kind: "flow_sensor",
     summary: "flow meter in a line with a 4-20 mA output",
     parameters: &PARAMETERS,
-    faults: &conversion::faults(shrinks(
-        "lag",
+    faults: &conversion::faults(fault("lag", Category::Lag, "worn bearing of the rotor").shrinks(
         "bandwidth_hz",
         0.005,
         (1e-5, 1.0),
-        Category::Lag,
-        "worn bearing of the rotor",
     )),
     ports: &[
         hydraulic("a", "one side; a flow from here to b is positive"),
@@ -55,7 +52,7 @@ pub(crate) static FLOW_SENSOR: Component = Component {
         output("reading", Unit::CubicMetrePerSecond, "flow that the computer reads"),
         output("electrical", Unit::Ampere, "current of the loop"),
     ],
-    states: &[state("metered_m3_s", 1e-3, Start::Value(0.0), "flow q_m that the meter shows")],
+    states: &[state("metered_m3_s", 1e-3, "flow q_m that the meter shows")],
     connect,
     span,
     ..Component::PLAIN

@@ -34,14 +34,9 @@ pub(crate) const fn speed(name: &'static str) -> Parameter {
 }
 
 /// The fault of worn gaps, which every pump has.
-pub(crate) const WEAR: Fault = adds(
-    "wear",
-    "internal_leakage_m3_s_pa",
-    1e-11,
-    (1e-14, 1e-7),
-    Category::InternalLeakage,
-    "worn gaps: leakage rises by 6 L/min at 100 bar",
-);
+pub(crate) const WEAR: Fault =
+    fault("wear", Category::InternalLeakage, "worn gaps: leakage rises by 6 L/min at 100 bar")
+        .adds("internal_leakage_m3_s_pa", 1e-11, (1e-14, 1e-7));
 
 parameters! {
     flow_m3_s: full_flow(),
@@ -50,29 +45,24 @@ parameters! {
 }
 
 /// A pump of constant displacement; see the module documentation.
-pub(crate) static FLOW_SOURCE: Component = Component {
-    kind: "flow_source",
-    summary: "pump of constant displacement",
-    parameters: &PARAMETERS,
-    faults: &[
-        WEAR,
-        scales(
-            "flow_loss",
-            "flow_m3_s",
-            0.3,
-            (0.0, 1.0),
-            Category::Wear,
-            "lost displacement: a broken vane or piston",
-        ),
-    ],
-    ports: &[
-        hydraulic("inlet", "from the tank"),
-        hydraulic("outlet", "to the system"),
-        input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
-    ],
-    connect,
-    ..Component::PLAIN
-};
+pub(crate) static FLOW_SOURCE: Component =
+    Component {
+        kind: "flow_source",
+        summary: "pump of constant displacement",
+        parameters: &PARAMETERS,
+        faults: &[
+            WEAR,
+            fault("flow_loss", Category::Wear, "lost displacement: a broken vane or piston")
+                .scales("flow_m3_s", 0.3, (0.0, 1.0)),
+        ],
+        ports: &[
+            hydraulic("inlet", "from the tank"),
+            hydraulic("outlet", "to the system"),
+            input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
+        ],
+        connect,
+        ..Component::PLAIN
+    };
 
 fn connect(wiring: &mut Wiring) {
     let speed = wiring.signal("speed");

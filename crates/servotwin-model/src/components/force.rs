@@ -7,7 +7,7 @@
 //! Source: an ideal element, by definition. The origin of the force is not modeled.
 
 use crate::component::Component;
-use crate::equation::{Equation, Given};
+use crate::equation::Equation;
 use crate::scalar::Scalar;
 use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Wiring};
@@ -39,10 +39,6 @@ fn connect(wiring: &mut Wiring) {
 pub(crate) struct Applied;
 
 impl Equation<1, 1, 0> for Applied {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [force]: [S; 1]) -> [S; 1] {
         [force]

@@ -23,7 +23,7 @@ use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Start, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
 parameters! {
@@ -50,12 +50,7 @@ pub(crate) static FORCE_FIGHT_EQUALISER: Component = Component {
         output("correction_1", Unit::Metre, "correction for the controller of actuator 1"),
         output("correction_2", Unit::Metre, "correction for the controller of actuator 2"),
     ],
-    states: &[state(
-        "difference_pa",
-        2e7,
-        Start::Value(0.0),
-        "filtered difference z of the differential pressures",
-    )],
+    states: &[state("difference_pa", 2e7, "filtered difference z of the differential pressures")],
     connect: connect_two,
     ..Component::PLAIN
 };
@@ -131,7 +126,6 @@ macro_rules! equaliser {
             states: &[$(state(
                 concat!("difference_", $n, "_pa"),
                 2e7,
-                Start::Value(0.0),
                 concat!("filtered difference z_", $n, " of actuator ", $n, " and the others"),
             ),)*],
             connect: |wiring| {
@@ -217,10 +211,6 @@ fn difference(wiring: &mut Wiring, ports: [&str; 2]) -> Variable {
 pub(crate) struct PressureDifference;
 
 impl Equation<2, 1, 0> for PressureDifference {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [p_a, p_b]: [S; 2]) -> [S; 1] {
         [p_a - p_b]

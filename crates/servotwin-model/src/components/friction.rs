@@ -39,21 +39,15 @@ pub(crate) static FRICTION: Component = Component {
     summary: "Stribeck friction against the ground",
     parameters: &PARAMETERS,
     faults: &[
-        scales(
-            "friction",
+        fault("friction", Category::Friction, "swollen seals or dry bearings").scales(
             "coulomb_friction_n",
             10.0,
             (1.0, 100.0),
-            Category::Friction,
-            "swollen seals or dry bearings",
         ),
-        scales(
-            "viscous",
+        fault("viscous", Category::Friction, "thickened grease").scales(
             "viscous_friction_n_s_m",
             10.0,
             (1.0, 100.0),
-            Category::Friction,
-            "thickened grease",
         ),
     ],
     ports: &[translational("port", "part that rubs")],

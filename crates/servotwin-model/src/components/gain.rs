@@ -15,13 +15,13 @@ use crate::wiring::Wiring;
 /// Fault of an amplifier whose gain, a parameter, is too low.
 pub(crate) const fn gain_low(parameter: &'static str) -> Fault {
     let summary = "the amplifier has lost gain";
-    scales("gain_low", parameter, 0.2, (0.0, 1.0), Category::Calibration, summary)
+    fault("gain_low", Category::Calibration, summary).scales(parameter, 0.2, (0.0, 1.0))
 }
 
 /// Fault of an amplifier whose gain, a parameter, is too high.
 pub(crate) const fn gain_high(parameter: &'static str) -> Fault {
     let summary = "the amplifier has too much gain";
-    scales("gain_high", parameter, 2.0, (1.0, 100.0), Category::Calibration, summary)
+    fault("gain_high", Category::Calibration, summary).scales(parameter, 2.0, (1.0, 100.0))
 }
 
 parameters! {

@@ -12,7 +12,7 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Start, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
 parameters! {
@@ -31,21 +31,12 @@ pub(crate) static INERTIA: Component = Component {
     kind: "inertia",
     summary: "body turning about a hinge",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "hinge_friction",
-        "friction_nm",
-        100.0,
-        (1.0, 1000.0),
-        Category::Friction,
-        "dry or corroded hinge bearings",
-    )],
+    faults: &[fault("hinge_friction", Category::Friction, "dry or corroded hinge bearings")
+        .scales("friction_nm", 100.0, (1.0, 1000.0))],
     ports: &[turning("shaft", "parts that turn with the body")],
     states: &[
-        state("angle_rad", 0.4, Start::Value(0.0), "angle"),
-        with_error_weight(
-            VELOCITY_ERROR_WEIGHT,
-            state("rate_rad_s", 1.0, Start::Value(0.0), "rate"),
-        ),
+        state("angle_rad", 0.4, "angle"),
+        state("rate_rad_s", 1.0, "rate").with_error_weight(VELOCITY_ERROR_WEIGHT),
     ],
     connect,
     ..Component::PLAIN

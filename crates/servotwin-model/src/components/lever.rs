@@ -65,10 +65,6 @@ impl Equation<2, 3, 1> for LeverMotion {
 pub(crate) struct LeverMoment;
 
 impl Equation<2, 1, 0> for LeverMoment {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [arm, force]: [S; 2]) -> [S; 1] {
         [arm * force]

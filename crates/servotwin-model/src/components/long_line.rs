@@ -26,7 +26,7 @@ use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::math::{power, smooth_step};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Category, Start, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
 /// Shares of the line: its length in the sections from `a` on, its volume in the middle and at `b`.
@@ -44,21 +44,18 @@ pub(crate) static LONG_LINE: Component = Component {
     kind: "long_line",
     summary: "line with inertia, friction and compressible fluid",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "clogging",
+    faults: &[fault("clogging", Category::Clogging, "deposits narrow the whole line").scales(
         "diameter_m",
         0.3,
         (0.01, 1.0),
-        Category::Clogging,
-        "deposits narrow the whole line",
     )],
     ports: &[
         hydraulic("a", "end with an inertia"),
         pressure("b", "end with a capacitance, which sets the pressure"),
     ],
     states: &[
-        state("flow_m3_s", 2e-4, Start::Value(0.0), "flow into a"),
-        state("flow_to_b_m3_s", 2e-4, Start::Value(0.0), "flow from the middle to b"),
+        state("flow_m3_s", 2e-4, "flow into a"),
+        state("flow_to_b_m3_s", 2e-4, "flow from the middle to b"),
         pressure_state("middle_pressure_pa", "start_pa", "pressure in the middle, absolute"),
         pressure_state("pressure_pa", "start_pa", "pressure at b, absolute"),
     ],

@@ -9,7 +9,7 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Start, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::Wiring;
 
 parameters! {
@@ -21,19 +21,16 @@ pub(crate) static LOW_PASS_FILTER: Component = Component {
     kind: "low_pass_filter",
     summary: "first-order low-pass filter of a dimensionless signal",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "lag",
+    faults: &[fault("lag", Category::Lag, "the filter is slow: a changed capacitor").scales(
         "bandwidth_hz",
         0.1,
         (1e-5, 1.0),
-        Category::Lag,
-        "the filter is slow: a changed capacitor",
     )],
     ports: &[
         input("input", Unit::None, "signal to filter"),
         output("output", Unit::None, "filtered signal"),
     ],
-    states: &[state("filtered", 1.0, Start::Value(0.0), "filtered signal")],
+    states: &[state("filtered", 1.0, "filtered signal")],
     connect,
     ..Component::PLAIN
 };

@@ -16,7 +16,7 @@ use super::conversion;
 use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Start, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
 parameters! {
@@ -36,13 +36,10 @@ pub(crate) static LVDT: Component = Component {
     kind: "lvdt",
     summary: "displacement sensor with ratio demodulation",
     parameters: &PARAMETERS,
-    faults: &conversion::faults(shrinks(
-        "lag",
+    faults: &conversion::faults(fault("lag", Category::Lag, "slow demodulation").shrinks(
         "bandwidth_hz",
         0.005,
         (1e-5, 1.0),
-        Category::Lag,
-        "slow demodulation",
     )),
     ports: &[
         input("position", Unit::Metre, "measured displacement"),
@@ -50,8 +47,8 @@ pub(crate) static LVDT: Component = Component {
         output("electrical", Unit::None, "voltage ratio"),
     ],
     states: &[
-        state("ratio", 0.5, Start::Value(0.0), "voltage ratio y"),
-        state("ratio_rate", 0.5, Start::Value(0.0), "rate z of the ratio, per unit of ω"),
+        state("ratio", 0.5, "voltage ratio y"),
+        state("ratio_rate", 0.5, "rate z of the ratio, per unit of ω"),
     ],
     connect,
     span,

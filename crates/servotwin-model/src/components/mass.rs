@@ -12,7 +12,7 @@ use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Start, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
 parameters! {
@@ -29,30 +29,21 @@ pub(crate) static MASS: Component = Component {
     summary: "mass on a line, with optional end stops",
     parameters: &PARAMETERS,
     faults: &[
-        scales(
-            "added_mass",
+        fault("added_mass", Category::Dynamics, "ice, dirt or water moves with it").scales(
             "mass_kg",
             2.0,
             (1.0, 100.0),
-            Category::Dynamics,
-            "ice, dirt or water moves with it",
         ),
-        adds(
-            "friction",
+        fault("friction", Category::Friction, "the guide is dry or clamps").adds(
             "viscous_friction_n_s_m",
             1e4,
             (0.0, 1e9),
-            Category::Friction,
-            "the guide is dry or clamps",
         ),
     ],
     ports: &[moving("port", "parts that move with the mass")],
     states: &[
-        state("position_m", 2e-2, Start::Value(0.0), "position"),
-        with_error_weight(
-            VELOCITY_ERROR_WEIGHT,
-            state("velocity_m_s", 0.05, Start::Value(0.0), "velocity"),
-        ),
+        state("position_m", 2e-2, "position"),
+        state("velocity_m_s", 0.05, "velocity").with_error_weight(VELOCITY_ERROR_WEIGHT),
     ],
     connect,
     ..Component::PLAIN

@@ -46,51 +46,48 @@ parameters! {
 }
 
 /// A mode valve; see the module documentation.
-pub(crate) static MODE_VALVE: Component = Component {
-    kind: "mode_valve",
-    summary: "active or damped: bypass orifice, make-up valves and reserve",
-    parameters: &PARAMETERS,
-    faults: &[
-        scales(
-            "damping_clogging",
-            "damping_area_m2",
-            0.05,
-            (0.0, 1.0),
-            Category::Clogging,
-            "dirt narrows the damping orifice",
-        ),
-        shrinks("slow", "time_constant_s", 30.0, (1.0, 1e4), Category::Dynamics, "switches slowly"),
-        adds(
-            "stuck_active",
-            "damped_position",
-            1.0,
-            (0.0, 1.0),
-            Category::Jamming,
-            "does not switch to damped",
-        ),
-        scales(
-            "stuck_damped",
-            "active_position",
-            0.0,
-            (0.0, 1.0),
-            Category::Jamming,
-            "does not switch to active",
-        ),
-        adds("isolation_wear", "isolation", 0.2, (0.0, 1.0), Category::Wear, "leaks when damped"),
-    ],
-    ports: &[
-        hydraulic("a", "cylinder chamber A"),
-        hydraulic("b", "cylinder chamber B"),
-        hydraulic("reserve", "fluid reserve"),
-        optional(hydraulic("return", "return gallery, which fills the reserve")),
-        input_or("command", Unit::None, "command", "1 active, 0 damped"),
-        output("active", Unit::None, "position: 1 active … 0 damped"),
-        output("transmission", Unit::None, "factor on the flows of the servo valve"),
-    ],
-    states: &[state("position", 1.0, Start::Parameter("command"), "1 active … 0 damped")],
-    connect,
-    ..Component::PLAIN
-};
+pub(crate) static MODE_VALVE: Component =
+    Component {
+        kind: "mode_valve",
+        summary: "active or damped: bypass orifice, make-up valves and reserve",
+        parameters: &PARAMETERS,
+        faults: &[
+            fault("damping_clogging", Category::Clogging, "dirt narrows the damping orifice")
+                .scales("damping_area_m2", 0.05, (0.0, 1.0)),
+            fault("slow", Category::Dynamics, "switches slowly").shrinks(
+                "time_constant_s",
+                30.0,
+                (1.0, 1e4),
+            ),
+            fault("stuck_active", Category::Jamming, "does not switch to damped").adds(
+                "damped_position",
+                1.0,
+                (0.0, 1.0),
+            ),
+            fault("stuck_damped", Category::Jamming, "does not switch to active").scales(
+                "active_position",
+                0.0,
+                (0.0, 1.0),
+            ),
+            fault("isolation_wear", Category::Wear, "leaks when damped").adds(
+                "isolation",
+                0.2,
+                (0.0, 1.0),
+            ),
+        ],
+        ports: &[
+            hydraulic("a", "cylinder chamber A"),
+            hydraulic("b", "cylinder chamber B"),
+            hydraulic("reserve", "fluid reserve"),
+            optional(hydraulic("return", "return gallery, which fills the reserve")),
+            input_or("command", Unit::None, "command", "1 active, 0 damped"),
+            output("active", Unit::None, "position: 1 active … 0 damped"),
+            output("transmission", Unit::None, "factor on the flows of the servo valve"),
+        ],
+        states: &[state("position", 1.0, "1 active … 0 damped").from(Start::Parameter("command"))],
+        connect,
+        ..Component::PLAIN
+    };
 
 /// A check valve that acts only when damped.
 fn reserve_valve(wiring: &mut Wiring, which: usize, up: &str, down: &str) {

@@ -42,13 +42,10 @@ pub(crate) static ORIFICE: Component = Component {
     kind: "orifice",
     summary: "fixed orifice, laminar to turbulent",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "clogging",
+    faults: &[fault("clogging", Category::Clogging, "dirt narrows the orifice").scales(
         "area_m2",
         0.05,
         (0.0, 1.0),
-        Category::Clogging,
-        "dirt narrows the orifice",
     )],
     ports: &[hydraulic("a", "one side"), hydraulic("b", "other side")],
     connect,

@@ -20,7 +20,7 @@ use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Start, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
@@ -43,16 +43,14 @@ pub(crate) static PID_CONTROLLER: Component = Component {
     faults: &[
         gain_low("gain"),
         gain_high("gain"),
-        adds("bias_positive", "offset", 0.2, (0.0, 1e6), Category::Bias, "null shift"),
-        adds("bias_negative", "offset", -0.2, (-1e6, 0.0), Category::Bias, "null shift"),
-        scales(
+        fault("bias_positive", Category::Bias, "null shift").adds("offset", 0.2, (0.0, 1e6)),
+        fault("bias_negative", Category::Bias, "null shift").adds("offset", -0.2, (-1e6, 0.0)),
+        fault(
             "output_loss",
-            "reach",
-            0.75,
-            (0.0, 1.0),
             Category::Calibration,
             "the output stage does not reach its maximum output",
-        ),
+        )
+        .scales("reach", 0.75, (0.0, 1.0)),
     ],
     ports: &[
         input("setpoint", Unit::None, "setpoint w"),
@@ -60,8 +58,8 @@ pub(crate) static PID_CONTROLLER: Component = Component {
         output("output", Unit::None, "output u of the controller"),
     ],
     states: &[
-        state("integral", 1.0, Start::Value(0.0), "integral part z of the output"),
-        state("slow_error", 1.0, Start::Value(0.0), "filtered error e_f"),
+        state("integral", 1.0, "integral part z of the output"),
+        state("slow_error", 1.0, "filtered error e_f"),
     ],
     connect,
     check,

@@ -17,7 +17,7 @@ use super::gain::{gain_high, gain_low};
 use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Port, Start, Unit, declare::*};
+use crate::spec::{Category, Fault, Port, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -39,7 +39,7 @@ parameters! {
 pub(crate) const LOOP_FAULTS: [Fault; 4] = {
     const fn bias(name: &'static str, full_m: f64, range_m: (f64, f64)) -> Fault {
         let summary = "null shift: the loop holds another position";
-        adds(name, "rig_offset_m", full_m, range_m, Category::Bias, summary)
+        fault(name, Category::Bias, summary).adds("rig_offset_m", full_m, range_m)
     }
     [
         gain_low("gain_per_m"),
@@ -52,14 +52,9 @@ pub(crate) const LOOP_FAULTS: [Fault; 4] = {
 /// The faults of the controller, which the sampled controller shares.
 pub(crate) const FAULTS: [Fault; 5] = {
     let [low, high, positive, negative] = LOOP_FAULTS;
-    let feedback_loss = scales(
-        "feedback_loss",
-        "pressure_gain",
-        0.0,
-        (0.0, 1.0),
-        Category::Dynamics,
-        "pressure feedback no longer damps the loop",
-    );
+    let feedback_loss =
+        fault("feedback_loss", Category::Dynamics, "pressure feedback no longer damps the loop")
+            .scales("pressure_gain", 0.0, (0.0, 1.0));
     [low, high, positive, negative, feedback_loss]
 };
 
@@ -81,12 +76,7 @@ pub(crate) static POSITION_CONTROLLER: Component = Component {
     parameters: &PARAMETERS,
     faults: &FAULTS,
     ports: &PORTS,
-    states: &[state(
-        "washout_pa",
-        2e7,
-        Start::Value(0.0),
-        "slow part d of the differential pressure",
-    )],
+    states: &[state("washout_pa", 2e7, "slow part d of the differential pressure")],
     connect,
     steady_gains,
     ..Component::PLAIN
@@ -185,10 +175,6 @@ impl Equation<3, 2, 2> for PressureFeedback {
 pub(crate) struct LimitedCurrent;
 
 impl Equation<2, 1, 0> for LimitedCurrent {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [demand, mode]: [S; 2]) -> [S; 1] {
         [limited(demand, mode)]

@@ -30,14 +30,12 @@ parameters! {
 }
 
 /// The faults of a transducer, with or without a tapping line.
-pub(super) const FAULTS: [Fault; 9] = conversion::faults(shrinks(
-    "lag",
-    "bandwidth_hz",
-    0.005,
-    (1e-5, 1.0),
-    Category::Lag,
-    "clogged pressure tapping",
-));
+pub(super) const FAULTS: [Fault; 9] =
+    conversion::faults(fault("lag", Category::Lag, "clogged pressure tapping").shrinks(
+        "bandwidth_hz",
+        0.005,
+        (1e-5, 1.0),
+    ));
 
 /// The ports of a transducer.
 pub(super) const PORTS: [Port; 3] = [
@@ -48,7 +46,7 @@ pub(super) const PORTS: [Port; 3] = [
 
 /// The current of the loop.
 pub(super) const CURRENT: State =
-    state("current_a", 20e-3, Start::Value(conversion::ZERO_A), "current of the loop");
+    state("current_a", 20e-3, "current of the loop").from(Start::Value(conversion::ZERO_A));
 
 /// A pressure transducer; see the module documentation.
 pub(crate) static PRESSURE_SENSOR: Component = Component {

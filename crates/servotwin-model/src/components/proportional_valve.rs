@@ -47,7 +47,7 @@ const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
 }
 
 const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    adds(name, parameter, -0.05, (-0.5, 0.5), Category::Wear, summary)
+    fault(name, Category::Wear, summary).adds(parameter, -0.05, (-0.5, 0.5))
 }
 
 parameters! {
@@ -90,26 +90,14 @@ pub(crate) static PROPORTIONAL_VALVE: Component = Component {
         clogging("clogging_bt", "bt_share", "dirt narrows edge B-T"),
         natural_frequency_loss("the position loop of the spool is slow"),
         damping_loss("the position loop of the spool rings"),
-        scales(
-            "slow_spool",
-            "opening_time_s",
-            20.0,
-            (1.0, 1000.0),
-            Category::Dynamics,
-            "the pilot stage or the solenoid has lost force",
-        ),
+        fault("slow_spool", Category::Dynamics, "the pilot stage or the solenoid has lost force")
+            .scales("opening_time_s", 20.0, (1.0, 1000.0)),
         bias_positive(),
         bias_negative(),
         gain_high("too much stroke per signal"),
         gain_low("too little stroke per signal"),
-        adds(
-            "wear",
-            "leakage_m3_s_pa",
-            5e-12,
-            (1e-14, 1e-7),
-            Category::InternalLeakage,
-            "worn lands: each leaks 3 L/min more at 100 bar",
-        ),
+        fault("wear", Category::InternalLeakage, "worn lands: each leaks 3 L/min more at 100 bar")
+            .adds("leakage_m3_s_pa", 5e-12, (1e-14, 1e-7)),
         edge_wear("wear_pa", "pa_overlap", "edge P-A is eroded"),
         edge_wear("wear_pb", "pb_overlap", "edge P-B is eroded"),
         edge_wear("wear_at", "at_overlap", "edge A-T is eroded"),

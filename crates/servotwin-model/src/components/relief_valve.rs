@@ -37,21 +37,15 @@ pub(crate) static RELIEF_VALVE: Component = Component {
     summary: "relief valve with smooth opening",
     parameters: &PARAMETERS,
     faults: &[
-        scales(
-            "set_pressure_loss",
+        fault("set_pressure_loss", Category::Wear, "the spring has lost force").scales(
             "set_pa",
             0.5,
             (0.0, 1.0),
-            Category::Wear,
-            "the spring has lost force",
         ),
-        adds(
-            "seat_leakage",
+        fault("seat_leakage", Category::InternalLeakage, "the seat is worn").adds(
             "leak_area_m2",
             2e-7,
             (0.0, 1e-2),
-            Category::InternalLeakage,
-            "the seat is worn",
         ),
     ],
     ports: &[hydraulic("a", "protected side"), hydraulic("b", "side to which it relieves")],

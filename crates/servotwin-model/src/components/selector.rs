@@ -17,7 +17,7 @@
 //! Source: an ideal element, by definition.
 
 use crate::component::{Component, SteadyGain};
-use crate::equation::{Equation, Given};
+use crate::equation::Equation;
 use crate::scalar::{Scalar, lit};
 use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
@@ -83,10 +83,6 @@ fn vote(wiring: &mut Wiring, first: Variable, second: Variable) -> Variable {
 pub(crate) struct Selection;
 
 impl Equation<3, 1, 0> for Selection {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [first, vote, select]: [S; 3]) -> [S; 1] {
         [first + select * (vote - first)]
@@ -97,10 +93,6 @@ impl Equation<3, 1, 0> for Selection {
 pub(crate) struct MiddleOfThree;
 
 impl Equation<3, 1, 0> for MiddleOfThree {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [a, b, c]: [S; 3]) -> [S; 1] {
         [a.min(b).max(a.max(b).min(c))]
@@ -111,10 +103,6 @@ impl Equation<3, 1, 0> for MiddleOfThree {
 pub(crate) struct MiddleOfFour;
 
 impl Equation<4, 1, 0> for MiddleOfFour {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [a, b, c, d]: [S; 4]) -> [S; 1] {
         let low = a.min(b).max(c.min(d));

@@ -65,7 +65,7 @@ const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
 }
 
 const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    adds(name, parameter, -20e-6, (-1e-3, 1e-3), Category::Wear, summary)
+    fault(name, Category::Wear, summary).adds(parameter, -20e-6, (-1e-3, 1e-3))
 }
 
 parameters! {
@@ -126,34 +126,26 @@ pub(crate) static SERVO_VALVE: Component = Component {
         bias_negative(),
         gain_high("too much stroke per current"),
         gain_low("too little stroke per current: a demagnetized torque motor"),
-        adds(
-            "wear_clearance",
+        fault("wear_clearance", Category::Wear, "worn lands: more radial clearance").adds(
             "clearance_m",
             12e-6,
             (0.0, 1e-4),
-            Category::Wear,
-            "worn lands: more radial clearance",
         ),
-        adds(
-            "edge_rounding",
+        fault("edge_rounding", Category::Wear, "all metering edges are rounded").adds(
             "edge_radius_m",
             28e-6,
             (0.0, 1e-3),
-            Category::Wear,
-            "all metering edges are rounded",
         ),
         edge_wear("wear_pa", "overlap_pa_m", "edge P-A is eroded"),
         edge_wear("wear_pb", "overlap_pb_m", "edge P-B is eroded"),
         edge_wear("wear_at", "overlap_at_m", "edge A-T is eroded"),
         edge_wear("wear_bt", "overlap_bt_m", "edge B-T is eroded"),
-        scales(
+        fault(
             "pilot_clogging",
-            "slew_rate_m_s",
-            0.1,
-            (1e-3, 1.0),
             Category::Clogging,
             "the filter of the pilot stage passes less flow",
-        ),
+        )
+        .scales("slew_rate_m_s", 0.1, (1e-3, 1.0)),
         jam(),
     ],
     ports: &ports("current per unit of rated current"),

@@ -32,29 +32,28 @@ parameters! {
 }
 
 /// A shut-off valve; see the module documentation.
-pub(crate) static SHUT_OFF_VALVE: Component = Component {
-    kind: "shut_off_valve",
-    summary: "piloted shut-off valve with filter and line in series",
-    parameters: &PARAMETERS,
-    faults: &[
-        shrinks("stuck", "area_m2", 0.004, (1e-6, 1.0), Category::Jamming, "does not open fully"),
-        adds(
-            "filter_clogging",
-            "series_resistance_pa_s_m3",
-            1.1e11,
-            (0.0, 1e15),
-            Category::Clogging,
-            "the filter in series fills with dirt",
-        ),
-    ],
-    ports: &[
-        hydraulic("a", "inlet"),
-        hydraulic("b", "outlet"),
-        input_or("opening", Unit::None, "opening", "0 closed … 1 open"),
-    ],
-    connect,
-    ..Component::PLAIN
-};
+pub(crate) static SHUT_OFF_VALVE: Component =
+    Component {
+        kind: "shut_off_valve",
+        summary: "piloted shut-off valve with filter and line in series",
+        parameters: &PARAMETERS,
+        faults: &[
+            fault("stuck", Category::Jamming, "does not open fully").shrinks(
+                "area_m2",
+                0.004,
+                (1e-6, 1.0),
+            ),
+            fault("filter_clogging", Category::Clogging, "the filter in series fills with dirt")
+                .adds("series_resistance_pa_s_m3", 1.1e11, (0.0, 1e15)),
+        ],
+        ports: &[
+            hydraulic("a", "inlet"),
+            hydraulic("b", "outlet"),
+            input_or("opening", Unit::None, "opening", "0 closed … 1 open"),
+        ],
+        connect,
+        ..Component::PLAIN
+    };
 
 fn connect(wiring: &mut Wiring) {
     let inputs = [wiring.pressure("a"), wiring.pressure("b"), wiring.signal("opening")];

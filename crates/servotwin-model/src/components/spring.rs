@@ -23,13 +23,10 @@ pub(crate) static SPRING: Component = Component {
     kind: "spring",
     summary: "spring and damper to the ground",
     parameters: &PARAMETERS,
-    faults: &[shrinks(
-        "stiffness_loss",
+    faults: &[fault("stiffness_loss", Category::Looseness, "broken coils").shrinks(
         "stiffness_n_m",
         0.1,
         (1e-6, 1.0),
-        Category::Looseness,
-        "broken coils",
     )],
     ports: &[translational("port", "part that the spring pushes")],
     connect,

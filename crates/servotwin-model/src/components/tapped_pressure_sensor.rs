@@ -36,7 +36,7 @@ pub(crate) static TAPPED_PRESSURE_SENSOR: Component = Component {
     ports: &PORTS,
     states: &[
         CURRENT,
-        state("line_pressure_pa", 2e7, Start::Value(1e7), "pressure in front of the membrane"),
+        state("line_pressure_pa", 2e7, "pressure in front of the membrane").from(Start::Value(1e7)),
     ],
     connect,
     span,

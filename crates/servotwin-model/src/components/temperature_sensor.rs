@@ -37,20 +37,17 @@ pub(crate) static TEMPERATURE_SENSOR: Component = Component {
     kind: "temperature_sensor",
     summary: "fluid temperature sensor with a 4-20 mA output",
     parameters: &PARAMETERS,
-    faults: &conversion::faults(shrinks(
-        "lag",
+    faults: &conversion::faults(fault("lag", Category::Lag, "deposit on the probe").shrinks(
         "time_constant_s",
         20.0,
         (1.0, 1e4),
-        Category::Lag,
-        "deposit on the probe",
     )),
     ports: &[
         hydraulic("port", "circuit whose temperature it measures"),
         output("reading", Unit::Kelvin, "temperature that the computer reads"),
         output("electrical", Unit::Ampere, "current of the loop"),
     ],
-    states: &[state("probe_k", 100.0, Start::Value(313.15), "temperature T_s of the probe")],
+    states: &[state("probe_k", 100.0, "temperature T_s of the probe").from(Start::Value(313.15))],
     connect,
     check,
     span,

@@ -38,30 +38,16 @@ pub(crate) static VARIABLE_PUMP: Component = Component {
     parameters: &PARAMETERS,
     faults: &[
         WEAR,
-        scales(
-            "flow_loss",
-            "flow_m3_s",
-            0.3,
-            (0.0, 1.0),
-            Category::Jamming,
-            "the swash plate does not reach its full angle",
-        ),
-        scales(
-            "set_pressure_loss",
-            "set_pa",
-            0.5,
-            (0.05, 1.0),
-            Category::Wear,
-            "the compensator's spring has lost force",
-        ),
-        scales(
+        fault("flow_loss", Category::Jamming, "the swash plate does not reach its full angle")
+            .scales("flow_m3_s", 0.3, (0.0, 1.0)),
+        fault("set_pressure_loss", Category::Wear, "the compensator's spring has lost force")
+            .scales("set_pa", 0.5, (0.05, 1.0)),
+        fault(
             "slow_compensator",
-            "time_constant_s",
-            20.0,
-            (1.0, 100.0),
             Category::Dynamics,
             "dirt in its orifice slows the stroking piston",
-        ),
+        )
+        .scales("time_constant_s", 20.0, (1.0, 100.0)),
     ],
     ports: &[
         hydraulic("inlet", "from the tank"),
@@ -69,7 +55,7 @@ pub(crate) static VARIABLE_PUMP: Component = Component {
         input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
         output("displacement", Unit::None, "position s: 1 full displacement, 0 none"),
     ],
-    states: &[state("displacement", 1.0, Start::Value(0.5), "position s of the swash plate")],
+    states: &[state("displacement", 1.0, "position s of the swash plate").from(Start::Value(0.5))],
     connect,
     ..Component::PLAIN
 };

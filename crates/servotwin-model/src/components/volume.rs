@@ -57,10 +57,6 @@ pub(super) fn fluid_pressure(wiring: &mut Wiring, state: &str) -> Variable {
 pub(crate) struct FluidPressure;
 
 impl Equation<1, 1, 0> for FluidPressure {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [state]: [S; 1]) -> [S; 1] {
         [fluid::pressure_pa(state)]
