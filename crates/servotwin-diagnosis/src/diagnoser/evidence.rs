@@ -104,9 +104,10 @@ impl Evidence {
         is_masked: impl Fn(u32) -> bool,
     ) -> Result<(), Error> {
         for (place, (own, length)) in self.lengths.iter_mut().zip(&diagnoser.lengths).enumerate() {
-            own.is_new = windows.has_ended(place) && windows.is_full(place);
+            let newest = windows.of(place);
+            own.is_new = newest.has_ended() && newest.is_full();
             if own.is_new {
-                let (window, share) = (windows.window(place), windows.share_of_newest(place));
+                let (window, share) = (newest.window(), newest.share_of_newest());
                 own.take(length, (window, share), stands_in, &is_masked)?;
                 own.take_doubts(diagnoser, length, (window, share));
             }

@@ -349,7 +349,7 @@ impl Session {
     /// # Panics
     /// Here and below, if there is no such length.
     pub fn window(&self, length: usize) -> &Window {
-        self.windows.window(length)
+        self.windows.of(length).window()
     }
 
     /// A residual in parts of the sensor's scale and of its spread at the last sample that was taken, as bands limit it.
@@ -363,12 +363,12 @@ impl Session {
 
     /// Whether a length's window is full, so that it is judged.
     pub fn is_full(&self, length: usize) -> bool {
-        self.windows.is_full(length)
+        self.windows.of(length).is_full()
     }
 
     /// Whether the last sample completed a new window of a length.
     pub fn has_new_window(&self, length: usize) -> bool {
-        self.windows.has_ended(length)
+        self.windows.of(length).has_ended()
     }
 
     /// The feature rows of a length's last window outside its bands, one for each view.
@@ -420,7 +420,7 @@ impl Session {
     /// The largest share of a deviation that an actuator has in common with another one, in the window of a length.
     pub fn common_mode(&self, length: usize, actuator: usize) -> f64 {
         let bands = &self.diagnoser.lengths[length].panel.bands;
-        self.evidence.lengths[length].common_mode(actuator, self.windows.window(length), bands)
+        self.evidence.lengths[length].common_mode(actuator, self.windows.of(length).window(), bands)
     }
 
     /// The stages that a length's trees passed through for the last window outside its bands, each with its nodes from
