@@ -7,7 +7,17 @@
 //! that it compares do not exist. So the same list serves two actuators, one, or a test rig with entirely different
 //! sensors. With more than two actuators, comparisons relate each to the others.
 
+mod balance;
+mod comparison;
+mod crest;
+mod deviation;
+mod gain;
+mod moments;
+mod parity;
+mod pressure;
+mod proportion;
 mod views;
+mod vote;
 
 use crate::number::Number;
 use crate::residual::{Statistics, Window};
@@ -313,8 +323,6 @@ impl Family {
 
 macro_rules! families {
     ($($family:ident $summary:literal,)*) => {
-        $(mod $family;)*
-
         /// Every family, in the order of the documentation.
         pub static ALL: &[Family] = &[$(Family {
             name: stringify!($family),
@@ -336,7 +344,7 @@ macro_rules! families {
     };
 }
 
-// The one list: file and sentence. A file has a function `list` that puts features into a sink.
+// The one list: file and sentence. The function `list` of a file puts features into a sink.
 families! {
     moments "mean, variance and no-deviation indicator of each residual (the paper's)",
     deviation "logarithm of the standard deviation, and largest magnitude, of each residual",

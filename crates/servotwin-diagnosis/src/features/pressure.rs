@@ -14,7 +14,8 @@ const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantit
 
 pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window: &W, out: &mut S) {
     for actuator in sensors.with(&NEEDED) {
-        let [a, b, spool] = NEEDED.map(|q| sensors.find(q, actuator).expect("an actuator with all"));
+        let [a, b, spool] =
+            NEEDED.map(|q| sensors.find(q, actuator).expect("an actuator with all"));
         let (var_a, var_b) = (window.covariance(a, a), window.covariance(b, b));
         let both = window.covariance(a, b);
         let [quarter, half, two] = [0.25, 0.5, 2.0].map(W::Number::constant);
