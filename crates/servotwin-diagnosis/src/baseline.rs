@@ -19,7 +19,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, require, same_length};
+use crate::error::{Error, require, require_sound, same_length};
 
 /// Residuals are clipped to this part of their scale.
 const MOST: f64 = 0.25;
@@ -51,12 +51,10 @@ impl BaselineSettings {
 #[derive(Debug, Clone)]
 pub(crate) struct Baseline {
     settings: BaselineSettings,
-    samples: u64,
-    /// Mean residuals, in the sensors' units.
-    means: Vec<f64>,
+    state: Stored,
 }
 
-/// A stored [`Baseline`].
+/// What a [`Baseline`] remembers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Stored {
@@ -73,7 +71,7 @@ impl Baseline {
     /// As [`BaselineSettings::check`].
     pub(crate) fn new(settings: BaselineSettings, sensors: usize) -> Result<Self, Error> {
         settings.check()?;
-        Ok(Baseline { settings, samples: 0, means: vec![0.0; sensors] })
+        Ok(Baseline { settings, state: Stored { samples: 0, means: vec![0.0; sensors] } })
     }
 
     /// Learns from a sample of a healthy specimen. Does not allocate.
@@ -81,12 +79,12 @@ impl Baseline {
     /// # Panics
     /// Here and in `subtract`, if there are fewer values or scales than sensors.
     pub(crate) fn learn(&mut self, measured: &[f64], twin: &[f64], scales: &[f64]) {
-        self.samples += 1;
+        self.state.samples += 1;
         let memory = match self.is_settling() {
-            true => self.samples as f64,
+            true => self.state.samples as f64,
             false => f64::from(self.settings.memory_samples),
         };
-        for (place, mean) in self.means.iter_mut().enumerate() {
+        for (place, mean) in self.state.means.iter_mut().enumerate() {
             let most = MOST * scales[place];
             let residual = (measured[place] - twin[place]).clamp(-most, most);
             *mean += (residual - *mean) / memory;
@@ -94,32 +92,32 @@ impl Baseline {
     }
 
     fn is_settling(&self) -> bool {
-        self.samples <= u64::from(self.settings.settle_samples)
+        self.state.samples <= u64::from(self.settings.settle_samples)
     }
 
     /// Whether the initial mean is complete.
     pub(crate) fn is_settled(&self) -> bool {
-        self.samples >= u64::from(self.settings.settle_samples)
+        self.state.samples >= u64::from(self.settings.settle_samples)
     }
 
     /// Writes measured values without the specimen's mean residual into `values`. Sensors with a stand-in value stay as
     /// they are. Does not allocate.
     pub(crate) fn subtract(&self, measured: &[f64], stands_in: &[bool], values: &mut [f64]) {
         for (place, value) in values.iter_mut().enumerate() {
-            let mean = if stands_in[place] { 0.0 } else { self.means[place] };
+            let mean = if stands_in[place] { 0.0 } else { self.state.means[place] };
             *value = measured[place] - mean;
         }
     }
 
     /// Forgets everything.
     pub(crate) fn clear(&mut self) {
-        self.samples = 0;
-        self.means.fill(0.0);
+        self.state.samples = 0;
+        self.state.means.fill(0.0);
     }
 
     /// Returns the complete state.
     pub(crate) fn store(&self) -> Stored {
-        Stored { samples: self.samples, means: self.means.clone() }
+        self.state.clone()
     }
 
     /// Restores a state stored with the same number of sensors.
@@ -127,12 +125,11 @@ impl Baseline {
     /// # Errors
     /// [`Error::LengthMismatch`].
     pub(crate) fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
-        same_length("means of a reference", self.means.len(), stored.means.len())?;
-        if stored.samples > 1 << 53 || !stored.means.iter().all(|mean| mean.is_finite()) {
-            return Err(Error::CorruptModel { broken: "a stored reference is no mean of samples" });
-        }
-        self.samples = stored.samples;
-        self.means.copy_from_slice(&stored.means);
+        same_length("means of a reference", self.state.means.len(), stored.means.len())?;
+        let is_sound =
+            stored.samples <= 1 << 53 && stored.means.iter().all(|mean| mean.is_finite());
+        require_sound(is_sound, "a stored reference is no mean of samples")?;
+        self.state.clone_from(stored);
         Ok(())
     }
 }

@@ -168,19 +168,10 @@ impl Stage {
     /// # Panics
     /// If the row is shorter than the features.
     pub fn answer(&self, row: &[f64], scratch: &mut Scratch) -> StageAnswer {
-        for (slot, &column) in scratch.row.iter_mut().zip(&self.columns) {
-            *slot = row[column as usize];
-        }
-        let own = &scratch.row[..self.columns.len()];
-        let scores = &mut scratch.scores[..self.classes.len()];
+        let (own, scores) = self.read(row, scratch);
         let class = self.model.predict_with(own, scores) as usize;
-        let mut probability = 1.0;
         // Margins are no shares and give no probability.
-        if self.model.scores() == Scores::Shares {
-            self.model.scores_into(own, scores);
-            calibration::scale(scores, self.temperature);
-            probability = scores[class];
-        }
+        let probability = if self.calibrated_into(own, scores) { scores[class] } else { 1.0 };
         StageAnswer { class: self.classes[class], probability }
     }
 
@@ -190,20 +181,31 @@ impl Stage {
     /// # Panics
     /// If the row is shorter than the features.
     pub fn probabilities<'s>(&self, row: &[f64], scratch: &'s mut Scratch) -> &'s [f64] {
-        for (slot, &column) in scratch.row.iter_mut().zip(&self.columns) {
-            *slot = row[column as usize];
-        }
-        let own = &scratch.row[..self.columns.len()];
-        let scores = &mut scratch.scores[..self.classes.len()];
-        if self.model.scores() == Scores::Shares {
-            self.model.scores_into(own, scores);
-            calibration::scale(scores, self.temperature);
-        } else {
+        let (own, scores) = self.read(row, scratch);
+        if !self.calibrated_into(own, scores) {
             let class = self.model.predict_with(own, scores) as usize;
             scores.fill(0.0);
             scores[class] = 1.0;
         }
         scores
+    }
+
+    /// The features that the model reads, and room for its scores.
+    fn read<'s>(&self, row: &[f64], scratch: &'s mut Scratch) -> (&'s [f64], &'s mut [f64]) {
+        for (slot, &column) in scratch.row.iter_mut().zip(&self.columns) {
+            *slot = row[column as usize];
+        }
+        (&scratch.row[..self.columns.len()], &mut scratch.scores[..self.classes.len()])
+    }
+
+    /// Writes the calibrated probabilities; `false` for a classifier that has none.
+    fn calibrated_into(&self, own: &[f64], scores: &mut [f64]) -> bool {
+        let has_shares = self.model.scores() == Scores::Shares;
+        if has_shares {
+            self.model.scores_into(own, scores);
+            calibration::scale(scores, self.temperature);
+        }
+        has_shares
     }
 
     /// The nodes from the root to the leaf for a row of all features; empty unless the model is a CART tree.

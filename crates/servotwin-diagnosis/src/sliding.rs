@@ -13,7 +13,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, require, same_length};
+use crate::error::{Error, require, require_sound, same_length};
 use crate::residual::{DividedSample, Window};
 
 /// Upper limit of stored counts.
@@ -39,9 +39,9 @@ impl WindowSpan {
     }
 }
 
-/// One span: a ring of full panes and the pane being filled.
+/// The window of one span: a ring of full panes and the pane being filled.
 #[derive(Debug, Clone)]
-struct Ring {
+pub struct SpanWindow {
     span: WindowSpan,
     /// The full panes.
     panes: Vec<Window>,
@@ -49,6 +49,7 @@ struct Ring {
     next: usize,
     /// Number of panes completed since the start.
     ended: u64,
+    has_ended: bool,
     open: Window,
     /// The window over the full panes.
     window: Window,
@@ -63,9 +64,7 @@ pub struct Sliding {
     full: Window,
     /// The span that takes it next; the number of spans if all have.
     turn: usize,
-    rings: Vec<Ring>,
-    /// For each span, whether the newest sample completed a window.
-    ended: Vec<bool>,
+    spans: Vec<SpanWindow>,
 }
 
 /// A stored [`Sliding`]; numbers only, so that any format preserves its bits.
@@ -92,34 +91,53 @@ pub(crate) struct StoredSpan {
     pub open: Vec<f64>,
     /// Statistics of the full panes.
     pub panes: Vec<Vec<f64>>,
-    /// Statistics of the window.
-    pub window: Vec<f64>,
 }
 
-impl Ring {
+impl SpanWindow {
     fn new(span: WindowSpan, empty: &Window) -> Self {
-        Ring {
+        SpanWindow {
             span,
             panes: vec![empty.clone(); span.panes as usize],
             next: 0,
             ended: 0,
+            has_ended: false,
             open: empty.clone(),
             window: empty.clone(),
         }
     }
 
-    /// Adds a base pane; returns whether it completed a pane of this span.
-    fn take(&mut self, base: &Window) -> bool {
+    /// The window at the end of its newest full pane. Until it is full, it covers the samples so far.
+    pub fn window(&self) -> &Window {
+        &self.window
+    }
+
+    /// Whether the newest sample completed the window: then it is new.
+    pub fn has_ended(&self) -> bool {
+        self.has_ended
+    }
+
+    /// Whether the window has all its panes.
+    pub fn is_full(&self) -> bool {
+        self.ended >= self.panes.len() as u64
+    }
+
+    /// The share of the window that its newest pane makes up: 1 for the first.
+    pub(crate) fn share_of_newest(&self) -> f64 {
+        f64::from(self.span.pane_samples) / (self.window.count() as f64).max(1.0)
+    }
+
+    /// Adds a base pane.
+    fn take(&mut self, base: &Window) {
         self.open.absorb(base);
-        if self.open.count() < u64::from(self.span.pane_samples) {
-            return false;
+        self.has_ended = self.open.count() >= u64::from(self.span.pane_samples);
+        if !self.has_ended {
+            return;
         }
         self.ended += 1;
         core::mem::swap(&mut self.panes[self.next], &mut self.open);
         self.next = (self.next + 1) % self.panes.len();
         self.merge();
         self.open.clear();
-        true
     }
 
     /// Merges the full panes into the window, oldest first; empty panes add nothing.
@@ -133,7 +151,7 @@ impl Ring {
         self.panes.iter_mut().for_each(Window::clear);
         self.open.clear();
         self.window.clear();
-        (self.next, self.ended) = (0, 0);
+        (self.next, self.ended, self.has_ended) = (0, 0, false);
     }
 
     fn store(&self) -> StoredSpan {
@@ -141,7 +159,6 @@ impl Ring {
             ended: self.ended,
             open: self.open.state(),
             panes: self.panes.iter().map(Window::state).collect(),
-            window: self.window.state(),
         }
     }
 
@@ -153,17 +170,16 @@ impl Ring {
             restore(pane, values, of_pane)?;
         }
         restore(&mut self.open, &stored.open, of_pane)?;
-        restore(&mut self.window, &stored.window, self.span.samples())?;
-        self.ended = stored.ended;
+        (self.ended, self.has_ended) = (stored.ended, false);
         self.next = (stored.ended % self.panes.len() as u64) as usize;
+        self.merge();
         Ok(())
     }
 }
 
 /// Rejects a stored number that cannot occur.
 fn possible(holds: bool) -> Result<(), Error> {
-    let broken = "a number of a stored window is none that there can be";
-    if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+    require_sound(holds, "a number of a stored window is none that there can be")
 }
 
 /// Restores stored statistics of at most `most_samples` samples.
@@ -175,12 +191,7 @@ fn restore(window: &mut Window, values: &[f64], most_samples: u64) -> Result<(),
         possible(*count >= 0.0 && is_count(*count))?;
         possible(is_none || (*first >= 0.0 && is_count(*first)))?;
     }
-    let fits = window.set_state(values);
-    if fits {
-        Ok(())
-    } else {
-        Err(Error::CorruptModel { broken: "a stored window has another size" })
-    }
+    require_sound(window.set_state(values), "a stored window has another size")
 }
 
 impl Sliding {
@@ -199,9 +210,9 @@ impl Sliding {
             require(whole, "pane_samples", length, "a multiple of the shortest pane")?;
             require(span.panes != 0, "panes", 0.0, "at least 1")?;
         }
-        let rings = spans.iter().map(|&span| Ring::new(span, &empty)).collect();
-        let (full, turn, ended) = (empty.clone(), spans.len(), vec![false; spans.len()]);
-        Ok(Sliding { base_samples, base: empty, full, turn, rings, ended })
+        let (full, turn) = (empty.clone(), spans.len());
+        let spans = spans.iter().map(|&span| SpanWindow::new(span, &empty)).collect();
+        Ok(Sliding { base_samples, base: empty, full, turn, spans })
     }
 
     /// Adds one sample as `Window::add_divided` does. Returns whether it completed a window of any span. Does not
@@ -210,64 +221,49 @@ impl Sliding {
     /// # Panics
     /// As [`Window::add`].
     pub fn add(&mut self, sample: &DividedSample) -> bool {
-        self.ended.fill(false);
+        self.spans.iter_mut().for_each(|span| span.has_ended = false);
         self.base.add_divided(sample);
         if self.base.count() >= u64::from(self.base_samples) {
             // With more spans than samples in a pane, the remaining spans cannot wait any longer.
-            (self.turn..self.rings.len()).for_each(|_| self.take_turn());
+            (self.turn..self.spans.len()).for_each(|_| self.take_turn());
             core::mem::swap(&mut self.base, &mut self.full);
             self.base.clear();
             self.turn = 0;
         }
-        if self.turn < self.rings.len() {
+        if self.turn < self.spans.len() {
             self.take_turn();
         }
-        self.ended.contains(&true)
+        self.spans.iter().any(SpanWindow::has_ended)
     }
 
     fn take_turn(&mut self) {
-        self.ended[self.turn] = self.rings[self.turn].take(&self.full);
+        self.spans[self.turn].take(&self.full);
         self.turn += 1;
     }
 
-    /// Whether the newest sample completed a window of a span: then [`Sliding::window`] is new.
-    pub fn has_ended(&self, span: usize) -> bool {
-        self.ended[span]
-    }
-
-    /// The window of a span at the end of its newest full pane. Until it is full, it covers the samples so far.
-    pub fn window(&self, span: usize) -> &Window {
-        &self.rings[span].window
-    }
-
-    /// Whether the window of a span has all its panes.
-    pub fn is_full(&self, span: usize) -> bool {
-        let ring = &self.rings[span];
-        ring.ended >= ring.panes.len() as u64
-    }
-
-    /// The share of a span's window that its newest pane makes up: 1 for the first.
-    pub(crate) fn share_of_newest(&self, span: usize) -> f64 {
-        let ring = &self.rings[span];
-        f64::from(ring.span.pane_samples) / (ring.window.count() as f64).max(1.0)
+    /// The window of a span.
+    ///
+    /// # Panics
+    /// If there is no such span.
+    pub fn span(&self, span: usize) -> &SpanWindow {
+        &self.spans[span]
     }
 
     /// Forgets all samples. Does not allocate.
     pub(crate) fn clear(&mut self) {
         self.base.clear();
-        self.turn = self.rings.len();
-        self.rings.iter_mut().for_each(Ring::clear);
-        self.ended.fill(false);
+        self.turn = self.spans.len();
+        self.spans.iter_mut().for_each(SpanWindow::clear);
     }
 
     /// Returns the complete state for storing.
     pub(crate) fn store(&self) -> Stored {
-        let is_taken = self.turn >= self.rings.len();
+        let is_taken = self.turn >= self.spans.len();
         Stored {
             base: self.base.state(),
             full: if is_taken { Vec::new() } else { self.full.state() },
             turn: if is_taken { 0 } else { self.turn },
-            spans: self.rings.iter().map(Ring::store).collect(),
+            spans: self.spans.iter().map(SpanWindow::store).collect(),
         }
     }
 
@@ -276,19 +272,18 @@ impl Sliding {
     /// # Errors
     /// [`Error::LengthMismatch`] and [`Error::CorruptModel`] for a state of other spans or sensors.
     pub(crate) fn restore(&mut self, stored: &Stored) -> Result<(), Error> {
-        same_length("spans", self.rings.len(), stored.spans.len())?;
+        same_length("spans", self.spans.len(), stored.spans.len())?;
         let of_base = u64::from(self.base_samples);
         restore(&mut self.base, &stored.base, of_base)?;
-        self.turn = self.rings.len();
+        self.turn = self.spans.len();
         if !stored.full.is_empty() {
             restore(&mut self.full, &stored.full, of_base)?;
-            possible(stored.turn <= self.rings.len())?;
+            possible(stored.turn <= self.spans.len())?;
             self.turn = stored.turn;
         }
-        for (ring, stored) in self.rings.iter_mut().zip(&stored.spans) {
-            ring.restore(stored)?;
+        for (span, stored) in self.spans.iter_mut().zip(&stored.spans) {
+            span.restore(stored)?;
         }
-        self.ended.fill(false);
         Ok(())
     }
 }
@@ -355,8 +350,8 @@ mod tests {
                     let to = recent.len() - TURNS as usize;
                     let length = known.samples() as usize;
                     let last: Vec<_> = recent.range(to - length..to).copied().collect();
-                    assert!(sliding.is_full(span));
-                    assert_same(sliding.window(span), &exact(&last), 1e-14, k);
+                    assert!(sliding.span(span).is_full());
+                    assert_same(sliding.span(span).window(), &exact(&last), 1e-14, k);
                     checks += 1;
                 }
             }
@@ -372,7 +367,7 @@ mod tests {
         for k in 0..2003 {
             let (measured, twin) = sample(&mut random, k);
             let any = sliding.add(&plain(&measured, &twin));
-            let ended: Vec<usize> = (0..4).filter(|&span| sliding.has_ended(span)).collect();
+            let ended: Vec<usize> = (0..4).filter(|&span| sliding.span(span).has_ended()).collect();
             assert_eq!(any, !ended.is_empty());
             assert!(ended.len() <= 1, "{ended:?} at {k}");
             ended.iter().for_each(|&span| came[span] += 1);
@@ -390,7 +385,7 @@ mod tests {
             sliding.add(&plain(measured, twin));
         }
         for (span, part) in [(0, 39..41), (1, 38..40), (2, 36..40)] {
-            assert_same(sliding.window(span), &exact(&samples[part]), 1e-14, span as u64);
+            assert_same(sliding.span(span).window(), &exact(&samples[part]), 1e-14, span as u64);
         }
     }
 
@@ -402,12 +397,12 @@ mod tests {
         for (k, (measured, twin)) in samples.iter().enumerate() {
             let ended = sliding.add(&plain(measured, twin));
             assert_eq!(ended, (k + 1) % 10 == 0);
-            assert!(!sliding.has_ended(1));
+            assert!(!sliding.span(1).has_ended());
         }
-        assert!(!sliding.is_full(0));
-        assert_same(sliding.window(0), &exact(&samples), 1e-14, 0);
-        assert!((sliding.share_of_newest(0) - 1.0 / 3.0).abs() < 1e-15);
-        assert_eq!(sliding.window(1).count(), 0);
+        assert!(!sliding.span(0).is_full());
+        assert_same(sliding.span(0).window(), &exact(&samples), 1e-14, 0);
+        assert!((sliding.span(0).share_of_newest() - 1.0 / 3.0).abs() < 1e-15);
+        assert_eq!(sliding.span(1).window().count(), 0);
     }
 
     #[test]

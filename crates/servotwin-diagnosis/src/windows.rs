@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::baseline::{self, Baseline, BaselineSettings};
 use crate::error::Error;
 use crate::residual::{DividedSample, Window};
-use crate::sliding::{self, Sliding, WindowSpan};
+use crate::sliding::{self, Sliding, SpanWindow, WindowSpan};
 use crate::spread::Spreads;
 
 /// A kind of window.
@@ -135,41 +135,14 @@ impl Windows {
         self.spreads.factor(sensor)
     }
 
-    fn of(&self, kind: usize) -> (&Sliding, usize) {
-        let (is_baseline_corrected, place) = self.places[kind];
-        let baseline_corrected = self.baseline_corrected.as_ref().filter(|_| is_baseline_corrected);
-        (
-            baseline_corrected
-                .map_or(&self.absolute, |baseline_corrected| &baseline_corrected.sliding),
-            place,
-        )
-    }
-
-    /// As [`Sliding::has_ended`], here and below for a kind of window.
+    /// The window of a kind.
     ///
     /// # Panics
-    /// Here and below, if there is no such kind.
-    pub fn has_ended(&self, kind: usize) -> bool {
-        let (sliding, span) = self.of(kind);
-        sliding.has_ended(span)
-    }
-
-    /// As [`Sliding::is_full`].
-    pub fn is_full(&self, kind: usize) -> bool {
-        let (sliding, span) = self.of(kind);
-        sliding.is_full(span)
-    }
-
-    /// As [`Sliding::window`].
-    pub fn window(&self, kind: usize) -> &Window {
-        let (sliding, span) = self.of(kind);
-        sliding.window(span)
-    }
-
-    /// As [`Sliding::share_of_newest`].
-    pub(crate) fn share_of_newest(&self, kind: usize) -> f64 {
-        let (sliding, span) = self.of(kind);
-        sliding.share_of_newest(span)
+    /// If there is no such kind.
+    pub fn of(&self, kind: usize) -> &SpanWindow {
+        let (is_baseline_corrected, place) = self.places[kind];
+        let corrected = self.baseline_corrected.as_ref().filter(|_| is_baseline_corrected);
+        corrected.map_or(&self.absolute, |corrected| &corrected.sliding).span(place)
     }
 
     /// Clears all samples and the baseline, for another mode or specimen.

@@ -27,8 +27,11 @@ impl<S> core::ops::Index<usize> for Given<'_, S> {
 
 /// A block of `I` inputs, `O` outputs and `C` constants.
 pub(crate) trait Equation<const I: usize, const O: usize, const C: usize> {
-    /// The constants: numbers that do not change while a variant runs.
-    fn constants<S: Scalar<Base = S>>(given: &Given<S>) -> [S; C];
+    /// The constants: numbers that do not change while a variant runs. An equation without any computes none.
+    fn constants<S: Scalar<Base = S>>(_given: &Given<S>) -> [S; C] {
+        const { assert!(C == 0, "an equation with constants computes them") };
+        core::array::from_fn(|_| unreachable!("there are none"))
+    }
 
     /// Computes the outputs. Every implementation is `#[inline(always)]`.
     fn evaluate<S: Scalar>(constants: &[S::Base; C], inputs: [S; I]) -> [S; O];

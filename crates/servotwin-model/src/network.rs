@@ -20,7 +20,7 @@ pub struct Instance {
     /// The id, unique in the system, e.g. `actuator_1.servo_valve`.
     pub id: String,
     /// The component of the catalogue.
-    pub component: &'static dyn Component,
+    pub component: &'static Component,
     /// The parameters in SI units, in declared order.
     pub parameters: Vec<f64>,
     /// The value of each fault's law at intensity 1, in declared order.
@@ -32,8 +32,8 @@ pub struct Instance {
 impl Instance {
     /// A component with its declared defaults. Mandatory parameters are NaN
     /// until they are set.
-    pub fn new(id: impl Into<String>, component: &'static dyn Component) -> Self {
-        let spec = component.spec();
+    pub fn new(id: impl Into<String>, component: &'static Component) -> Self {
+        let spec = component;
         Self {
             id: id.into(),
             component,
@@ -46,7 +46,7 @@ impl Instance {
     /// The permitted range of a parameter: as declared, and for a circuit's temperature also within the validity of the
     /// fluid's equations.
     pub fn range(&self, parameter: usize) -> (f64, f64) {
-        let spec = self.component.spec();
+        let spec = self.component;
         let declared = &spec.parameters[parameter];
         if !(spec.reference && declared.name == "temperature_k") {
             return (declared.min, declared.max);
@@ -60,7 +60,7 @@ impl Instance {
     /// # Panics
     /// If the component declares no such parameter.
     pub fn with(mut self, parameter: &str, value: f64) -> Self {
-        let index = self.component.spec().parameter(parameter).expect("a declared parameter");
+        let index = self.component.parameter(parameter).expect("a declared parameter");
         self.parameters[index] = value;
         self
     }
@@ -105,7 +105,7 @@ impl Network {
 impl Canonical for Instance {
     fn add_to(&self, fingerprint: &mut Fingerprint) {
         let Instance { id, component, parameters, fault_full, fluid } = self;
-        fingerprint.add(id).add(component.spec().kind);
+        fingerprint.add(id).add(component.kind);
         fingerprint.add(parameters).add(fault_full).add(fluid);
     }
 }
@@ -182,7 +182,7 @@ impl Network {
     /// The permitted range of an external input: the intersection of the ranges of its targets.
     pub fn input_range(&self, input: usize) -> (f64, f64) {
         let ranges = self.inputs[input].targets.iter().filter_map(|target| {
-            let spec = self.components[target.component].component.spec();
+            let spec = self.components[target.component].component;
             spec.input_range(&spec.ports[target.port])
         });
         ranges.fold((f64::NEG_INFINITY, f64::INFINITY), |(low, high), (min, max)| {
@@ -202,7 +202,7 @@ impl Network {
         joints.check_sources(self, &mut mistakes);
         let circuits = self.circuits(&joints, &mut mistakes);
         for (component, instance) in self.components.iter().enumerate() {
-            if let Err(reason) = instance.component.check(&instance.parameters) {
+            if let Err(reason) = (instance.component.check)(&instance.parameters) {
                 mistakes.push(Mistake::Impossible { component, reason });
             }
         }
@@ -214,7 +214,7 @@ impl Network {
 
     /// The kind of a port.
     pub(crate) fn kind(&self, port: PortOf) -> PortKind {
-        self.components[port.component].component.spec().ports[port.port].kind
+        self.components[port.component].component.ports[port.port].kind
     }
 
     /// For each component the one that determines its circuit's fluid: the first
@@ -236,7 +236,7 @@ impl Network {
         }
         let roots: Vec<usize> = (0..n).map(|c| root(&group, c)).collect();
         let mut ruler: Vec<Option<usize>> = vec![None; n];
-        for c in (0..n).filter(|&c| self.components[c].component.spec().reference) {
+        for c in (0..n).filter(|&c| self.components[c].component.reference) {
             let circuit = roots[c];
             match ruler[circuit] {
                 None => ruler[circuit] = Some(c),
@@ -264,9 +264,8 @@ impl Network {
 
     fn same_fluid(&self, a: usize, b: usize) -> bool {
         let (a, b) = (&self.components[a], &self.components[b]);
-        let value = |i: &Instance, name: &str| {
-            i.component.spec().parameter(name).map(|index| i.parameters[index])
-        };
+        let value =
+            |i: &Instance, name: &str| i.component.parameter(name).map(|index| i.parameters[index]);
         a.fluid == b.fluid && FLUID_PARAMETERS.iter().all(|name| value(a, name) == value(b, name))
     }
 
@@ -275,7 +274,7 @@ impl Network {
         let states = self.allocate_states(&mut collected);
         let nodes = joints.allocate(self, &mut collected);
         for (component, instance) in self.components.iter().enumerate() {
-            let spec = instance.component.spec();
+            let spec = instance.component;
             let ports: Vec<Option<Node>> = (0..spec.ports.len())
                 .map(|port| joints.of(PortOf { component, port }).map(|j| nodes[j]))
                 .collect();
@@ -287,12 +286,13 @@ impl Network {
             let mut wiring = Wiring {
                 collected: &mut collected,
                 component,
-                spec,
+                kind: spec.kind,
+                ports: spec.ports,
                 nodes: &ports,
-                states: &states[component],
-                parameters: &instance.parameters,
+                states: (spec.states, &states[component]),
+                parameters: (spec.parameters, &instance.parameters),
             };
-            instance.component.connect(&mut wiring);
+            (spec.connect)(&mut wiring);
         }
         collected
     }
@@ -300,7 +300,7 @@ impl Network {
     fn allocate_states(&self, collected: &mut Collected) -> Vec<Vec<(Variable, Sum)>> {
         let all = self.components.iter().enumerate();
         all.map(|(component, instance)| {
-            let count = instance.component.spec().states.len();
+            let count = instance.component.states.len();
             (0..count)
                 .map(|state| {
                     let variable = collected.variable(Role::State { component, state });
@@ -345,7 +345,7 @@ impl Joints {
         let mut count = 0;
         for instance in &network.components {
             first.push(count);
-            count += instance.component.spec().ports.len();
+            count += instance.component.ports.len();
         }
         Self {
             parents: (0..count).collect(),
@@ -374,7 +374,7 @@ impl Joints {
         let components = network.components.iter().enumerate();
         components
             .flat_map(|(component, instance)| {
-                let count = instance.component.spec().ports.len();
+                let count = instance.component.ports.len();
                 (0..count).map(move |port| PortOf { component, port })
             })
             .filter_map(|port| self.of(port).map(|joint| (port, joint)))
@@ -399,7 +399,7 @@ impl Joints {
         }
         // A port that sets its own potential has a node even when left open.
         for (component, instance) in network.components.iter().enumerate() {
-            for (port, declared) in instance.component.spec().ports.iter().enumerate() {
+            for (port, declared) in instance.component.ports.iter().enumerate() {
                 if declared.kind.sets() && declared.optional {
                     let number = self.number(PortOf { component, port });
                     self.used[number] = true;
@@ -432,7 +432,7 @@ impl Joints {
         }
         let mut reported = vec![false; self.count()];
         for (component, instance) in network.components.iter().enumerate() {
-            for (index, declared) in instance.component.spec().ports.iter().enumerate() {
+            for (index, declared) in instance.component.ports.iter().enumerate() {
                 let port = PortOf { component, port: index };
                 let Some(joint) = self.of(port) else {
                     if !declared.optional {

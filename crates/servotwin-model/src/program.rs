@@ -277,7 +277,7 @@ impl Program {
         intensity: S,
     ) {
         let instance = &self.network.components[component];
-        let spec = instance.component.spec();
+        let spec = instance.component;
         let declared = &spec.faults[fault];
         let parameter = spec.parameter(declared.parameter).expect("checked by the contract");
         let value = &mut parameters[component][parameter];
@@ -288,7 +288,7 @@ impl Program {
     pub fn faults(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let components = self.network.components.iter().enumerate();
         components.flat_map(|(index, instance)| {
-            (0..instance.component.spec().faults.len()).map(move |fault| (index, fault))
+            (0..instance.component.faults.len()).map(move |fault| (index, fault))
         })
     }
 
@@ -308,7 +308,7 @@ impl Program {
         let ruled = self.circuits.iter().map(|&ruler| {
             let instance = &self.network.components[ruler];
             let value = |name: &str, otherwise: f64| {
-                let place = instance.component.spec().parameter(name);
+                let place = instance.component.parameter(name);
                 place.map_or(S::constant(otherwise), |place| parameters[ruler][place])
             };
             let fluid = instance.fluid.at(value("temperature_k", 313.15));
@@ -350,7 +350,7 @@ impl Program {
     /// The initial guess of the states for the steady-state search.
     pub fn first_guess(&self, parameters: &[Vec<f64>]) -> Vec<f64> {
         let guess = |state: &StateOf| {
-            let spec = self.network.components[state.component].component.spec();
+            let spec = self.network.components[state.component].component;
             match spec.states[state.state].start {
                 Start::Value(value) => value,
                 Start::Parameter(name) => {
@@ -366,7 +366,7 @@ impl Program {
     pub fn find_fault(&self, id: &str) -> Option<(usize, usize)> {
         let (component, fault) = id.rsplit_once('.')?;
         let index = self.network.components.iter().position(|c| c.id == component)?;
-        let fault = self.network.components[index].component.spec().fault(fault)?;
+        let fault = self.network.components[index].component.fault(fault)?;
         Some((index, fault))
     }
 }

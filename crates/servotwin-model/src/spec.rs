@@ -1,4 +1,4 @@
-//! The declaration of a component: parameters, faults, ports and states.
+//! What a component declares: parameters, faults, ports and states.
 //!
 //! Each is declared once, as data. The parser of system files, the fault list, the
 //! documentation, the column names and the checks are all derived from it.
@@ -111,6 +111,19 @@ units! {
 }
 
 impl Unit {
+    /// The unit of a quantity, by the longest suffix of its name.
+    const fn of_name(name: &str) -> Unit {
+        let (mut unit, mut place) = (Unit::None, 0);
+        while place < Unit::ALL.len() {
+            let suffix = Unit::ALL[place].suffix();
+            if suffix.len() > unit.suffix().len() && ends_with(name.as_bytes(), suffix.as_bytes()) {
+                unit = Unit::ALL[place];
+            }
+            place += 1;
+        }
+        unit
+    }
+
     /// The suffix of every public name in this unit, e.g. `_pa`.
     pub const fn suffix(self) -> &'static str {
         self.facts().suffix
@@ -136,6 +149,17 @@ impl Unit {
     pub fn difference_to_shown(self, si: f64) -> f64 {
         si * self.facts().shown_per_si
     }
+}
+
+const fn ends_with(name: &[u8], end: &[u8]) -> bool {
+    let mut left = end.len();
+    while left > 0
+        && left <= name.len()
+        && name[name.len() - 1 - (end.len() - left)] == end[left - 1]
+    {
+        left -= 1;
+    }
+    left == 0
 }
 
 /// A number that a system file gives to a component.
@@ -248,6 +272,43 @@ pub struct Fault {
     pub summary: &'static str,
 }
 
+impl Fault {
+    /// Adds `full · i` to a parameter.
+    pub(crate) const fn adds(self, parameter: &'static str, full: f64, range: (f64, f64)) -> Self {
+        self.acting(Law::Add, parameter, full, range)
+    }
+
+    /// Scales a parameter linearly to `full` times its value.
+    pub(crate) const fn scales(
+        self,
+        parameter: &'static str,
+        full: f64,
+        range: (f64, f64),
+    ) -> Self {
+        self.acting(Law::Scale, parameter, full, range)
+    }
+
+    /// Multiplies a parameter by `full^i`, such as that of a shrinking passage.
+    pub(crate) const fn shrinks(
+        self,
+        parameter: &'static str,
+        full: f64,
+        range: (f64, f64),
+    ) -> Self {
+        self.acting(Law::Geometric, parameter, full, range)
+    }
+
+    const fn acting(
+        self,
+        law: Law,
+        parameter: &'static str,
+        full: f64,
+        (full_min, full_max): (f64, f64),
+    ) -> Self {
+        Fault { law, parameter, full, full_min, full_max, ..self }
+    }
+}
+
 /// The kind of a port: the quantities that it exchanges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
@@ -339,6 +400,18 @@ pub struct State {
     pub summary: &'static str,
 }
 
+impl State {
+    /// Sets the initial guess for the steady-state search.
+    pub(crate) const fn from(self, start: Start) -> Self {
+        State { start, ..self }
+    }
+
+    /// Sets the error weight.
+    pub(crate) const fn with_error_weight(self, error_weight: f64) -> Self {
+        State { error_weight, ..self }
+    }
+}
+
 /// Lower bound of a pressure in the steady-state search. An implicit step may end below vacuum, where hardly any flow
 /// raises the pressure again, and the search would fail. No system of the catalogue has a lower steady-state pressure.
 const LOWEST_AT_REST_PA: f64 = 1e3;
@@ -352,60 +425,14 @@ pub enum Start {
     Parameter(&'static str),
 }
 
-/// The complete declaration of a component.
-#[derive(Clone, Copy, Debug)]
-pub struct Spec {
-    /// The word for `kind` in a system file.
-    pub kind: &'static str,
-    /// One line of documentation.
-    pub summary: &'static str,
-    /// Parameters, in the order in which equations index them.
-    pub parameters: &'static [Parameter],
-    /// Faults, in the order of the fault list.
-    pub faults: &'static [Fault],
-    /// Ports, in the order of their positions.
-    pub ports: &'static [Port],
-    /// State variables, in the order of their positions.
-    pub states: &'static [State],
-    /// Whether it fixes the absolute pressure of its hydraulic circuit.
-    pub reference: bool,
-}
-
-impl Spec {
-    /// The position of a parameter by name.
-    pub fn parameter(&self, name: &str) -> Option<usize> {
-        self.parameters.iter().position(|p| p.name == name)
-    }
-
-    /// The position of a fault by name.
-    pub fn fault(&self, name: &str) -> Option<usize> {
-        self.faults.iter().position(|f| f.name == name)
-    }
-
-    /// Range of a signal input: that of its default parameter, or else its own.
-    pub fn input_range(&self, port: &Port) -> Option<(f64, f64)> {
-        match port.kind {
-            PortKind::SignalIn { default: Some(name), .. } => {
-                let declared = &self.parameters[self.parameter(name)?];
-                Some((declared.min, declared.max))
-            }
-            _ => port.range,
-        }
-    }
-
-    /// The position of a port by name.
-    pub fn port(&self, name: &str) -> Option<usize> {
-        self.ports.iter().position(|p| p.name == name)
-    }
-}
-
 /// Shorthands that make a component's declaration read as a table.
 pub mod declare {
     use super::*;
 
-    /// Declares the parameters of a component, one per row: `name: parameter(unit, default, range, summary)`.
+    /// Declares the parameters of a component, one per row: `name: parameter(default, range, summary)`.
+    /// The unit follows from the name.
     ///
-    /// System files and equations use the name. The macro creates the array `PARAMETERS` for the [`Spec`] and
+    /// System files and equations use the name. The macro creates the array `PARAMETERS` for the component and
     /// the module `index` with the position of each parameter: an equation reads `given[index::area_m2]`.
     macro_rules! parameters {
         ($($name:ident: $($declare:ident)::+ ($($argument:expr),* $(,)?)),* $(,)?) => {
@@ -427,12 +454,11 @@ pub mod declare {
     /// A parameter with a default.
     pub const fn parameter(
         name: &'static str,
-        unit: Unit,
         default: f64,
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
-        Parameter { name, unit, default: Some(default), min: range.0, max: range.1, summary }
+        Parameter { default: Some(default), ..required(name, range, summary) }
     }
 
     /// The parameters of a kind that stands for another: those of the other at the same positions, then its own.
@@ -452,56 +478,21 @@ pub mod declare {
     /// A parameter that every system file must give.
     pub const fn required(
         name: &'static str,
-        unit: Unit,
         range: (f64, f64),
         summary: &'static str,
     ) -> Parameter {
+        let unit = Unit::of_name(name);
         Parameter { name, unit, default: None, min: range.0, max: range.1, summary }
     }
 
-    /// A fault that adds `full · i` to a parameter.
-    pub(crate) const fn adds(
+    /// A fault; [`Fault::adds`], [`Fault::scales`] or [`Fault::shrinks`] says what it does.
+    pub(crate) const fn fault(
         name: &'static str,
-        parameter: &'static str,
-        full: f64,
-        range: (f64, f64),
         category: Category,
         summary: &'static str,
     ) -> Fault {
-        Fault {
-            name,
-            parameter,
-            law: Law::Add,
-            full,
-            full_min: range.0,
-            full_max: range.1,
-            category,
-            summary,
-        }
-    }
-
-    /// A fault that scales a parameter linearly to `full` times its value.
-    pub(crate) const fn scales(
-        name: &'static str,
-        parameter: &'static str,
-        full: f64,
-        range: (f64, f64),
-        category: Category,
-        summary: &'static str,
-    ) -> Fault {
-        Fault { law: Law::Scale, ..adds(name, parameter, full, range, category, summary) }
-    }
-
-    /// A fault that multiplies a parameter by `full^i`, such as a shrinking passage.
-    pub(crate) const fn shrinks(
-        name: &'static str,
-        parameter: &'static str,
-        full: f64,
-        range: (f64, f64),
-        category: Category,
-        summary: &'static str,
-    ) -> Fault {
-        Fault { law: Law::Geometric, ..adds(name, parameter, full, range, category, summary) }
+        let (law, full) = (Law::Add, 0.0);
+        Fault { name, parameter: "", law, full, full_min: full, full_max: full, category, summary }
     }
 
     const fn port(name: &'static str, kind: PortKind, summary: &'static str) -> Port {
@@ -576,14 +567,9 @@ pub mod declare {
         Port { optional: true, ..port }
     }
 
-    /// A state variable with error weight 1 and no lower bound.
-    pub(crate) const fn state(
-        name: &'static str,
-        unit: Unit,
-        scale: f64,
-        start: Start,
-        summary: &'static str,
-    ) -> State {
+    /// A state variable that starts at zero, with error weight 1 and no lower bound.
+    pub(crate) const fn state(name: &'static str, scale: f64, summary: &'static str) -> State {
+        let (unit, start) = (Unit::of_name(name), Start::Value(0.0));
         State { name, unit, scale, error_weight: 1.0, start, lowest: f64::NEG_INFINITY, summary }
     }
 
@@ -592,20 +578,16 @@ pub mod declare {
     /// where an edge clogs or the supply is lost.
     pub(crate) const VELOCITY_ERROR_WEIGHT: f64 = 5.0;
 
-    /// Sets the error weight of a state.
-    pub(crate) const fn with_error_weight(error_weight: f64, state: State) -> State {
-        State { error_weight, ..state }
-    }
-
     /// The absolute pressure of a fluid, Pa; `start` names the parameter with the initial guess.
     pub(crate) const fn pressure_state(
         name: &'static str,
         start: &'static str,
         summary: &'static str,
     ) -> State {
-        let start = Start::Parameter(start);
-        let lowest = LOWEST_AT_REST_PA;
-        State { name, unit: Unit::Pascal, scale: 2e7, error_weight: 1.0, start, lowest, summary }
+        State {
+            lowest: LOWEST_AT_REST_PA,
+            ..state(name, 2e7, summary).from(Start::Parameter(start))
+        }
     }
 }
 

@@ -13,7 +13,7 @@
 
 use crate::equation::Equation;
 use crate::hash::{Canonical, Fingerprint};
-use crate::spec::Spec;
+use crate::spec::{Parameter, Port, PortKind, State};
 use alloc::vec::Vec;
 
 /// A port of a component.
@@ -189,25 +189,25 @@ impl Collected {
 pub struct Wiring<'a> {
     pub(crate) collected: &'a mut Collected,
     pub(crate) component: usize,
-    pub(crate) spec: &'static Spec,
+    pub(crate) kind: &'static str,
+    pub(crate) ports: &'static [Port],
     /// The nodes of the ports; `None` for an open port.
     pub(crate) nodes: &'a [Option<Node>],
-    /// The states and their derivatives.
-    pub(crate) states: &'a [(Variable, Sum)],
-    /// The component's parameters without faults.
-    pub(crate) parameters: &'a [f64],
+    /// The states, and their variables and derivatives.
+    pub(crate) states: (&'static [State], &'a [(Variable, Sum)]),
+    /// The parameters, and their values without faults.
+    pub(crate) parameters: (&'static [Parameter], &'a [f64]),
 }
 
 impl Wiring<'_> {
     fn index(&self, port: &str) -> usize {
-        let spec = self.spec;
-        spec.port(port).unwrap_or_else(|| panic!("{} declares no port '{port}'", spec.kind))
+        let index = self.ports.iter().position(|declared| declared.name == port);
+        index.unwrap_or_else(|| panic!("{} declares no port '{port}'", self.kind))
     }
 
     fn node(&self, port: &str) -> Node {
-        let spec = self.spec;
         self.nodes[self.index(port)]
-            .unwrap_or_else(|| panic!("port '{port}' of {} is open: ask `connected`", spec.kind))
+            .unwrap_or_else(|| panic!("port '{port}' of {} is open: ask `connected`", self.kind))
     }
 
     /// Whether something is connected to an optional port.
@@ -218,22 +218,32 @@ impl Wiring<'_> {
     /// A parameter of the component without faults. Use it for the structure (a count,
     /// a period), never for the numbers of an equation.
     pub(crate) fn structural(&self, parameter: &str) -> f64 {
-        self.parameters[self.spec.parameter(parameter).expect("a declared parameter")]
+        self.parameters.1[self.parameter_index(parameter)]
+    }
+
+    fn parameter_index(&self, name: &str) -> usize {
+        let index = self.parameters.0.iter().position(|declared| declared.name == name);
+        index.expect("a declared parameter")
     }
 
     /// A state by its declared name.
     pub(crate) fn state(&self, name: &str) -> Variable {
-        self.states[self.state_index(name)].0
+        self.states.1[self.state_index(name)].0
     }
 
     /// The time derivative of a state.
     pub(crate) fn derivative(&self, name: &str) -> Sum {
-        self.states[self.state_index(name)].1
+        self.states.1[self.state_index(name)].1
+    }
+
+    /// The output that adds to the time derivative of a state.
+    pub(crate) fn rate(&self, state: &str) -> Output {
+        Output::add(self.derivative(state))
     }
 
     fn state_index(&self, name: &str) -> usize {
-        let found = self.spec.states.iter().position(|s| s.name == name);
-        found.unwrap_or_else(|| panic!("{} declares no state '{name}'", self.spec.kind))
+        let found = self.states.0.iter().position(|s| s.name == name);
+        found.unwrap_or_else(|| panic!("{} declares no state '{name}'", self.kind))
     }
 
     /// Pressure at a hydraulic port.
@@ -267,15 +277,15 @@ impl Wiring<'_> {
         if let Some(node) = self.nodes[index] {
             return node.first;
         }
-        match self.spec.ports[index].kind {
-            crate::spec::PortKind::SignalIn { default: Some(name), .. } => self.parameter(name),
-            _ => panic!("port '{port}' of {} is open: ask `connected`", self.spec.kind),
+        match self.ports[index].kind {
+            PortKind::SignalIn { default: Some(name), .. } => self.parameter(name),
+            _ => panic!("port '{port}' of {} is open: ask `connected`", self.kind),
         }
     }
 
     /// A parameter as a variable.
     pub(crate) fn parameter(&mut self, name: &str) -> Variable {
-        let parameter = self.spec.parameter(name).expect("a declared parameter");
+        let parameter = self.parameter_index(name);
         self.collected.variable(Role::Parameter { component: self.component, parameter })
     }
 
@@ -305,10 +315,23 @@ impl Wiring<'_> {
         }
     }
 
-    /// Adds an equation block. Its constants receive `which`.
+    /// Adds an equation block.
     pub(crate) fn equation<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
+        equation: E,
+        inputs: [Variable; I],
+        outputs: [Output; O],
+    ) where
+        E: Equation<I, O, C> + Listed,
+    {
+        self.equation_of(0, equation, inputs, outputs);
+    }
+
+    /// Adds one of several equation blocks of a kind. Its constants receive `which`.
+    pub(crate) fn equation_of<E, const I: usize, const O: usize, const C: usize>(
+        &mut self,
         which: usize,
+        _: E,
         inputs: [Variable; I],
         outputs: [Output; O],
     ) where
@@ -317,16 +340,33 @@ impl Wiring<'_> {
         self.block::<E, I, O, C>(which, inputs, outputs, None);
     }
 
+    /// Adds an equation block with one output and sets a signal output to it. Returns the signal.
+    pub(crate) fn output<E, const I: usize, const C: usize>(
+        &mut self,
+        port: &str,
+        equation: E,
+        inputs: [Variable; I],
+    ) -> Variable
+    where
+        E: Equation<I, 1, C> + Listed,
+    {
+        let signal = self.internal();
+        self.equation(equation, inputs, [Output::add(signal)]);
+        self.set(port, signal.variable());
+        signal.variable()
+    }
+
     /// Adds an equation block that reads only states and runs before all other blocks. The order of the others then
     /// does not depend on whether they read the states or the block's outputs.
     pub(crate) fn opening_equation<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
+        equation: E,
         inputs: [Variable; I],
         outputs: [Output; O],
     ) where
         E: Equation<I, O, C> + Listed,
     {
-        self.block::<E, I, O, C>(0, inputs, outputs, None);
+        self.equation(equation, inputs, outputs);
         self.collected.blocks.last_mut().expect("the block just added").is_opening = true;
     }
 
@@ -342,6 +382,7 @@ impl Wiring<'_> {
     /// the previous tick (a filter, an integrator).
     pub(crate) fn sampled<E, const I: usize, const O: usize, const C: usize>(
         &mut self,
+        _: E,
         period: &str,
         inputs: impl FnOnce(&mut Self, [Variable; O]) -> [Variable; I],
     ) -> [Variable; O]

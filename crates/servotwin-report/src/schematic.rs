@@ -4,7 +4,8 @@
 
 use servotwin::system::System;
 use servotwin_model::network::{Network, PortOf};
-use servotwin_model::spec::{PortKind, Spec};
+use servotwin_model::component::Component;
+use servotwin_model::spec::PortKind;
 use servotwin_plot::SemanticColor;
 use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
 use std::collections::BTreeMap;
@@ -102,7 +103,7 @@ fn nets(network: &Network) -> Vec<Net> {
 /// parts right of all valves. What only signals reach stands right of its nearest neighbor. Tanks and inputs stand
 /// left of theirs.
 fn columns(network: &Network, nets: &[Net]) -> Vec<usize> {
-    let specs: Vec<&Spec> = network.components.iter().map(|one| one.component.spec()).collect();
+    let specs: Vec<&Component> = network.components.iter().map(|one| one.component.spec()).collect();
     let is_left = |part: usize| specs.get(part).is_none_or(|spec| spec.kind == "tank");
     let joined = |with_signals: bool| -> Vec<Vec<usize>> {
         let nets = nets.iter().filter(|net| with_signals || net.kind != SIGNAL);
@@ -143,7 +144,7 @@ fn spread(columns: &mut [Option<usize>], nets: &[Vec<usize>]) {
 }
 
 /// Moves mechanical parts right of everything that oil flows through, e.g. a cylinder right of its valves.
-fn shift_mechanics(specs: &[&Spec], columns: &mut [Option<usize>]) {
+fn shift_mechanics(specs: &[&Component], columns: &mut [Option<usize>]) {
     let is_oil = |kind: PortKind| matches!(kind, PortKind::Hydraulic { .. });
     let is_motion = |kind: PortKind| !is_oil(kind) && medium(kind) != SIGNAL;
     let count = |part: usize, wanted: &dyn Fn(PortKind) -> bool| {

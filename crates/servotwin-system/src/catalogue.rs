@@ -4,24 +4,25 @@
 use crate::document::{NumberWithUnit, Quantities};
 use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
 use crate::units::word;
+use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, description};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table as by_table};
-use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind, Spec};
+use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind};
 
 /// Every component, in the order of the documentation.
-pub fn all() -> impl Iterator<Item = &'static Spec> {
+pub fn all() -> impl Iterator<Item = &'static Component> {
     ALL.iter().map(|component| component.spec())
 }
 
 /// The component of this kind.
-pub fn find(kind: &str) -> Option<&'static Spec> {
+pub fn find(kind: &str) -> Option<&'static Component> {
     all().find(|spec| spec.kind == kind)
 }
 
 /// A component that matches a search, with the matching lines.
 pub struct Hit {
     /// The component.
-    pub spec: &'static Spec,
+    pub spec: &'static Component,
     /// The matching parameters, faults, ports and lines of the description.
     pub lines: Vec<String>,
 }
@@ -84,7 +85,7 @@ pub fn default(parameter: &Parameter) -> String {
 }
 
 /// The effect of a fault on its parameter as a formula, with `i` the intensity.
-pub fn law(fault: &Fault, spec: &Spec) -> String {
+pub fn law(fault: &Fault, spec: &Component) -> String {
     let (name, full) = (fault.parameter, NumberWithUnit(fault.full, ""));
     let unit = spec.parameter(name).map_or("", |p| spec.parameters[p].unit.symbol());
     let is_less = fault.full < if fault.law == Law::Scale { 1.0 } else { 0.0 };
@@ -104,7 +105,7 @@ fn change_of(factor: f64) -> String {
 }
 
 /// The flow through a port, as text.
-pub fn flow(port: &Port, spec: &Spec) -> String {
+pub fn flow(port: &Port, spec: &Component) -> String {
     match port.kind {
         PortKind::SignalIn { unit, default } => {
             let range = spec
@@ -173,7 +174,7 @@ fn overview() -> String {
         true => "–".into(),
         false => format!("`{}`", names.join("`, `")),
     };
-    let row = |spec: &Spec| {
+    let row = |spec: &Component| {
         vec![
             format!("[{kind}](#{kind})", kind = spec.kind),
             spec.summary.replace('|', "\\|"),
@@ -206,7 +207,7 @@ fn table(heads: &[&str], rows: Vec<Vec<String>>) -> String {
 }
 
 /// The Markdown section about a component.
-pub fn markdown(spec: &Spec) -> String {
+pub fn markdown(spec: &Component) -> String {
     let mut page = format!("## {}\n\n{}\n", spec.kind, prose(spec.kind).trim_end());
     let code = |text: &str| format!("`{text}`");
     let plain = |text: &str| text.replace('|', "\\|");

@@ -5,8 +5,9 @@ use crate::rest::{self, Rest};
 use crate::shown::shown;
 use crate::system::System;
 use crate::validity::MAX_PRESSURE_PA;
+use servotwin_model::component::Component;
 use servotwin_model::network::{Instance, Network, PortOf};
-use servotwin_model::spec::{PortKind, Spec, Unit};
+use servotwin_model::spec::{PortKind, Unit};
 
 /// Growth of an unstable motion that counts, 1/s; an integrator's eigenvalue is zero up to rounding.
 const GROWTH_PER_S: f64 = 1e-3;
@@ -187,7 +188,7 @@ fn sensors_without_head_room(network: &Network, component: usize) -> Vec<String>
 }
 
 /// Whether a flow into a port of a component always finds a way out of another one.
-fn passes(spec: &Spec, entered: &str, _left: &str) -> bool {
+fn passes(spec: &Component, entered: &str, _left: &str) -> bool {
     match spec.kind {
         "orifice" | "filter" | "long_line" | "flow_sensor" => true,
         "check_valve" => entered == "a",
@@ -199,7 +200,7 @@ fn passes(spec: &Spec, entered: &str, _left: &str) -> bool {
 fn reached(
     network: &Network,
     from: PortOf,
-    passes: impl Fn(&Spec, &str, &str) -> bool,
+    passes: impl Fn(&Component, &str, &str) -> bool,
 ) -> Vec<PortOf> {
     let mut reached = vec![from];
     let mut next = 0;

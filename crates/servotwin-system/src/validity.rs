@@ -109,7 +109,7 @@ impl ValidityMonitor {
             for (_, parameter, value) in overrides.iter().filter(|(own, ..)| *own == component) {
                 parameters[*parameter] = *value;
             }
-            let travel_m = instance.component.travel_m(&parameters)?;
+            let travel_m = (instance.component.travel_m)(&parameters)?;
             let position = system.program.observable(&format!("{}.position_m", instance.id))?;
             Some(watch(position, travel_m, [CrossedLimit::Travel; 2]))
         });

@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 use servotwin::catalogue::{self, Hit, default, flow, law, prose, range};
 use servotwin::document::counted;
 use servotwin::nearest::nearest;
-use servotwin_model::spec::{PortKind, Spec};
+use servotwin_model::component::Component;
+use servotwin_model::spec::PortKind;
 
 /// List the components of the catalog, describe one, or search them.
 ///
@@ -58,7 +59,7 @@ fn unknown(word: &str) -> Failure {
 }
 
 /// Writes several components as JSON or Markdown.
-fn whole(specs: impl Iterator<Item = &'static Spec>, global: Global) -> String {
+fn whole(specs: impl Iterator<Item = &'static Component>, global: Global) -> String {
     match global.json {
         true => json(&specs.map(as_json).collect()),
         false => specs.map(catalogue::markdown).collect::<Vec<_>>().join("\n"),
@@ -118,7 +119,7 @@ fn found(hit: &Hit) -> String {
     format!("{}: {}\n{lines}", hit.spec.kind, hit.spec.summary)
 }
 
-fn people(spec: &Spec) -> String {
+fn people(spec: &Component) -> String {
     let mut text = format!("{}: {}\n\n{}\n", spec.kind, spec.summary, prose(spec.kind).trim_end());
     let mut ports =
         TextTable::new(&[("port", Side::Left), ("type", Side::Left), ("meaning", Side::Left)]);
@@ -156,7 +157,7 @@ fn people(spec: &Spec) -> String {
     text
 }
 
-fn as_json(spec: &Spec) -> Value {
+fn as_json(spec: &Component) -> Value {
     let ports = spec.ports.iter().map(|port| {
         let unit = match port.kind {
             PortKind::SignalIn { unit, .. } | PortKind::SignalOut { unit } => Some(unit.symbol()),

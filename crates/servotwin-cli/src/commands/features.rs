@@ -71,7 +71,7 @@ fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
     let mut text = String::from(LIST_HEAD);
     for family in ALL {
         let features = family.features(&sensors);
-        text += &format!("\n## {}\n\n{}\n\n", family.name(), family.summary());
+        text += &format!("\n## {}\n\n{}\n\n", family.name, family.summary);
         if features.is_empty() {
             text += "None: these sensors have nothing for it to compare.\n";
             continue;
@@ -81,7 +81,7 @@ fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
             let Feature { name, unit, meaning, .. } = feature;
             text += &format!("| `{name}` | {unit} | {} |\n", meaning.replace('|', "\\|"));
             entries.push(json!({
-                "family": family.name(), "name": name, "unit": unit, "meaning": meaning
+                "family": family.name, "name": name, "unit": unit, "meaning": meaning
             }));
         }
     }

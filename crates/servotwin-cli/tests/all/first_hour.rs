@@ -670,7 +670,7 @@ fn sensors_show_their_noise() {
         let instance = &system.network().components[sensor.component];
         let at =
             |name: &str| instance.parameters[instance.component.spec().parameter(name).unwrap()];
-        let span = instance.component.span(&instance.parameters).unwrap();
+        let span = (instance.component.span)(&instance.parameters).unwrap();
         let step = span.range / 2_f64.powf(at("bits"));
         let declared = ((at("noise_sigma") * span.full_scale).powi(2) + step * step / 12.0).sqrt();
         // A thousand samples know it to three percent.

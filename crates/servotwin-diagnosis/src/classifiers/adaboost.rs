@@ -1,7 +1,7 @@
 //! AdaBoost, trained: a weighted vote of trees.
 
 use super::{Classifier, sizes};
-use crate::error::{Error, same_length};
+use crate::error::{Error, require_sound, same_length};
 use crate::tree::Branches;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
@@ -42,15 +42,12 @@ impl Classifier for Model {
     }
 
     fn check(&self) -> Result<(), Error> {
-        if self.trees.is_empty() {
-            return Err(Error::CorruptModel { broken: "a boosted model has trees" });
-        }
+        require_sound(!self.trees.is_empty(), "a boosted model has trees")?;
         for tree in &self.trees {
             tree.branches.check(self.features)?;
             same_length("decisions", tree.branches.len(), tree.decisions.len())?;
-            if tree.decisions.iter().any(|&class| class as usize >= self.classes) {
-                return Err(Error::CorruptModel { broken: "trees must decide known classes" });
-            }
+            let known = tree.decisions.iter().all(|&class| (class as usize) < self.classes);
+            require_sound(known, "trees must decide known classes")?;
         }
         Ok(())
     }

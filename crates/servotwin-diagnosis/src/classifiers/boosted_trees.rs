@@ -2,7 +2,7 @@
 //! into probabilities.
 
 use super::{Classifier, sizes};
-use crate::error::{Error, same_length};
+use crate::error::{Error, require_sound, same_length};
 use crate::numeric::softmax;
 use crate::tree::Branches;
 use alloc::vec::Vec;
@@ -65,11 +65,8 @@ impl Classifier for Model {
     fn check(&self) -> Result<(), Error> {
         let known = self.present.iter().all(|&class| (class as usize) < self.classes);
         let ascending = self.present.windows(2).all(|pair| pair[0] < pair[1]);
-        if !known || !ascending || self.present.is_empty() {
-            return Err(Error::CorruptModel {
-                broken: "boosted trees must know ascending classes",
-            });
-        }
+        let is_sound = known && ascending && !self.present.is_empty();
+        require_sound(is_sound, "boosted trees must know ascending classes")?;
         let fixed = usize::from(self.present.len() <= 2);
         same_length("priors", self.present.len() - fixed, self.priors.len())?;
         for tree in &self.trees {

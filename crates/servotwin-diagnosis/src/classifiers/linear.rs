@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, same_length};
+use crate::error::{Error, require_sound, same_length};
 use crate::numeric::{arg_max, dot, softmax};
 
 /// `f_k(x) = w_k · x + b_k` for the trained classes; the largest wins.
@@ -61,9 +61,6 @@ impl LinearFunctions {
 
 /// Checks the labels of the trained classes of a loaded model.
 pub(crate) fn check_labels(labels: &[u32], classes: usize) -> Result<(), Error> {
-    if !labels.is_empty() && labels.iter().all(|&label| (label as usize) < classes) {
-        Ok(())
-    } else {
-        Err(Error::CorruptModel { broken: "labels must be known classes" })
-    }
+    let known = !labels.is_empty() && labels.iter().all(|&label| (label as usize) < classes);
+    require_sound(known, "labels must be known classes")
 }

@@ -1,7 +1,7 @@
 //! A random forest, trained: the mean of the trees' class shares decides.
 
 use super::{Classifier, sizes};
-use crate::error::{Error, same_length};
+use crate::error::{Error, require_sound, same_length};
 use crate::tree::Branches;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
@@ -48,11 +48,7 @@ impl VotingTree {
         let ascending = self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
         let ends = self.starts[self.branches.len()] as usize == self.shares.len();
         let known = self.classes.iter().all(|&class| (class as usize) < classes);
-        if ascending && ends && known {
-            Ok(())
-        } else {
-            Err(Error::CorruptModel { broken: "leaf shares must be listed node by node" })
-        }
+        require_sound(ascending && ends && known, "leaf shares must be listed node by node")
     }
 }
 
@@ -68,9 +64,7 @@ impl Classifier for Model {
     }
 
     fn check(&self) -> Result<(), Error> {
-        if self.trees.is_empty() {
-            return Err(Error::CorruptModel { broken: "a forest has trees" });
-        }
+        require_sound(!self.trees.is_empty(), "a forest has trees")?;
         self.trees.iter().try_for_each(|tree| tree.check(self.features, self.classes))
     }
 }

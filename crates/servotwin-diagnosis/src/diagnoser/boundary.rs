@@ -33,7 +33,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::tuning::Tuning;
-use crate::error::Error;
+use crate::error::{Error, require_sound};
 use crate::panel::SensorBand;
 use crate::residual::Window;
 
@@ -60,8 +60,7 @@ impl Boundary {
         let is_sound = (self.input as usize) < inputs
             && self.effect().is_some_and(|effect| effect != 0.0)
             && self.effects.iter().all(|&(sensor, effect)| known(sensor) && effect.is_finite());
-        let broken = "a boundary names no input, or no effect on its sensor";
-        if is_sound { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+        require_sound(is_sound, "a boundary names no input, or no effect on its sensor")
     }
 
     /// The effect on the sensor next to the boundary.
@@ -183,11 +182,6 @@ impl Doubt {
     /// Whether a session can have stored these numbers.
     pub(crate) fn fits(&self) -> bool {
         [&self.since, &self.healthy, &self.waiting, &self.filling].iter().all(|sums| sums.fits())
-    }
-
-    /// Forgets all samples.
-    pub(crate) fn clear(&mut self) {
-        *self = Doubt::default();
     }
 
     /// Takes a window of `panes` panes, of which `share` is new. A window that holds the onset of the deviation counts

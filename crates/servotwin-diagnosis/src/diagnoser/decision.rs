@@ -266,7 +266,7 @@ pub struct IsNovel {
 /// The evidence of one window length: the statistics `S_hg`, and two separate ones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Evidence {
+pub(super) struct PairSums {
     of_pairs: Vec<f64>,
     /// Statistic for any change.
     change: f64,
@@ -274,10 +274,10 @@ pub(super) struct Evidence {
     unknown: f64,
 }
 
-impl Evidence {
+impl PairSums {
     pub(crate) fn new(hypotheses: Hypotheses) -> Self {
         let count = hypotheses.count();
-        Evidence { of_pairs: vec![0.0; count * count], change: 0.0, unknown: 0.0 }
+        PairSums { of_pairs: vec![0.0; count * count], change: 0.0, unknown: 0.0 }
     }
 
     pub(crate) fn clear(&mut self) {
@@ -433,7 +433,7 @@ mod tests {
     fn steady_evidence_raises_its_own_hypothesis_and_no_other() {
         let (tuning, hypotheses, limits) = setup();
         for truth in 1..7 {
-            let mut evidence = Evidence::new(hypotheses);
+            let mut evidence = PairSums::new(hypotheses);
             let said = sure_of(truth, 0.99);
             for _ in 0..40 {
                 evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
@@ -452,7 +452,7 @@ mod tests {
     #[test]
     fn two_that_look_alike_are_detected_and_not_told_apart() {
         let (tuning, hypotheses, limits) = setup();
-        let mut evidence = Evidence::new(hypotheses);
+        let mut evidence = PairSums::new(hypotheses);
         let mut said = sure_of(1, 0.495);
         said.fill(0.002);
         (said[2], said[5]) = (0.495, 0.495);
@@ -479,7 +479,7 @@ mod tests {
     #[test]
     fn rare_windows_of_another_mind_do_not_raise() {
         let (tuning, hypotheses, limits) = setup();
-        let mut evidence = Evidence::new(hypotheses);
+        let mut evidence = PairSums::new(hypotheses);
         let (healthy, faulty) = (sure_of(0, 0.9), sure_of(3, 0.999_999));
         let mut random = crate::random::Random::new(1);
         for _ in 0..100_000 {
@@ -496,7 +496,7 @@ mod tests {
         let windows_to_raise = |allowance: f64, share: f64| {
             let tuning = Tuning { health_allowance_nats: allowance, ..usual.clone() };
             let limits = DecisionLimits::new(&tuning, hypotheses, &IS_OFF, 0.5);
-            let mut evidence = Evidence::new(hypotheses);
+            let mut evidence = PairSums::new(hypotheses);
             let mut said = sure_of(2, share);
             (said[0], said[1]) = (0.9 * (1.0 - share), 0.1 * (1.0 - share));
             said[3..].fill(1e-9);
@@ -517,7 +517,7 @@ mod tests {
         let tuning =
             Tuning { health_allowance_nats: 1.0, off_allowance_nats: 6.0, ..usual.clone() };
         let limits = DecisionLimits::new(&tuning, hypotheses, &IS_OFF, 0.5);
-        let mut evidence = Evidence::new(hypotheses);
+        let mut evidence = PairSums::new(hypotheses);
         for _ in 0..1000 {
             for claim in [1, 2] {
                 let mut said = sure_of(claim, 0.99);
@@ -527,7 +527,7 @@ mod tests {
         }
         // Both are equally likely, four and a half nats above health.
         assert_eq!(evidence.of_pairs[hypotheses.count()], 0.0);
-        let mut evidence = Evidence::new(hypotheses);
+        let mut evidence = PairSums::new(hypotheses);
         for _ in 0..1000 {
             let mut said = sure_of(2, 0.99);
             said[0] = 0.01;
@@ -543,7 +543,7 @@ mod tests {
         let most = |other_allowance_nats: f64, claim: usize| {
             let tuning = Tuning { other_allowance_nats, ..usual.clone() };
             let limits = DecisionLimits::new(&tuning, hypotheses, &IS_OFF, 0.5);
-            let mut evidence = Evidence::new(hypotheses);
+            let mut evidence = PairSums::new(hypotheses);
             let mut said = vec![1e-6; 7];
             let rival = hypotheses.place(0, hypotheses.split(claim).unwrap().1);
             (said[claim], said[rival]) = (0.8, 0.2);
@@ -561,7 +561,7 @@ mod tests {
     #[test]
     fn windows_in_band_take_evidence_away_and_novel_ones_gather_their_own() {
         let (tuning, hypotheses, limits) = setup();
-        let mut evidence = Evidence::new(hypotheses);
+        let mut evidence = PairSums::new(hypotheses);
         let said = sure_of(4, 0.99);
         let novel = IsNovel { novel: true, share_of_known: 0.001 };
         for _ in 0..40 {

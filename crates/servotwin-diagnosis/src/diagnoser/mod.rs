@@ -1,10 +1,14 @@
 //! A complete diagnosis for one system as one value, and the session that runs it.
 //!
 //! ```text
-//! inputs   → environment   (believed?)
-//! measured → windows       (of several lengths)          → judge (bands, features, trees, committee)
-//! twin     ↗               → decision (the sequential test) → alarm → outcome
+//! inputs   ↘
+//! measured → guard → windows → evidence → alarm → outcome
+//! twin     ↗
 //! ```
+//!
+//! Each of the four has a file: [`guard`] rejects samples, [`crate::windows`] slides windows of several lengths over
+//! the others, [`evidence`] judges them (bands, features, trees, committee, then the sequential test of [`decision`]),
+//! and [`alarm`] keeps what is raised.
 //!
 //! A [`Diagnoser`] never changes; it is stored as JSON ([`FORMAT`]). A [`Session`] holds the state: it takes sample
 //! after sample in fixed memory. A stored session continues elsewhere bit for bit. Many sessions share one diagnoser.
@@ -14,7 +18,7 @@ use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::baseline;
-use crate::error::{Error, require};
+use crate::error::{Error, require, require_sound};
 use crate::features::{self, Quantity, Sensors};
 use crate::hierarchy::Names;
 use crate::panel::Panel;
@@ -27,17 +31,17 @@ mod boundary;
 pub mod common_mode;
 pub mod decision;
 pub mod environment;
+mod evidence;
+mod guard;
 pub(crate) mod healthy_evidence;
 pub mod novelty;
 mod outcome;
 pub(crate) mod scatter;
-mod sensor_health;
 mod session;
 pub mod tuning;
-mod window_classifier;
 
 pub use boundary::Boundary;
-pub use environment::{InputChecks, Invalid, Why};
+pub use environment::{InputChecks, Why};
 pub use healthy_evidence::{HealthyEvidence, ShutdownMargin};
 pub use novelty::Novelty;
 pub use outcome::{Alarm, IndexedFinding, Outcome, Raised, UnjudgedCounts};
@@ -274,10 +278,10 @@ impl Diagnoser {
     /// # Errors
     /// [`Error::CorruptModel`], [`Error::SettingOutOfRange`], and the errors of the parts.
     pub fn check(&self) -> Result<(), Error> {
-        holds(self.format == FORMAT, "the format is another one")?;
+        require_sound(self.format == FORMAT, "the format is another one")?;
         let period = self.period_s;
         require((1e-6..=1e3).contains(&period), "period_s", period, "1e-6 to 1000 s")?;
-        holds(!self.lengths.is_empty(), "there is no window length")?;
+        require_sound(!self.lengths.is_empty(), "there is no window length")?;
         self.environment.check()?;
         let inputs = self.environment.inputs.len();
         self.boundaries.iter().try_for_each(|known| known.check(inputs, self.watched()))?;
@@ -287,11 +291,11 @@ impl Diagnoser {
         self.scatter.iter().try_for_each(Scatter::check)?;
         self.healthy_evidence.iter().try_for_each(HealthyEvidence::check)?;
         let is_plain = self.lengths[0].baseline_corrected.is_none();
-        holds(is_plain, "the first window length is not of residuals as they are")?;
+        require_sound(is_plain, "the first window length is not of residuals as they are")?;
         self.windows().map(drop)?;
         self.lengths
             .iter()
-            .try_for_each(|length| window_classifier::WindowClassifier::new(self, length).map(drop))
+            .try_for_each(|length| evidence::LengthEvidence::new(self, length).map(drop))
     }
 
     fn check_sensors(&self) -> Result<(), Error> {
@@ -301,13 +305,13 @@ impl Diagnoser {
             require(scale > 0.0 && scale.is_finite(), "scale", scale, "above 0")?;
             require((0.0..=1.0).contains(&noise), "noise", noise, "0 to 1 of scale")?;
             let known = sensor.actuator.is_none_or(|actuator| (actuator as usize) < actuators);
-            holds(known, "a sensor belongs to an actuator that is not there")?;
+            require_sound(known, "a sensor belongs to an actuator that is not there")?;
             let is_sound = |&(other, weight): &(u32, f64)| {
                 (other as usize) < self.sensors.len() && weight.is_finite()
             };
             let follows = &sensor.follows;
             let fits = follows.len() <= features::MAX_FOLLOWED && follows.iter().all(is_sound);
-            holds(fits, "a sensor follows one that is not there, or too many")?;
+            require_sound(fits, "a sensor follows one that is not there, or too many")?;
             sensor.spread.iter().try_for_each(|spread| spread.check(self.sensors.len()))?;
         }
         Ok(())
@@ -319,16 +323,12 @@ impl Diagnoser {
         baseline_corrected.iter().try_for_each(decision::Allowances::check)?;
         let of = |names: &Names| [&names.actuators, &names.actions, &names.details].map(Vec::clone);
         let names = &panel.trees.names;
-        holds(of(names) == of(self.names()), "window lengths have other names")?;
-        holds(!names.actions.is_empty(), "there is no command")?;
-        holds(panel.bands.len() == self.watched(), "window lengths have other bands")?;
+        require_sound(of(names) == of(self.names()), "window lengths have other names")?;
+        require_sound(!names.actions.is_empty(), "there is no command")?;
+        require_sound(panel.bands.len() == self.watched(), "window lengths have other bands")?;
         let fits = panel.bands.len() <= self.sensors.len();
         let same = panel.bands.iter().zip(&self.sensors).all(|(b, s)| b.sensor == s.name);
-        holds(fits && same, "bands are not those of the first sensors")?;
+        require_sound(fits && same, "bands are not those of the first sensors")?;
         novelty.check(names.actions.len(), names.features.len())
     }
-}
-
-fn holds(holds: bool, broken: &'static str) -> Result<(), Error> {
-    if holds { Ok(()) } else { Err(Error::CorruptModel { broken }) }
 }

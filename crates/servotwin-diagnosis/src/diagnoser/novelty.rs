@@ -14,7 +14,7 @@
 //! share the learned ranges.
 
 use super::tuning::Tuning;
-use crate::error::Error;
+use crate::error::{Error, require_sound};
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -69,11 +69,8 @@ impl Novelty {
         };
         let count = self.classes.is_empty() || self.classes.len() == actions + 1;
         let sound = self.quantile > 0.0 && self.quantile < 1.0;
-        if count && sound && self.classes.iter().all(fits) {
-            Ok(())
-        } else {
-            Err(Error::CorruptModel { broken: "what is known of the classes does not fit them" })
-        }
+        let all_fit = count && sound && self.classes.iter().all(fits);
+        require_sound(all_fit, "what is known of the classes does not fit them")
     }
 }
 

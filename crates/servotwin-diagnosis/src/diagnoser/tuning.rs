@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use Origin::{Physical, Statistical};
 
 use super::decision::{Allowances, Costs};
-use crate::error::{Error, require};
+use crate::error::{Error, require, require_sound};
 use crate::hierarchy::Names;
 
 /// Where the value of a constant comes from.
@@ -318,8 +318,7 @@ impl Tuning {
         let kept = f64::from(self.least_on);
         require(self.least_on <= actuators, "least_on", kept, "at most the number of actuators")?;
         let known = self.off_actions.iter().all(|action| names.actions.contains(action));
-        let broken = "a command that switches off is none of the commands";
-        if known { Ok(()) } else { Err(Error::CorruptModel { broken }) }
+        require_sound(known, "a command that switches off is none of the commands")
     }
 }
 

@@ -16,17 +16,13 @@
 //! With more than two actuators, the sum covers all. Each has its own fight and gap against the mean of the others.
 
 use super::{
-    Combination, Feature, Formulas, MAX_ACTUATORS, Quantity, Sensors, Teaches, compared,
-    correlation, log_deviation, name_of, ratio,
+    Combination, Feature, MAX_ACTUATORS, Quantity, Sensors, Sink, compared, correlation,
+    log_deviation, name_of, ratio,
 };
 use crate::number::{Number, sum};
 use crate::residual::Statistics;
 use alloc::format;
 use alloc::string::String;
-use alloc::vec::Vec;
-
-/// The family of this module.
-pub(crate) struct Balance;
 
 const NEEDED: [Quantity; 3] = [Quantity::PressureA, Quantity::PressureB, Quantity::Ram];
 
@@ -82,83 +78,66 @@ fn words(actuators: &[usize], own: usize) -> [String; 3] {
     ["the sum of all d".into(), less("d"), less("x")]
 }
 
-impl Formulas for Balance {
-    fn name(&self) -> &'static str {
-        "balance"
+pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window: &W, out: &mut S) {
+    let (mut known, mut numbers, mut count) = ([[0; 3]; MAX_ACTUATORS], [0; MAX_ACTUATORS], 0);
+    for actuator in sensors.with(&NEEDED).take(MAX_ACTUATORS) {
+        known[count] = NEEDED.map(|quantity| sensors.find(quantity, actuator).unwrap_or(0));
+        numbers[count] = actuator;
+        count += 1;
     }
-
-    fn summary(&self) -> &'static str {
-        "change of load, force fight and disagreement of the ram sensors"
-    }
-
-    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        let actuators: Vec<usize> = sensors.with(&NEEDED).take(MAX_ACTUATORS).collect();
-        let mut features = Vec::new();
-        for own in 0..compared(actuators.len()) {
-            let [sum, fight, gap] = words(&actuators, own);
-            let mut push = |name: String, unit, meaning: String| {
-                features.push(Feature {
-                    name,
-                    unit,
-                    meaning,
-                    actuators: actuators.clone(),
-                    teaches: Teaches::Everybody,
+    let actuators = &numbers[..count];
+    for own in 0..compared(count) {
+        let all = combinations(&known[..count], own);
+        let all = [0, 1, 2].map(|i| all[i].terms());
+        let means = all.map(|c| mean(window, c));
+        let variances = all.map(|c| covariance(window, c, c));
+        let noise = all.map(|c| sensors.noise(c));
+        let errors = all.map(|c| sensors.error_of_mean(window, c));
+        // The meaning names a combination as `{0}`.
+        let mut put = |value, name: &str, unit, meaning: &str| {
+            out.put(value, || {
+                let places = words(actuators, own).into_iter().enumerate();
+                let meaning = places.fold(String::from(meaning), |meaning, (place, words)| {
+                    meaning.replace(&format!("{{{place}}}"), &words)
                 });
-            };
-            let of = |name: &str| name_of(name, &actuators, own);
-            // All actuators share one sum.
-            let is_first = own == 0;
-            if is_first {
-                push("mean_sum".into(), "of scale", format!("mean change of load: {sum}"));
-            }
-            push(of("mean_fight"), "of scale", format!("mean force fight: {fight}"));
-            push(
-                of("mean_gap"),
-                "of scale",
-                format!("mean disagreement of the ram sensors: {gap}"),
-            );
-            if is_first {
-                push("log_dev_sum".into(), "log10 of scale", format!("log10 deviation of {sum}"));
-            }
-            push(of("log_dev_fight"), "log10 of scale", format!("log10 deviation of {fight}"));
-            push(of("log_dev_gap"), "log10 of scale", format!("log10 deviation of {gap}"));
-            let mut relation = |name: &str, meaning: String| push(of(name), "1", meaning);
-            relation("sum_over_gap", "mean change of load over mean ram disagreement".into());
-            relation("sum_over_fight", "mean change of load over mean force fight".into());
-            relation("gap_over_fight", "mean ram disagreement over mean force fight".into());
-            relation("sum_fight_corr", format!("correlation of {sum} with {fight}"));
-            relation("sum_gap_corr", format!("correlation of {sum} with {gap}"));
-            relation("fight_gap_corr", format!("correlation of {fight} with {gap}"));
+                let is_shared = name.ends_with("_sum");
+                let name = if is_shared { name.into() } else { name_of(name, actuators, own) };
+                Feature::new(name, unit, meaning, actuators.to_vec())
+            });
+        };
+        // All actuators share one sum, written with the first.
+        let told = usize::from(own > 0);
+        let of_means = [
+            ("mean_sum", "mean change of load: {0}"),
+            ("mean_fight", "mean force fight: {1}"),
+            ("mean_gap", "mean disagreement of the ram sensors: {2}"),
+        ];
+        for (mean, (name, meaning)) in means.into_iter().zip(of_means).skip(told) {
+            put(mean, name, "of scale", meaning);
         }
-        features
-    }
-
-    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
-        let (mut known, mut count) = ([[0; 3]; MAX_ACTUATORS], 0);
-        for actuator in sensors.with(&NEEDED).take(MAX_ACTUATORS) {
-            known[count] = NEEDED.map(|quantity| sensors.find(quantity, actuator).unwrap_or(0));
-            count += 1;
+        let of_deviations = [
+            ("log_dev_sum", "log10 deviation of {0}"),
+            ("log_dev_fight", "log10 deviation of {1}"),
+            ("log_dev_gap", "log10 deviation of {2}"),
+        ];
+        for (i, (name, meaning)) in of_deviations.into_iter().enumerate().skip(told) {
+            put(log_deviation(variances[i], noise[i]), name, "log10 of scale", meaning);
         }
-        for own in 0..compared(count) {
-            let all = combinations(&known[..count], own);
-            let [load, fight, gap] = [0, 1, 2].map(|i| all[i].terms());
-            // All actuators share one sum, written with the first.
-            let told = usize::from(own > 0);
-            let means = [load, fight, gap].map(|c| mean(window, c));
-            let variances = [load, fight, gap].map(|c| covariance(window, c, c));
-            values.extend(&means[told..]);
-            let noise = [load, fight, gap].map(|c| sensors.noise(c));
-            let errors = [load, fight, gap].map(|c| sensors.error_of_mean(window, c));
-            let deviations = [0, 1, 2].map(|i| log_deviation(variances[i], noise[i]));
-            values.extend(&deviations[told..]);
-            values.push(ratio(means[0], means[2], errors[2]));
-            values.push(ratio(means[0], means[1], errors[1]));
-            values.push(ratio(means[2], means[1], errors[1]));
-            let pairs = [(load, fight, 0, 1), (load, gap, 0, 2), (fight, gap, 1, 2)];
-            for (a, b, i, j) in pairs {
-                let both = covariance(window, a, b);
-                values.push(correlation(both, [variances[i], variances[j]], [noise[i], noise[j]]));
-            }
+        for (i, j, name, meaning) in [
+            (0, 2, "sum_over_gap", "mean change of load over mean ram disagreement"),
+            (0, 1, "sum_over_fight", "mean change of load over mean force fight"),
+            (2, 1, "gap_over_fight", "mean ram disagreement over mean force fight"),
+        ] {
+            put(ratio(means[i], means[j], errors[j]), name, "1", meaning);
+        }
+        for (i, j, name, meaning) in [
+            (0, 1, "sum_fight_corr", "correlation of {0} with {1}"),
+            (0, 2, "sum_gap_corr", "correlation of {0} with {2}"),
+            (1, 2, "fight_gap_corr", "correlation of {1} with {2}"),
+        ] {
+            let both = covariance(window, all[i], all[j]);
+            let of_both = correlation(both, [variances[i], variances[j]], [noise[i], noise[j]]);
+            put(of_both, name, "1", meaning);
         }
     }
 }

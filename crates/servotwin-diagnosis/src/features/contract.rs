@@ -65,12 +65,6 @@ fn some_window(sensors: &Sensors) -> Window {
     window
 }
 
-fn compute(family: &dyn Family, sensors: &Sensors, window: &Window) -> Vec<f64> {
-    let mut values = Vec::new();
-    family.compute(sensors, window, &mut values);
-    values
-}
-
 #[test]
 fn names_are_unique_and_values_as_many() {
     for actuators in [1, 2, 3, MAX_ACTUATORS] {
@@ -79,10 +73,10 @@ fn names_are_unique_and_values_as_many() {
         let mut names = BTreeSet::new();
         for family in ALL {
             let features = family.features(&sensors);
-            let compares = ["comparison", "balance", "vote"].contains(&family.name());
-            assert_eq!(features.is_empty(), actuators == 1 && compares, "{}", family.name());
-            let values = compute(*family, &sensors, &window).len();
-            assert_eq!(features.len(), values, "{} of {actuators}", family.name());
+            let compares = ["comparison", "balance", "vote"].contains(&family.name);
+            assert_eq!(features.is_empty(), actuators == 1 && compares, "{}", family.name);
+            let values = family.values(&sensors, &window).len();
+            assert_eq!(features.len(), values, "{} of {actuators}", family.name);
             for f in features {
                 assert!(names.insert(f.name.clone()), "{} twice", f.name);
                 assert!(!f.meaning.is_empty() && !f.unit.is_empty());
@@ -108,8 +102,8 @@ fn empty_and_healthy_windows_give_finite_numbers() {
     }
     for family in ALL {
         for window in [&empty, &healthy] {
-            let values = compute(*family, &sensors, window);
-            assert!(values.iter().all(|v| v.is_finite()), "{}: {values:?}", family.name());
+            let values = family.values(&sensors, window);
+            assert!(values.iter().all(|v| v.is_finite()), "{}: {values:?}", family.name);
         }
     }
 }
@@ -122,8 +116,8 @@ fn no_family_is_inert() {
     let mut healthy = Window::new(n);
     healthy.add(&alloc::vec![0.5; n], &alloc::vec![0.5; n], &alloc::vec![1.0; n]);
     for family in ALL {
-        let a = compute(*family, &sensors, &disturbed);
-        let b = compute(*family, &sensors, &healthy);
+        let a = family.values(&sensors, &disturbed);
+        let b = family.values(&sensors, &healthy);
         let names = family.features(&sensors);
         for ((a, b), f) in a.iter().zip(&b).zip(names) {
             assert!(a != b, "{} does not move", f.name);
@@ -143,7 +137,7 @@ fn unlike_sensors_give_only_what_needs_no_partner() {
     }]);
     let window = some_window(&sensors);
     for family in ALL {
-        assert_eq!(family.features(&sensors).len(), compute(*family, &sensors, &window).len());
+        assert_eq!(family.features(&sensors).len(), family.values(&sensors, &window).len());
     }
 }
 
@@ -225,8 +219,8 @@ fn exchanging_actuators_turns_comparisons_round() {
     let window = some_window(&sensors);
     let mirrored = window.reordered(&sensors.exchanged(0, 1).unwrap());
     let family = find("comparison").unwrap();
-    let a = compute(family, &sensors, &window);
-    let b = compute(family, &sensors, &mirrored);
+    let a = family.values(&sensors, &window);
+    let b = family.values(&sensors, &mirrored);
     for (a, b) in a.iter().zip(&b) {
         assert!((a + b).abs() < 1e-12, "{a} {b}");
     }

@@ -8,47 +8,21 @@
 //! after a quick command. It then has more than 1, though its moments look healthy. The peak is at least four standard
 //! deviations of a sample, so that the number of noise samples has no influence.
 
-use super::{Feature, Formulas, Sensors, Teaches, log_deviation};
+use super::{Sensors, Sink, Teaches, log_deviation};
 use crate::number::Number;
 use crate::residual::{LARGEST_OF_NOISE, Statistics};
-use alloc::format;
-use alloc::vec::Vec;
 
-/// The family of this module.
-pub(crate) struct Crest;
-
-impl Formulas for Crest {
-    fn name(&self) -> &'static str {
-        "crest"
-    }
-
-    fn summary(&self) -> &'static str {
-        "crest factor: whether each residual is steady or comes in bursts"
-    }
-
-    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        let of_sensor = |s: &super::Sensor| Feature {
-            name: format!("crest_{}", s.name),
-            unit: "log10",
-            meaning: format!(
-                "log10 of the largest magnitude of the residual of {} over its rms",
-                s.name
-            ),
-            actuators: s.actuator.into_iter().collect(),
-            teaches: Teaches::TreesOfRecords,
-        };
-        sensors.0.iter().map(of_sensor).collect()
-    }
-
-    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
-        for i in 0..sensors.0.len() {
-            let noise = sensors.noise(&[(i, 1.0)]);
-            let largest_noise = W::Number::constant(LARGEST_OF_NOISE * noise.least_deviation());
-            let peak = window.largest(i).larger(largest_noise);
-            let mean = window.mean(i);
-            let mean_square = mean * mean + window.covariance(i, i);
-            values.push(peak.log10() - log_deviation(mean_square, noise));
-        }
+pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window: &W, out: &mut S) {
+    for (i, s) in sensors.0.iter().enumerate() {
+        let noise = sensors.noise(&[(i, 1.0)]);
+        let largest_noise = W::Number::constant(LARGEST_OF_NOISE * noise.least_deviation());
+        let peak = window.largest(i).larger(largest_noise);
+        let mean = window.mean(i);
+        let mean_square = mean * mean + window.covariance(i, i);
+        out.put(peak.log10() - log_deviation(mean_square, noise), || {
+            let meaning = "log10 of the largest magnitude of the residual of {} over its rms";
+            s.feature("crest", "log10", meaning).teaching(Teaches::TreesOfRecords)
+        });
     }
 }
 
@@ -58,6 +32,7 @@ mod tests {
     use crate::features::{Quantity, Sensor};
     use crate::random::Random;
     use crate::residual::Window;
+    use alloc::vec::Vec;
 
     const NOISE: f64 = 0.002;
 
@@ -77,8 +52,8 @@ mod tests {
             let normal = (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
             window.add(&[residual(f64::from(sample) * 0.01) + NOISE * normal], &[0.0], &[1.0]);
         }
-        let mut values = Vec::new();
-        Crest.append(&sensors, &window, &mut values);
+        let mut values: Vec<f64> = Vec::new();
+        list(&sensors, &window, &mut values);
         values[0]
     }
 

@@ -88,6 +88,15 @@ pub struct Sensor {
     pub follows: Vec<(usize, f64)>,
 }
 
+impl Sensor {
+    /// A feature of this sensor alone; `{}` in its meaning stands for the sensor.
+    fn feature(&self, kind: &str, unit: &'static str, meaning: &str) -> Feature {
+        let meaning = meaning.replace("{}", &self.name);
+        let actuators = self.actuator.into_iter().collect();
+        Feature::new(format!("{kind}_{}", self.name), unit, meaning, actuators)
+    }
+}
+
 /// The sensors of a system, in the order of the window.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sensors(pub Vec<Sensor>);
@@ -227,6 +236,17 @@ pub struct Feature {
     pub teaches: Teaches,
 }
 
+impl Feature {
+    /// A feature from which all models learn.
+    fn new(name: String, unit: &'static str, meaning: String, actuators: Vec<usize>) -> Self {
+        Feature { name, unit, meaning, actuators, teaches: Teaches::Everybody }
+    }
+
+    fn teaching(self, teaches: Teaches) -> Self {
+        Feature { teaches, ..self }
+    }
+}
+
 /// The models that learn from a feature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -255,52 +275,61 @@ impl Teaches {
     }
 }
 
-/// The definition of a family of features.
-trait Formulas: Sync {
-    /// Its name in a study file.
-    fn name(&self) -> &'static str;
-    /// One sentence that explains it.
-    fn summary(&self) -> &'static str;
-    /// The features for these sensors.
-    fn features(&self, sensors: &Sensors) -> Vec<Feature>;
-    /// Appends their values to `values`, in the same order. Does not allocate if the capacity suffices.
-    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>);
+/// Receives the features of a family, one after the other.
+trait Sink<N> {
+    /// Takes the value of a feature, and its description where that is wanted.
+    fn put(&mut self, value: N, describe: impl FnOnce() -> Feature);
 }
 
-/// A family of features, for use.
-pub trait Family: Sync {
-    /// Its name in a study file.
-    fn name(&self) -> &'static str;
-    /// One sentence that explains it.
-    fn summary(&self) -> &'static str;
-    /// The features for these sensors.
-    fn features(&self, sensors: &Sensors) -> Vec<Feature>;
-    /// Appends their values to `values`, in the same order. Does not allocate if the capacity suffices.
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>);
+/// Values alone. Does not allocate if the capacity suffices.
+impl<N: Number> Sink<N> for Vec<N> {
+    fn put(&mut self, value: N, _: impl FnOnce() -> Feature) {
+        self.push(value);
+    }
 }
 
-impl<F: Formulas> Family for F {
-    fn name(&self) -> &'static str {
-        Formulas::name(self)
+/// Descriptions alone.
+impl Sink<f64> for Vec<Feature> {
+    fn put(&mut self, _: f64, describe: impl FnOnce() -> Feature) {
+        self.push(describe());
+    }
+}
+
+/// A family of features.
+pub struct Family {
+    /// Its name in a study file.
+    pub name: &'static str,
+    /// One sentence that explains it.
+    pub summary: &'static str,
+    describe: fn(&Sensors, &Window, &mut Vec<Feature>),
+    compute: fn(&Sensors, &Window, &mut Vec<f64>),
+}
+
+impl Family {
+    /// The features for these sensors.
+    pub fn features(&self, sensors: &Sensors) -> Vec<Feature> {
+        let mut features = Vec::new();
+        (self.describe)(sensors, &Window::new(sensors.0.len()), &mut features);
+        features
     }
 
-    fn summary(&self) -> &'static str {
-        Formulas::summary(self)
-    }
-
-    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        Formulas::features(self, sensors)
-    }
-
-    fn compute(&self, sensors: &Sensors, window: &Window, values: &mut Vec<f64>) {
-        self.append(sensors, window, values);
+    /// Their values, in the same order.
+    pub fn values(&self, sensors: &Sensors, window: &Window) -> Vec<f64> {
+        let mut values = Vec::new();
+        (self.compute)(sensors, window, &mut values);
+        values
     }
 }
 
 macro_rules! families {
-    ($($file:ident $family:ident,)*) => {
+    ($($family:ident $summary:literal,)*) => {
         /// Every family, in the order of the documentation.
-        pub static ALL: &[&dyn Family] = &[$(&$file::$family,)*];
+        pub static ALL: &[Family] = &[$(Family {
+            name: stringify!($family),
+            summary: $summary,
+            describe: $family::list,
+            compute: $family::list,
+        },)*];
 
         /// Replaces the content of `values` by all features of a window, in the order of [`ALL`]. Does not allocate if
         /// the capacity suffices.
@@ -310,28 +339,28 @@ macro_rules! families {
             values: &mut Vec<W::Number>,
         ) {
             values.clear();
-            $($file::$family.append(sensors, window, values);)*
+            $($family::list(sensors, window, values);)*
         }
     };
 }
 
-// The one list: source file and family.
+// The one list: file and sentence. The function `list` of a file puts features into a sink.
 families! {
-    moments Moments,
-    deviation Deviation,
-    gain Gain,
-    pressure Pressure,
-    proportion Proportion,
-    comparison Comparison,
-    balance Balance,
-    vote Vote,
-    crest Crest,
-    parity Parity,
+    moments "mean, variance and no-deviation indicator of each residual (the paper's)",
+    deviation "logarithm of the standard deviation, and largest magnitude, of each residual",
+    gain "slope, offset and correlation of each residual against the twin's own signal",
+    pressure "common-mode and differential pressure of each actuator",
+    proportion "which signal of each actuator is disturbed most",
+    comparison "magnitudes of corresponding residuals of the actuators against each other",
+    balance "change of load, force fight and disagreement of the ram sensors",
+    vote "each ram sensor against a third stroke sensor",
+    crest "crest factor: whether each residual is steady or comes in bursts",
+    parity "parity residuals: each sensor against the law by which it follows others",
 }
 
 /// The family with a name.
-pub fn find(name: &str) -> Option<&'static dyn Family> {
-    ALL.iter().copied().find(|f| f.name() == name)
+pub fn find(name: &str) -> Option<&'static Family> {
+    ALL.iter().find(|family| family.name == name)
 }
 
 /// The values of all features of a window, in the order of [`ALL`].

@@ -17,17 +17,10 @@
 //!
 //! Source: parity relations, Chow and Willsky, IEEE Transactions on Automatic Control 29 (1984) 603.
 
-use super::{
-    Combination, Feature, Formulas, Noise, Sensor, Sensors, Teaches, correlation, log_deviation,
-};
+use super::{Combination, Noise, Sensors, Sink, Teaches, correlation, log_deviation};
 use crate::number::{Number, sum};
 use crate::residual::Statistics;
 use alloc::format;
-use alloc::vec;
-use alloc::vec::Vec;
-
-/// The family of this module.
-pub(crate) struct Parity;
 
 /// Largest number of sensors that one sensor may follow.
 pub const MAX_FOLLOWED: usize = 7;
@@ -74,63 +67,43 @@ fn relations(sensors: &Sensors) -> impl Iterator<Item = (usize, Relation)> + '_ 
     })
 }
 
-impl Formulas for Parity {
-    fn name(&self) -> &'static str {
-        "parity"
-    }
-
-    fn summary(&self) -> &'static str {
-        "parity residuals: each sensor against the law by which it follows others"
-    }
-
-    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        let of = |(place, relation): (usize, Relation)| {
-            let Sensor { name, actuator, .. } = &sensors.0[place];
-            let feature = |kind: &str, of_unit, meaning: &str| Feature {
-                name: format!("parity_{kind}_{name}"),
-                unit: of_unit,
-                meaning: meaning.replace("{}", &format!("the parity residual of {name}")),
-                actuators: actuator.iter().copied().collect(),
-                teaches: Teaches::Windows,
-            };
-            let mut features = vec![
-                feature("mean", "of scale", "mean of {}"),
-                feature("log_dev", "log10 of scale", "log10 of the standard deviation of {}"),
-                feature("gain", "1", "slope of {} over its twin's signal"),
-                feature("corr", "1", "correlation of {} with its twin's signal"),
-            ];
-            features.extend(relation.terms().iter().map(|&(other, _)| {
+pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window: &W, out: &mut S) {
+    for (place, relation) in relations(sensors) {
+        let noise = sensors.noise(relation.terms());
+        // A stand-in value does not follow the law, so the relation counts as fulfilled.
+        let stand_ins = sum(relation.terms().iter().map(|term| window.stands_in(term.0)));
+        let (known, fulfilled) = (relation.of(window, place), [0.0, noise.carried, 0.0]);
+        let [mean, variance, with_twin] = [0, 1, 2].map(|i| {
+            let fulfilled = W::Number::constant(fulfilled[i]);
+            W::Number::constant(0.0).if_less(stand_ins, fulfilled, known[i])
+        });
+        let of_twin = window.twin_covariance(place, place);
+        let log_dev = log_deviation(variance, noise);
+        let feature = |kind: &str, unit, meaning: &str| {
+            let meaning = meaning.replace("{}", "the parity residual of {}");
+            let feature = sensors.0[place].feature(&format!("parity_{kind}"), unit, &meaning);
+            feature.teaching(Teaches::Windows)
+        };
+        out.put(mean, || feature("mean", "of scale", "mean of {}"));
+        out.put(log_dev, || {
+            feature("log_dev", "log10 of scale", "log10 of the standard deviation of {}")
+        });
+        let least_variance = W::Number::constant(LEAST_DEVIATION * LEAST_DEVIATION);
+        out.put(with_twin / (of_twin + least_variance), || {
+            feature("gain", "1", "slope of {} over its twin's signal")
+        });
+        let noises = [noise, Noise::default()];
+        out.put(correlation(with_twin, [variance, of_twin], noises), || {
+            feature("corr", "1", "correlation of {} with its twin's signal")
+        });
+        for &(other, _) in relation.terms() {
+            let own = window.covariance(other, other);
+            out.put(log_dev - log_deviation(own, sensors.noise(&[(other, 1.0)])), || {
                 let other = &sensors.0[other].name;
                 let meaning =
                     format!("log10 ratio of the deviations of {{}} and of the residual of {other}");
                 feature(&format!("over_{other}"), "log10", &meaning)
-            }));
-            features
-        };
-        relations(sensors).flat_map(of).collect()
-    }
-
-    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
-        for (place, relation) in relations(sensors) {
-            let noise = sensors.noise(relation.terms());
-            // A stand-in value does not follow the law, so the relation counts as fulfilled.
-            let stand_ins = sum(relation.terms().iter().map(|term| window.stands_in(term.0)));
-            let (known, fulfilled) = (relation.of(window, place), [0.0, noise.carried, 0.0]);
-            let [mean, variance, with_twin] = [0, 1, 2].map(|i| {
-                let fulfilled = W::Number::constant(fulfilled[i]);
-                W::Number::constant(0.0).if_less(stand_ins, fulfilled, known[i])
             });
-            let of_twin = window.twin_covariance(place, place);
-            let log_dev = log_deviation(variance, noise);
-            values.push(mean);
-            values.push(log_dev);
-            let least_variance = W::Number::constant(LEAST_DEVIATION * LEAST_DEVIATION);
-            values.push(with_twin / (of_twin + least_variance));
-            values.push(correlation(with_twin, [variance, of_twin], [noise, Noise::default()]));
-            values.extend(relation.terms().iter().map(|&(other, _)| {
-                let own = window.covariance(other, other);
-                log_dev - log_deviation(own, sensors.noise(&[(other, 1.0)]))
-            }));
         }
     }
 }
@@ -138,10 +111,11 @@ impl Formulas for Parity {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::features::{Quantity, Views};
+    use crate::features::{Feature, Quantity, Sensor, Views};
     use crate::random::Random;
     use crate::residual::Window;
     use alloc::string::String;
+    use alloc::vec::Vec;
 
     const NOISE: f64 = 0.002;
 
@@ -175,8 +149,9 @@ mod tests {
             let [ram, own] = residuals(spool).map(|r| r + NOISE * normal());
             window.add(&[ram, spool + own], &[0.0, spool], &[1.0, 1.0]);
         }
-        let features = Parity.features(&sensors()).into_iter();
-        let names: Vec<String> = features.map(|feature| feature.name).collect();
+        let mut features = Vec::<Feature>::new();
+        list(&sensors(), &Window::new(2), &mut features);
+        let names: Vec<String> = features.into_iter().map(|feature| feature.name).collect();
         let mut views = Views::new(sensors(), &names, 1).unwrap();
         views.stand_in(stands_in);
         views.compute(&window).unwrap()[0].clone()

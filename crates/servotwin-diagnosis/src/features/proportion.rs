@@ -8,13 +8,9 @@
 //! spool. A clogged edge disturbs the spool and the chambers far more than the supply. This holds at any intensity: the
 //! logarithm of the ratio is the fault's direction without its size.
 
-use super::{Feature, Formulas, Quantity, Sensors, Teaches, log_deviation};
+use super::{Feature, Quantity, Sensors, Sink, log_deviation};
 use crate::residual::Statistics;
 use alloc::format;
-use alloc::vec::Vec;
-
-/// The family of this module.
-pub(crate) struct Proportion;
 
 /// The sensors of each actuator in pairs.
 fn pairs(sensors: &Sensors) -> impl Iterator<Item = (usize, usize)> + '_ {
@@ -33,35 +29,19 @@ fn pairs(sensors: &Sensors) -> impl Iterator<Item = (usize, usize)> + '_ {
     (0..sensors.actuators()).flat_map(of_actuator)
 }
 
-impl Formulas for Proportion {
-    fn name(&self) -> &'static str {
-        "proportion"
-    }
-
-    fn summary(&self) -> &'static str {
-        "which signal of each actuator is disturbed most"
-    }
-
-    fn features(&self, sensors: &Sensors) -> Vec<Feature> {
-        let feature = |(first, second): (usize, usize)| {
+pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window: &W, out: &mut S) {
+    let log_rms = |sensor: usize| {
+        let mean = window.mean(sensor);
+        let mean_square = mean * mean + window.covariance(sensor, sensor);
+        log_deviation(mean_square, sensors.noise(&[(sensor, 1.0)]))
+    };
+    for (first, second) in pairs(sensors) {
+        out.put(log_rms(first) - log_rms(second), || {
             let [a, b] = [&sensors.0[first], &sensors.0[second]];
-            Feature {
-                name: format!("rms_{}_over_{}", a.name, b.name),
-                unit: "log10",
-                meaning: format!("log10 of the rms residual of {} over that of {}", a.name, b.name),
-                actuators: a.actuator.into_iter().collect(),
-                teaches: Teaches::Everybody,
-            }
-        };
-        pairs(sensors).map(feature).collect()
-    }
-
-    fn append<W: Statistics>(&self, sensors: &Sensors, window: &W, values: &mut Vec<W::Number>) {
-        let log_rms = |sensor: usize| {
-            let mean = window.mean(sensor);
-            let mean_square = mean * mean + window.covariance(sensor, sensor);
-            log_deviation(mean_square, sensors.noise(&[(sensor, 1.0)]))
-        };
-        values.extend(pairs(sensors).map(|(a, b)| log_rms(a) - log_rms(b)));
+            let name = format!("rms_{}_over_{}", a.name, b.name);
+            let meaning =
+                format!("log10 of the rms residual of {} over that of {}", a.name, b.name);
+            Feature::new(name, "log10", meaning, a.actuator.into_iter().collect())
+        });
     }
 }

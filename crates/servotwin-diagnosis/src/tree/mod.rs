@@ -15,7 +15,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, same_length};
+use crate::error::{Error, require_sound, same_length};
 
 /// Replaces the feature index of a leaf.
 const LEAF: u32 = u32::MAX;
@@ -121,11 +121,8 @@ impl Branches {
                     && behind(self.left[node])
                     && behind(self.right[node]))
         };
-        if nodes > 0 && (0..nodes).all(sound) {
-            Ok(())
-        } else {
-            Err(Error::CorruptModel { broken: "tree nodes must point to later nodes" })
-        }
+        let all_sound = nodes > 0 && (0..nodes).all(sound);
+        require_sound(all_sound, "tree nodes must point to later nodes")
     }
 
     /// Adds a leaf and returns its number; `knows_missing` must be the same for all nodes.
@@ -414,18 +411,14 @@ impl Tree {
     pub(crate) fn check(&self) -> Result<(), Error> {
         self.branches.check(self.features)?;
         let nodes = self.nodes();
-        for length in [self.decision.len(), self.depth.len(), self.impurity.len()] {
-            same_length("tree nodes", nodes, length)?;
-        }
-        for length in [self.decrease.len(), self.share.len()] {
+        let (decision, depth) = (self.decision.len(), self.depth.len());
+        let statistics = [&self.impurity, &self.decrease, &self.share].map(Vec::len);
+        for length in [decision, depth].into_iter().chain(statistics) {
             same_length("tree nodes", nodes, length)?;
         }
         same_length("tree counts", nodes * self.classes, self.counts.len())?;
         same_length("tree weights", nodes * self.classes, self.weights.len())?;
-        if self.decision.iter().all(|&class| (class as usize) < self.classes) {
-            Ok(())
-        } else {
-            Err(Error::CorruptModel { broken: "tree leaves must decide known classes" })
-        }
+        let known = self.decision.iter().all(|&class| (class as usize) < self.classes);
+        require_sound(known, "tree leaves must decide known classes")
     }
 }

@@ -3,7 +3,7 @@
 use crate::toy::{self, Fault, Flight, KINDS, Kind, SENSORS};
 use proptest::prelude::*;
 use servotwin_diagnosis::diagnoser::{
-    Alarm, Boundary, DiagnosedSensor, Diagnoser, IndexedFinding, Invalid, Outcome, Raised, Session,
+    Alarm, Boundary, DiagnosedSensor, Diagnoser, IndexedFinding, Outcome, Raised, Session,
     StoredSession, Why,
 };
 use servotwin_diagnosis::features::Quantity;
@@ -298,9 +298,7 @@ fn a_wrong_environment_is_named_and_nothing_is_judged_until_the_twin_has_settled
             assert_eq!(outcome.raised, None);
         }
         let outcome = *session.outcome();
-        let named = if why == Why::Contradicts { 0 } else { input as u32 };
-        let invalid = Invalid { input: named, why };
-        let Invalid { input, why } = invalid;
+        let input = if why == Why::Contradicts { 0 } else { input as u32 };
         assert_eq!(outcome.finding, IndexedFinding::EnvironmentInvalid { input, why });
         assert_eq!(outcome.alarm, alarm);
         assert!(outcome.counts.environment >= 79, "{:?}", outcome.counts);
@@ -461,7 +459,7 @@ fn a_stored_diagnoser_is_the_same_and_a_broken_one_is_refused() {
         assert!(Session::new(broken.into()).is_err(), "break {place}");
     }
     let mut foreign = serde_json::to_value(session().save()).unwrap();
-    foreign["memory"]["is_taken_out"] = serde_json::json!([true]);
+    foreign["guard"]["sensors"] = serde_json::json!([]);
     let foreign: StoredSession = serde_json::from_value(foreign).unwrap();
     assert!(session().restore(&foreign).is_err());
 }

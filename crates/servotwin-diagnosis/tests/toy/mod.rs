@@ -222,9 +222,10 @@ fn lessons<const S: usize>(empty: &Diagnoser, actuators: usize) -> Vec<Lessons> 
             });
             for (length, lessons) in lessons.iter_mut().enumerate() {
                 let is_thin = length == 1 || k / 10 % 3 == 0;
-                let window = sliding.window(length);
+                let span = sliding.span(length);
+                let window = span.window();
                 let shows = window.largest_of_all() > BAND;
-                if sliding.has_ended(length) && sliding.is_full(length) && is_thin && shows {
+                if span.has_ended() && span.is_full() && is_thin && shows {
                     lessons.take(window, label(fault, actuators), group).unwrap();
                 }
             }

@@ -38,7 +38,7 @@ fn sensor(program: &Program, slot: Slot) -> Option<String> {
     let (id, _) = observable.name.rsplit_once('.')?;
     let component = components.iter().position(|instance| instance.id == id)?;
     let instance = &components[component];
-    let span = instance.component.span(&instance.parameters)?;
+    let span = (instance.component.span)(&instance.parameters)?;
     let before: usize = components[..component].iter().map(|other| other.parameters.len()).sum();
     let parameter = |name| place(instance.component.spec().parameter(name).map(|p| before + p));
     Some(record(&[

@@ -207,7 +207,7 @@ impl Names {
         let network = program.network();
         let parameters: Vec<String> = (network.components.iter())
             .flat_map(|c| {
-                let declared = c.component.spec().parameters.iter();
+                let declared = c.component.parameters.iter();
                 declared.map(move |p| described(&format!("{}.{}", c.id, p.name), p.unit.symbol()))
             })
             .collect();

@@ -20,58 +20,43 @@ use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, VAPOR_PRESSURE_PA, compressibility_per_pa};
 use crate::math::{power, smooth_step};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
-
-/// A gas accumulator; see the module documentation.
-pub(crate) struct Accumulator;
+use crate::spec::{Category, declare::*};
+use crate::wiring::Wiring;
 
 /// The pressure at which the bladder begins to leave its seat, per unit of the precharge.
 const SEATED: f64 = 0.95;
 
 parameters! {
-    gas_volume_m3: required(Unit::CubicMetre, (1e-7, 1.0), "gas volume before filling"),
-    precharge_pa: required(Unit::Pascal, (1e4, 1e8), "gas pressure before filling, absolute"),
-    polytropic_exponent: parameter(Unit::None, 1.4, (1.0, 1.7), "polytropic exponent of the gas"),
-    fluid_volume_m3: parameter(
-        Unit::CubicMetre,
-        2e-5,
-        (1e-8, 1.0),
-        "fluid volume in the connection",
-    ),
-    start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
+    gas_volume_m3: required((1e-7, 1.0), "gas volume before filling"),
+    precharge_pa: required((1e4, 1e8), "gas pressure before filling, absolute"),
+    polytropic_exponent: parameter(1.4, (1.0, 1.7), "polytropic exponent of the gas"),
+    fluid_volume_m3: parameter(2e-5, (1e-8, 1.0), "fluid volume in the connection"),
+    start_pa: parameter(1e7, (1e3, 1e8), "first guess for the steady state"),
 }
 
-static SPEC: Spec = Spec {
+/// A gas accumulator; see the module documentation.
+pub(crate) static ACCUMULATOR: Component = Component {
     kind: "accumulator",
     summary: "gas accumulator",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "precharge_loss",
+    faults: &[fault("precharge_loss", Category::Wear, "gas has been lost").scales(
         "precharge_pa",
         0.1,
         (0.01, 1.0),
-        Category::Wear,
-        "gas has been lost",
     )],
     ports: &[pressure("port", "fluid side")],
     states: &[pressure_state("pressure_pa", "start_pa", "pressure, absolute")],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Accumulator {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let state = wiring.state("pressure_pa");
-        let pressure = fluid_pressure(wiring, "pressure_pa");
-        wiring.set("port", pressure);
-        let flow = wiring.flow("port").variable();
-        let rate = Output::add(wiring.derivative("pressure_pa"));
-        wiring.equation::<GasPressure, 2, 1, 11>(0, [state, flow], [rate]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let state = wiring.state("pressure_pa");
+    let pressure = fluid_pressure(wiring, "pressure_pa");
+    wiring.set("port", pressure);
+    let flow = wiring.flow("port").variable();
+    let rate = wiring.rate("pressure_pa");
+    wiring.equation(GasPressure, [state, flow], [rate]);
 }
 
 /// Equations (A1)–(A3): (pressure, flow into the accumulator) → pressure rate.
@@ -120,7 +105,7 @@ mod tests {
 
     #[test]
     fn the_gas_is_compressed_polytropically() {
-        let c = constants::<GasPressure, 2, 1, 11>(&Accumulator, RESERVE, 0);
+        let c = constants(GasPressure, &ACCUMULATOR, RESERVE, 0);
         let slope = |p: f64| GasPressure::evaluate(&c, [p, 1.0])[0];
         let mut pressure = 10e5;
         let step = 1e-8;
@@ -134,7 +119,7 @@ mod tests {
 
     #[test]
     fn below_the_precharge_there_is_little_to_give() {
-        let c = constants::<GasPressure, 2, 1, 11>(&Accumulator, RESERVE, 0);
+        let c = constants(GasPressure, &ACCUMULATOR, RESERVE, 0);
         let slope = |p: f64| GasPressure::evaluate(&c, [p, 1.0])[0];
         assert!(slope(9e5) > 50.0 * slope(11e5));
         for pressure in [-1e6, 0.0, 1e3, 9.5e5, 1e6] {

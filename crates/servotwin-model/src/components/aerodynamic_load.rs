@@ -19,53 +19,38 @@ use crate::atmosphere::standard_air;
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Spec, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Wiring};
-
-/// The air's hinge moment; see the module documentation.
-pub(crate) struct AerodynamicLoad;
 
 /// Mach 0.9 in the stratosphere, where the speed of sound is lowest. (H2) does not hold beyond.
 const LARGEST_SPEED_M_S: f64 = 265.0;
 
 parameters! {
-    air_speed_m_s: parameter(
-        Unit::MetrePerSecond,
-        150.0,
-        (0.0, LARGEST_SPEED_M_S),
-        "true air speed V",
-    ),
-    altitude_m: parameter(Unit::Metre, 3000.0, (-2e3, 2e4), "altitude"),
-    incidence_rad: parameter(Unit::Radian, 0.05236, (-0.5, 0.5), "incidence α"),
-    load_factor: parameter(Unit::None, 1.0, (0.0, 10.0), "factor λ on the dynamic pressure"),
-    reference_area_m2: parameter(Unit::SquareMetre, 1.93, (1e-3, 1e3), "surface area S"),
-    chord_m: parameter(Unit::Metre, 0.58, (1e-2, 1e2), "surface chord c"),
-    hinge_moment_zero: parameter(Unit::None, -0.01, (-1.0, 1.0), "coefficient C_0"),
+    air_speed_m_s: parameter(150.0, (0.0, LARGEST_SPEED_M_S), "true air speed V"),
+    altitude_m: parameter(3000.0, (-2e3, 2e4), "altitude"),
+    incidence_rad: parameter(0.05236, (-0.5, 0.5), "incidence α"),
+    load_factor: parameter(1.0, (0.0, 10.0), "factor λ on the dynamic pressure"),
+    reference_area_m2: parameter(1.93, (1e-3, 1e3), "surface area S"),
+    chord_m: parameter(0.58, (1e-2, 1e2), "surface chord c"),
+    hinge_moment_zero: parameter(-0.01, (-1.0, 1.0), "coefficient C_0"),
     hinge_moment_incidence_per_rad: parameter(
-        Unit::PerRadian,
         -0.25,
         (-10.0, 10.0),
         "coefficient C_α of the incidence",
     ),
     hinge_moment_deflection_per_rad: parameter(
-        Unit::PerRadian,
         -0.60,
         (-10.0, 10.0),
         "coefficient C_θ of the deflection",
     ),
-    hinge_moment_rate_per_rad: parameter(
-        Unit::PerRadian,
-        -1.5,
-        (-100.0, 100.0),
-        "coefficient C_ω of ω c/(2V)",
-    ),
+    hinge_moment_rate_per_rad: parameter(-1.5, (-100.0, 100.0), "coefficient C_ω of ω c/(2V)"),
 }
 
-static SPEC: Spec = Spec {
+/// The air's hinge moment; see the module documentation.
+pub(crate) static AERODYNAMIC_LOAD: Component = Component {
     kind: "aerodynamic_load",
     summary: "hinge moment of the air on a control surface",
     parameters: &PARAMETERS,
-    faults: &[],
     ports: &[
         rotational("shaft", "hinge of the surface"),
         input_or("air_speed", Unit::MetrePerSecond, "air_speed_m_s", "true air speed"),
@@ -74,33 +59,27 @@ static SPEC: Spec = Spec {
         input_or("load_factor", Unit::None, "load_factor", "factor on the dynamic pressure"),
         output("dynamic_pressure", Unit::Pascal, "dynamic pressure with the load factor"),
     ],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for AerodynamicLoad {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
+fn connect(wiring: &mut Wiring) {
+    let [pressure, static_scale, rate_scale] = core::array::from_fn(|_| wiring.internal());
+    let stream = [pressure, static_scale, rate_scale].map(Output::add);
+    let [speed, factor] = [wiring.signal("air_speed"), wiring.signal("load_factor")];
+    if wiring.connected("altitude") {
+        let inputs = [speed, factor, wiring.signal("altitude")];
+        wiring.equation(StreamAtAltitude, inputs, stream);
+    } else {
+        wiring.equation(Stream, [speed, factor], stream);
     }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let [pressure, static_scale, rate_scale] = core::array::from_fn(|_| wiring.internal());
-        let stream = [pressure, static_scale, rate_scale].map(Output::add);
-        let [speed, factor] = [wiring.signal("air_speed"), wiring.signal("load_factor")];
-        if wiring.connected("altitude") {
-            let inputs = [speed, factor, wiring.signal("altitude")];
-            wiring.equation::<StreamAtAltitude, 3, 3, 2>(0, inputs, stream);
-        } else {
-            wiring.equation::<Stream, 2, 3, 4>(0, [speed, factor], stream);
-        }
-        wiring.set("dynamic_pressure", pressure.variable());
-        let moment = Output::add(wiring.force("shaft"));
-        let [angle, rate] = [wiring.position("shaft"), wiring.velocity("shaft")];
-        let inputs = [static_scale.variable(), wiring.signal("incidence"), angle];
-        wiring.equation::<HingeMoment, 3, 1, 3>(0, inputs, [moment]);
-        let inputs = [rate_scale.variable(), rate];
-        wiring.equation::<HingeDamping, 2, 1, 1>(0, inputs, [moment]);
-    }
+    wiring.set("dynamic_pressure", pressure.variable());
+    let moment = Output::add(wiring.force("shaft"));
+    let [angle, rate] = [wiring.position("shaft"), wiring.velocity("shaft")];
+    let inputs = [static_scale.variable(), wiring.signal("incidence"), angle];
+    wiring.equation(HingeMoment, inputs, [moment]);
+    let inputs = [rate_scale.variable(), rate];
+    wiring.equation(HingeDamping, inputs, [moment]);
 }
 
 /// Equation (H2): returns the dynamic pressure and the scales of the static and of the rate
@@ -196,7 +175,7 @@ mod tests {
     fn both_ways_to_the_air_agree_and_give_the_hold_moment() {
         let fluid = crate::fluid::Fluid::default().at(313.15);
         let parameters: alloc::vec::Vec<f64> =
-            SPEC.parameters.iter().map(|p| p.default.unwrap()).collect();
+            PARAMETERS.iter().map(|p| p.default.unwrap()).collect();
         let given = Given { parameters: &parameters, fluid: &fluid, which: 0 };
         let fixed = Stream::evaluate::<f64>(&Stream::constants(&given), [150.0, 1.0]);
         let constants = StreamAtAltitude::constants(&given);

@@ -16,61 +16,43 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// An elastic joint; see the module documentation.
-pub(crate) struct Attachment;
-
 parameters! {
-    stiffness_n_m: parameter(Unit::NewtonPerMetre, 2e7, (0.0, 1e12), "stiffness"),
-    damping_n_s_m: parameter(Unit::NewtonSecondPerMetre, 2e3, (0.0, 1e9), "damping"),
-    backlash_m: parameter(Unit::Metre, 0.0, (0.0, 0.1), "half of the play"),
-    offset_m: parameter(Unit::Metre, 0.0, (-1e3, 1e3), "x_a − x_b of the unloaded joint"),
+    stiffness_n_m: parameter(2e7, (0.0, 1e12), "stiffness"),
+    damping_n_s_m: parameter(2e3, (0.0, 1e9), "damping"),
+    backlash_m: parameter(0.0, (0.0, 0.1), "half of the play"),
+    offset_m: parameter(0.0, (-1e3, 1e3), "x_a − x_b of the unloaded joint"),
 }
 
-static SPEC: Spec = Spec {
+/// An elastic joint; see the module documentation.
+pub(crate) static ATTACHMENT: Component = Component {
     kind: "attachment",
     summary: "elastic joint with play between two moving parts",
     parameters: &PARAMETERS,
     faults: &[
-        adds(
-            "backlash",
+        fault("backlash", Category::Looseness, "worn bearings of the rod end").adds(
             "backlash_m",
             0.5e-3,
             (0.0, 0.1),
-            Category::Looseness,
-            "worn bearings of the rod end",
         ),
-        shrinks(
-            "stiffness_loss",
+        fault("stiffness_loss", Category::Looseness, "cracked or loosened attachment").shrinks(
             "stiffness_n_m",
             0.01,
             (1e-6, 1.0),
-            Category::Looseness,
-            "cracked or loosened attachment",
         ),
     ],
     ports: &[translational("a", "one side"), translational("b", "other side")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Attachment {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let inputs = [
-            wiring.position("a"),
-            wiring.position("b"),
-            wiring.velocity("a"),
-            wiring.velocity("b"),
-        ];
-        let force = Output::transfer(wiring.force("a"), wiring.force("b"));
-        wiring.equation::<Joint, 4, 1, 6>(0, inputs, [force]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let inputs =
+        [wiring.position("a"), wiring.position("b"), wiring.velocity("a"), wiring.velocity("b")];
+    let force = Output::transfer(wiring.force("a"), wiring.force("b"));
+    wiring.equation(Joint, inputs, [force]);
 }
 
 /// Equations (T1)–(T3): (x_a, x_b, v_a, v_b) → force from a to b.

@@ -19,29 +19,22 @@ use super::position_controller::{LOOP_FAULTS, feedback};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A linear axis controller; see the module documentation.
-pub(crate) struct AxisController;
-
 parameters! {
-    gain_per_m: parameter(Unit::PerMetre, 100.0, (0.0, 1e6), "position gain K_p"),
-    integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e3), "integral gain K_i"),
-    pressure_gain: parameter(Unit::None, 0.0, (0.0, 100.0), "pressure feedback gain K_d"),
-    pressure_reference_pa: parameter(Unit::Pascal, 20e6, (1e3, 1e9), "reference pressure p_ref"),
-    washout_s: parameter(Unit::Second, 0.1, (1e-4, 1e3), "washout time constant τ"),
-    rig_offset_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
-    no_pressure_pa: parameter(
-        Unit::Pascal,
-        1e5,
-        (0.0, 1e9),
-        "value of pressures that are not connected",
-    ),
-    mode: parameter(Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
+    gain_per_m: parameter(100.0, (0.0, 1e6), "position gain K_p"),
+    integral_gain_per_s: parameter(0.0, (0.0, 1e3), "integral gain K_i"),
+    pressure_gain: parameter(0.0, (0.0, 100.0), "pressure feedback gain K_d"),
+    pressure_reference_pa: parameter(20e6, (1e3, 1e9), "reference pressure p_ref"),
+    washout_s: parameter(0.1, (1e-4, 1e3), "washout time constant τ"),
+    rig_offset_m: parameter(0.0, (-1.0, 1.0), "rigging offset x_rig"),
+    no_pressure_pa: parameter(1e5, (0.0, 1e9), "value of pressures that are not connected"),
+    mode: parameter(1.0, (0.0, 1.0), "1 active, 0 off"),
 }
 
-static SPEC: Spec = Spec {
+/// A linear axis controller; see the module documentation.
+pub(crate) static AXIS_CONTROLLER: Component = Component {
     kind: "axis_controller",
     summary: "position loop of a linear axis, with integral and dynamic pressure feedback",
     parameters: &PARAMETERS,
@@ -55,40 +48,29 @@ static SPEC: Spec = Spec {
         output("current", Unit::None, "valve current per unit of the rated current"),
     ],
     states: &[
-        state(
-            "washout_pa",
-            Unit::Pascal,
-            2e7,
-            Start::Value(0.0),
-            "slow part d of the differential pressure",
-        ),
-        state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),
+        state("washout_pa", 2e7, "slow part d of the differential pressure"),
+        state("integral", 1.0, "integral part z of the output"),
     ],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for AxisController {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let demand = wiring.internal();
-        let [command, position] = ["command", "position"].map(|port| wiring.signal(port));
-        let integral = wiring.state("integral");
-        let inputs = [command, position, integral];
-        wiring.equation::<AxisDemand, 3, 1, 2>(0, inputs, [Output::add(demand)]);
-        let [a, b] = ["pressure_a", "pressure_b"].map(|port| wiring.signal(port));
-        let inputs = [a, b, wiring.state("washout_pa")];
-        let rate = wiring.derivative("washout_pa");
-        let outputs = [Output::subtract(demand), Output::add(rate)];
-        wiring.equation::<AxisDamping, 3, 2, 2>(0, inputs, outputs);
-        let current = wiring.internal();
-        let inputs = [demand.variable(), wiring.signal("mode"), command, position];
-        let outputs = [Output::add(current), Output::add(wiring.derivative("integral"))];
-        wiring.equation::<AxisOutput, 4, 2, 3>(0, inputs, outputs);
-        wiring.set("current", current.variable());
-    }
+fn connect(wiring: &mut Wiring) {
+    let demand = wiring.internal();
+    let [command, position] = ["command", "position"].map(|port| wiring.signal(port));
+    let integral = wiring.state("integral");
+    let inputs = [command, position, integral];
+    wiring.equation(AxisDemand, inputs, [Output::add(demand)]);
+    let [a, b] = ["pressure_a", "pressure_b"].map(|port| wiring.signal(port));
+    let inputs = [a, b, wiring.state("washout_pa")];
+    let rate = wiring.derivative("washout_pa");
+    let outputs = [Output::subtract(demand), Output::add(rate)];
+    wiring.equation(AxisDamping, inputs, outputs);
+    let current = wiring.internal();
+    let inputs = [demand.variable(), wiring.signal("mode"), command, position];
+    let outputs = [Output::add(current), wiring.rate("integral")];
+    wiring.equation(AxisOutput, inputs, outputs);
+    wiring.set("current", current.variable());
 }
 
 /// Equation (AX1) and the first terms of (AX2): (command, position, integral) → demand.
@@ -147,7 +129,7 @@ mod tests {
     #[test]
     fn the_integral_grows_with_the_error_and_stops_at_the_limit() {
         let changes = [("gain_per_m", 100.0), ("integral_gain_per_s", 5.0)];
-        let c = constants::<AxisOutput, 4, 2, 3>(&AxisController, &changes, 0);
+        let c = constants(AxisOutput, &AXIS_CONTROLLER, &changes, 0);
         let [current, rate] = AxisOutput::evaluate(&c, [0.1, 1.0, 2e-3, 1e-3]);
         assert!((current - 0.1).abs() < 1e-15 && (rate - 0.5).abs() < 1e-12, "{current} {rate}");
         // With a constant error, the integral settles where the demand exceeds the limit by the error.

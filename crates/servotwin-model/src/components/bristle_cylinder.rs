@@ -21,12 +21,9 @@ use super::cylinder::{
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Parameter, Spec, Start, State, Unit, declare::*};
+use crate::spec::{Parameter, State, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::string::String;
-
-/// A double-acting cylinder with bristle friction; see the module documentation.
-pub(crate) struct BristleCylinder;
 
 /// The cylinder's parameters come first, at the same positions.
 const STIFFNESS: usize = SHARED.len();
@@ -35,68 +32,49 @@ const DAMPING: usize = STIFFNESS + 1;
 static PARAMETERS: [Parameter; DAMPING + 1] = with_more(
     SHARED,
     [
-        parameter(
-            "bristle_stiffness_n_m",
-            Unit::NewtonPerMetre,
-            1e7,
-            (1e4, 1e10),
-            "stiffness σ_0 of the bristles",
-        ),
-        parameter(
-            "bristle_damping_n_s_m",
-            Unit::NewtonSecondPerMetre,
-            4.5e3,
-            (0.0, 1e7),
-            "damping σ_1 of the bristles",
-        ),
+        parameter("bristle_stiffness_n_m", 1e7, (1e4, 1e10), "stiffness σ_0 of the bristles"),
+        parameter("bristle_damping_n_s_m", 4.5e3, (0.0, 1e7), "damping σ_1 of the bristles"),
     ],
 );
 
 static ALL_STATES: [State; STATES.len() + 1] = {
     let [a, b, position, velocity] = STATES;
-    let bristle =
-        state("bristle_m", Unit::Metre, 1e-4, Start::Value(0.0), "deflection of the bristles");
+    let bristle = state("bristle_m", 1e-4, "deflection of the bristles");
     [a, b, position, velocity, bristle]
 };
 
-static SPEC: Spec = Spec {
+/// A double-acting cylinder with bristle friction; see the module documentation.
+pub(crate) static BRISTLE_CYLINDER: Component = Component {
     kind: "bristle_cylinder",
     summary: "double-acting cylinder whose seals stick and yield (LuGre or Dahl)",
     parameters: &PARAMETERS,
     faults: &FAULTS,
     ports: &PORTS,
     states: &ALL_STATES,
-    reference: false,
+    connect,
+    check,
+    travel_m,
+    ..Component::PLAIN
 };
 
-impl Component for BristleCylinder {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn connect(wiring: &mut Wiring) {
+    let [velocity, p_a, p_b] = connect_all_but_friction(wiring);
+    let inputs = [velocity, wiring.state("bristle_m"), p_a, p_b];
+    let outputs = [
+        wiring.rate("position_m"),
+        wiring.rate("bristle_m"),
+        Output::subtract(wiring.derivative("velocity_m_s")),
+    ];
+    wiring.equation(BristleFriction, inputs, outputs);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let [velocity, p_a, p_b] = connect_all_but_friction(wiring);
-        let inputs = [velocity, wiring.state("bristle_m"), p_a, p_b];
-        let outputs = [
-            Output::add(wiring.derivative("position_m")),
-            Output::add(wiring.derivative("bristle_m")),
-            Output::subtract(wiring.derivative("velocity_m_s")),
-        ];
-        wiring.equation::<BristleFriction, 4, 3, BRISTLE_CONSTANTS>(0, inputs, outputs);
-    }
-
-    fn travel_m(&self, parameters: &[f64]) -> Option<(f64, f64)> {
-        Some(travel_m(parameters))
-    }
-
-    fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        check_volumes(parameters)?;
-        match parameters[index::coulomb_friction_n] > 0.0 {
-            true => Ok(()),
-            false => {
-                Err("coulomb_friction_n must be above 0 N: bristles without friction never yield"
-                    .into())
-            }
+fn check(parameters: &[f64]) -> Result<(), String> {
+    check_volumes(parameters)?;
+    match parameters[index::coulomb_friction_n] > 0.0 {
+        true => Ok(()),
+        false => {
+            Err("coulomb_friction_n must be above 0 N: bristles without friction never yield"
+                .into())
         }
     }
 }
@@ -147,8 +125,7 @@ mod tests {
     /// Friction at a deflection that has settled at a velocity, N.
     fn sliding_n(velocity_m_s: f64) -> f64 {
         let changes = [("viscous_friction_n_s_m", 0.0)];
-        let c =
-            constants::<BristleFriction, 4, 3, BRISTLE_CONSTANTS>(&BristleCylinder, &changes, 0);
+        let c = constants(BristleFriction, &BRISTLE_CYLINDER, &changes, 0);
         let (mut z, dt_s) = (0.0, 4e-6);
         for _ in 0..500_000 {
             z += dt_s * BristleFriction::evaluate(&c, [velocity_m_s, z, 1.06e7, 1.06e7])[1];
@@ -167,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_rod_at_rest_is_held_by_a_spring() {
-        let c = constants::<BristleFriction, 4, 3, BRISTLE_CONSTANTS>(&BristleCylinder, &[], 0);
+        let c = constants(BristleFriction, &BRISTLE_CYLINDER, &[], 0);
         let [_, rate, deceleration] = BristleFriction::evaluate(&c, [0.0, 2e-5, 1.06e7, 1.06e7]);
         assert_eq!(rate, 0.0);
         assert!((deceleration * 2.0 - 200.0).abs() < 1e-9, "1e7 N/m over 20 µm");

@@ -19,73 +19,45 @@ use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A check valve; see the module documentation.
-pub(crate) struct CheckValve;
-
 parameters! {
-    area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
-    cracking_pa: parameter(
-        Unit::Pascal,
-        5e4,
-        (0.0, 1e7),
-        "pressure drop at which the valve begins to open",
-    ),
-    range_pa: parameter(
-        Unit::Pascal,
-        1e5,
-        (1e2, 1e7),
-        "further pressure drop until the valve is open",
-    ),
-    leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
+    area_m2: parameter(1e-5, (0.0, 1e-2), "flow area when open"),
+    cracking_pa: parameter(5e4, (0.0, 1e7), "pressure drop at which the valve begins to open"),
+    range_pa: parameter(1e5, (1e2, 1e7), "further pressure drop until the valve is open"),
+    leak_area_m2: parameter(0.0, (0.0, 1e-2), "leak through the seat"),
     discharge_coefficient: orifice::discharge_coefficient(),
     transition_reynolds: orifice::transition_reynolds(),
 }
 
-static SPEC: Spec = Spec {
+/// A check valve; see the module documentation.
+pub(crate) static CHECK_VALVE: Component = Component {
     kind: "check_valve",
     summary: "check valve with smooth opening",
     parameters: &PARAMETERS,
     faults: &[
-        adds(
-            "stuck_open",
+        fault("stuck_open", Category::Jamming, "does not close and passes fluid back").adds(
             "leak_area_m2",
             1e-6,
             (0.0, 1e-2),
-            Category::Jamming,
-            "does not close and passes fluid back",
         ),
-        scales(
-            "clogging",
+        fault("clogging", Category::Clogging, "does not open far enough").scales(
             "area_m2",
             0.05,
             (0.0, 1.0),
-            Category::Clogging,
-            "does not open far enough",
         ),
     ],
     ports: &[hydraulic("a", "inlet"), hydraulic("b", "outlet")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
-
-impl Component for CheckValve {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        connect(wiring);
-    }
-}
 
 /// Wires (K1) and (K2) between the ports `a` and `b`.
 pub(super) fn connect(wiring: &mut Wiring) {
     let pressures = [wiring.pressure("a"), wiring.pressure("b")];
     let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-    wiring.equation::<OneWayFlow, 2, 1, 6>(0, pressures, [flow]);
+    wiring.equation(OneWayFlow, pressures, [flow]);
 }
 
 /// Equations (K1) and (K2): (p_a, p_b) → flow from a to b.

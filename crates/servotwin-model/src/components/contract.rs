@@ -11,7 +11,7 @@ use crate::fluid::Fluid;
 use crate::lanes::{self, Kernel, dispatch};
 use crate::network::PortOf;
 use crate::scalar::Lanes;
-use crate::spec::{PortKind, Spec, Start, Unit};
+use crate::spec::{PortKind, Start, Unit};
 use crate::wiring::{Block, Collected, Node, Role, Sum, Variable, Wiring};
 use alloc::collections::{BTreeMap, BTreeSet};
 use alloc::format;
@@ -35,7 +35,7 @@ impl UniformNumbers {
 }
 
 /// The declared parameters; a parameter without a default gets a value within its range.
-pub(crate) fn parameters(spec: &Spec) -> Vec<f64> {
+pub(crate) fn parameters(spec: &Component) -> Vec<f64> {
     let values = spec.parameters.iter().map(|p| match p.default {
         Some(value) => value,
         None if p.min > 0.0 => libm::sqrt(p.min * p.max),
@@ -46,17 +46,17 @@ pub(crate) fn parameters(spec: &Spec) -> Vec<f64> {
 
 /// The constants of a component's block with its default parameters and the given changes.
 pub(crate) fn constants<E, const I: usize, const O: usize, const C: usize>(
-    component: &dyn Component,
+    _: E,
+    component: &Component,
     changes: &[(&str, f64)],
     which: usize,
 ) -> [f64; C]
 where
     E: Equation<I, O, C>,
 {
-    let spec = component.spec();
-    let mut parameters = parameters(spec);
+    let mut parameters = parameters(component);
     for &(name, value) in changes {
-        parameters[spec.parameter(name).expect("a declared parameter")] = value;
+        parameters[component.parameter(name).expect("a declared parameter")] = value;
     }
     E::constants(&Given {
         parameters: &parameters,
@@ -76,7 +76,7 @@ enum Open {
 
 /// A component wired without neighbors.
 struct Alone {
-    spec: &'static Spec,
+    spec: &'static Component,
     parameters: Vec<f64>,
     collected: Collected,
     states: Vec<(Variable, Sum)>,
@@ -84,8 +84,7 @@ struct Alone {
 }
 
 impl Alone {
-    fn new(component: &'static dyn Component, open: Open) -> Self {
-        let spec = component.spec();
+    fn new(spec: &'static Component, open: Open) -> Self {
         let parameters = parameters(spec);
         let mut collected = Collected::default();
         let state = |state| {
@@ -111,13 +110,14 @@ impl Alone {
             })
         };
         let nodes: Vec<_> = spec.ports.iter().enumerate().map(node).collect();
-        component.connect(&mut Wiring {
+        (spec.connect)(&mut Wiring {
             collected: &mut collected,
             component: 0,
-            spec,
+            kind: spec.kind,
+            ports: spec.ports,
             nodes: &nodes,
-            states: &states,
-            parameters: &parameters,
+            states: (spec.states, &states),
+            parameters: (spec.parameters, &parameters),
         });
         let ports = nodes
             .iter()
@@ -283,38 +283,25 @@ fn bits(values: &[f64]) -> Vec<u64> {
 }
 
 #[test]
-fn names_are_unique_and_end_in_their_unit() {
+fn names_are_unique() {
     let unique = |kind: &str, names: &mut dyn Iterator<Item = &'static str>| {
         let mut seen = BTreeSet::new();
         for name in names {
             assert!(seen.insert(name), "{kind}: '{name}' twice");
         }
     };
-    let ends_in = |kind: &str, name: &str, unit: Unit| {
-        let suffixes = Unit::ALL.iter().map(|u| u.suffix()).filter(|s| name.ends_with(s));
-        let longest = suffixes.max_by_key(|s| s.len()).unwrap();
-        assert_eq!(longest, unit.suffix(), "{kind}: '{name}' is in '{}'", unit.symbol());
-    };
-    unique("kinds", &mut ALL.iter().map(|c| c.spec().kind));
-    for component in ALL {
-        let spec = component.spec();
+    unique("kinds", &mut ALL.iter().map(|c| c.kind));
+    for &spec in ALL {
         unique(spec.kind, &mut spec.parameters.iter().map(|p| p.name));
         unique(spec.kind, &mut spec.faults.iter().map(|f| f.name));
         unique(spec.kind, &mut spec.ports.iter().map(|p| p.name));
         unique(spec.kind, &mut spec.states.iter().map(|s| s.name));
-        for parameter in spec.parameters {
-            ends_in(spec.kind, parameter.name, parameter.unit);
-        }
-        for state in spec.states {
-            ends_in(spec.kind, state.name, state.unit);
-        }
     }
 }
 
 #[test]
 fn declarations_hold_together() {
-    for component in ALL {
-        let spec = component.spec();
+    for &spec in ALL {
         let kind = spec.kind;
         assert!(!spec.summary.is_empty(), "{kind}");
         let text = description(kind).expect("a component of the list");
@@ -342,7 +329,7 @@ fn declarations_hold_together() {
                 assert_eq!(spec.parameters[index].unit, state.unit, "{kind}.{}", state.name);
             }
         }
-        assert_eq!(component.check(&parameters(spec)), Ok(()), "{kind}");
+        assert_eq!((spec.check)(&parameters(spec)), Ok(()), "{kind}");
     }
 }
 
@@ -421,7 +408,7 @@ fn every_sensor_says_what_its_readings_span_and_nobody_else_does() {
     for alone in all() {
         let is_sensor = alone.spec.parameter("noise_sigma").is_some();
         let component = super::find(alone.spec.kind).expect("of the catalogue");
-        let span = component.span(&alone.parameters);
+        let span = (component.span)(&alone.parameters);
         assert_eq!(span.is_some(), is_sensor, "{}", alone.spec.kind);
         let sound = |s: super::MeasuringSpan| s.full_scale > 0.0 && s.range >= s.full_scale;
         assert!(span.is_none_or(sound), "{}", alone.spec.kind);

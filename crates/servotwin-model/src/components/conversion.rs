@@ -14,7 +14,7 @@
 
 use crate::equation::Given;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, declare::*};
 
 /// Bias of the first conversion.
 pub(crate) const fn bias_electrical(name: &'static str) -> Parameter {
@@ -47,16 +47,16 @@ pub(crate) const fn bits(name: &'static str) -> Parameter {
 }
 
 const fn share(name: &'static str, range: (f64, f64), summary: &'static str) -> Parameter {
-    parameter(name, Unit::None, 0.0, range, summary)
+    parameter(name, 0.0, range, summary)
 }
 
 /// The faults of both conversions, and one more fault of the sensor itself.
 pub(crate) const fn faults(own: Fault) -> [Fault; 9] {
     const fn bias(name: &'static str, parameter: &'static str, full: f64) -> Fault {
-        adds(name, parameter, full, (-1.0, 1.0), Category::Bias, "constant error")
+        fault(name, Category::Bias, "constant error").adds(parameter, full, (-1.0, 1.0))
     }
     const fn gain(name: &'static str, parameter: &'static str, full: f64) -> Fault {
-        adds(name, parameter, full, (-1.0, 1.0), Category::Calibration, "wrong calibration")
+        fault(name, Category::Calibration, "wrong calibration").adds(parameter, full, (-1.0, 1.0))
     }
     [
         bias("bias_positive", "bias_electrical", 0.20),

@@ -36,135 +36,74 @@ use crate::fluid::{
     BULK_CONSTANTS, NORMAL_PRESSURE_PA, REFERENCE_TEMPERATURE_K, liquid_share, pressure_rate_pa_s,
 };
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Port, Spec, Start, State, Unit, declare::*};
+use crate::spec::{Category, Fault, Port, State, Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 use alloc::format;
 use alloc::string::String;
-
-/// A double-acting cylinder; see the module documentation.
-pub(crate) struct Cylinder;
 
 /// The smallest chamber volume, per unit of the volume at the center.
 const SMALLEST: f64 = 0.01;
 
 parameters! {
-    area_a_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side A"),
-    area_b_m2: parameter(Unit::SquareMetre, 2.2723e-3, (1e-6, 1.0), "piston area, side B"),
-    volume_a_m3: parameter(
-        Unit::CubicMetre,
-        65e-6,
-        (1e-8, 1.0),
-        "volume of chamber A at the center",
-    ),
-    volume_b_m3: parameter(
-        Unit::CubicMetre,
-        65e-6,
-        (1e-8, 1.0),
-        "volume of chamber B at the center",
-    ),
+    area_a_m2: parameter(2.2723e-3, (1e-6, 1.0), "piston area, side A"),
+    area_b_m2: parameter(2.2723e-3, (1e-6, 1.0), "piston area, side B"),
+    volume_a_m3: parameter(65e-6, (1e-8, 1.0), "volume of chamber A at the center"),
+    volume_b_m3: parameter(65e-6, (1e-8, 1.0), "volume of chamber B at the center"),
     internal_leakage_m3_s_pa: parameter(
-        Unit::CubicMetrePerSecondPascal,
         2e-14,
         (0.0, 1e-8),
         "laminar leakage across the piston seal at 40 °C",
     ),
-    mass_kg: parameter(Unit::Kilogram, 2.0, (1e-3, 1e5), "mass of piston and rod"),
-    coulomb_friction_n: parameter(
-        Unit::Newton,
-        500.0,
-        (0.0, 1e6),
-        "Coulomb friction F_c of the seals at 40 °C",
-    ),
+    mass_kg: parameter(2.0, (1e-3, 1e5), "mass of piston and rod"),
+    coulomb_friction_n: parameter(500.0, (0.0, 1e6), "Coulomb friction F_c of the seals at 40 °C"),
     friction_pressure_share: parameter(
-        Unit::None,
         0.5,
         (0.0, 1.0),
         "share g of the Coulomb friction that grows with pressure",
     ),
     friction_pressure_pa: parameter(
-        Unit::Pascal,
         1.06e7,
         (1e5, 1e8),
         "mean chamber pressure p_n at which the Coulomb friction is F_c",
     ),
     friction_temperature_per_k: parameter(
-        Unit::PerKelvin,
         6e-3,
         (0.0, 0.1),
         "decrease β of the Coulomb friction with temperature",
     ),
-    static_friction_ratio: parameter(
-        Unit::None,
-        1.5,
-        (1.0, 10.0),
-        "ratio κ of static to Coulomb friction",
-    ),
+    static_friction_ratio: parameter(1.5, (1.0, 10.0), "ratio κ of static to Coulomb friction"),
     stribeck_velocity_m_s: parameter(
-        Unit::MetrePerSecond,
         5e-3,
         (1e-5, 1.0),
         "velocity v_st at which static friction has faded",
     ),
     friction_smoothing_m_s: parameter(
-        Unit::MetrePerSecond,
         5e-3,
         (1e-5, 1.0),
         "velocity v_t at which Coulomb friction is reached",
     ),
-    viscous_friction_n_s_m: parameter(
-        Unit::NewtonSecondPerMetre,
-        6e3,
-        (0.0, 1e7),
-        "viscous friction at 40 °C",
-    ),
-    stroke_half_m: parameter(
-        Unit::Metre,
-        23.5e-3,
-        (1e-4, 10.0),
-        "distance from the center to an end stop",
-    ),
-    stop_stiffness_n_m: parameter(
-        Unit::NewtonPerMetre,
-        2e8,
-        (0.0, 1e12),
-        "stiffness of the end stops",
-    ),
-    stop_damping_n_s_m: parameter(
-        Unit::NewtonSecondPerMetre,
-        5e4,
-        (0.0, 1e9),
-        "damping of the end stops",
-    ),
-    start_a_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess for pressure A"),
-    start_b_pa: parameter(Unit::Pascal, 1.06e7, (1e3, 1e8), "first guess for pressure B"),
+    viscous_friction_n_s_m: parameter(6e3, (0.0, 1e7), "viscous friction at 40 °C"),
+    stroke_half_m: parameter(23.5e-3, (1e-4, 10.0), "distance from the center to an end stop"),
+    stop_stiffness_n_m: parameter(2e8, (0.0, 1e12), "stiffness of the end stops"),
+    stop_damping_n_s_m: parameter(5e4, (0.0, 1e9), "damping of the end stops"),
+    start_a_pa: parameter(1.06e7, (1e3, 1e8), "first guess for pressure A"),
+    start_b_pa: parameter(1.06e7, (1e3, 1e8), "first guess for pressure B"),
 }
 
 /// The faults of every cylinder, whatever its friction law.
 pub(super) const FAULTS: [Fault; 3] = [
-    adds(
-        "internal_leakage",
+    fault("internal_leakage", Category::InternalLeakage, "the piston seal is worn").adds(
         "internal_leakage_m3_s_pa",
         8e-12,
         (0.0, 1e-8),
-        Category::InternalLeakage,
-        "the piston seal is worn",
     ),
-    scales(
-        "friction",
+    fault("friction", Category::Friction, "the seals drag, both sticking and sliding").scales(
         "coulomb_friction_n",
         10.0,
         (1.0, 100.0),
-        Category::Friction,
-        "the seals drag, both sticking and sliding",
     ),
-    scales(
-        "viscous_friction",
-        "viscous_friction_n_s_m",
-        10.0,
-        (1.0, 100.0),
-        Category::Friction,
-        "the guides drag in proportion to velocity",
-    ),
+    fault("viscous_friction", Category::Friction, "the guides drag in proportion to velocity")
+        .scales("viscous_friction_n_s_m", 10.0, (1.0, 100.0)),
 ];
 
 /// The ports of every cylinder.
@@ -180,42 +119,29 @@ pub(super) const PORTS: [Port; 5] = [
 pub(super) const STATES: [State; 4] = [
     pressure_state("pressure_a_pa", "start_a_pa", "chamber A, absolute"),
     pressure_state("pressure_b_pa", "start_b_pa", "chamber B, absolute"),
-    state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "piston position"),
-    with_error_weight(
-        VELOCITY_ERROR_WEIGHT,
-        state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "piston velocity"),
-    ),
+    state("position_m", 2e-2, "piston position"),
+    state("velocity_m_s", 0.05, "piston velocity").with_error_weight(VELOCITY_ERROR_WEIGHT),
 ];
 
-static SPEC: Spec = Spec {
+/// A double-acting cylinder; see the module documentation.
+pub(crate) static CYLINDER: Component = Component {
     kind: "cylinder",
     summary: "double-acting cylinder with friction, internal leakage and end stops",
     parameters: &PARAMETERS,
     faults: &FAULTS,
     ports: &PORTS,
     states: &STATES,
-    reference: false,
+    connect,
+    check: check_volumes,
+    travel_m,
+    ..Component::PLAIN
 };
 
-impl Component for Cylinder {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let friction = connect_all_but_friction(wiring);
-        let shift = Output::add(wiring.derivative("position_m"));
-        let slower = Output::subtract(wiring.derivative("velocity_m_s"));
-        wiring.equation::<PistonFriction, 3, 2, FRICTION_CONSTANTS>(0, friction, [shift, slower]);
-    }
-
-    fn travel_m(&self, parameters: &[f64]) -> Option<(f64, f64)> {
-        Some(travel_m(parameters))
-    }
-
-    fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        check_volumes(parameters)
-    }
+fn connect(wiring: &mut Wiring) {
+    let friction = connect_all_but_friction(wiring);
+    let shift = wiring.rate("position_m");
+    let slower = Output::subtract(wiring.derivative("velocity_m_s"));
+    wiring.equation(PistonFriction, friction, [shift, slower]);
 }
 
 /// Wires a cylinder without its friction. Returns what friction reads: velocity, p_a and p_b.
@@ -234,24 +160,26 @@ pub(super) fn connect_all_but_friction(wiring: &mut Wiring) -> [Variable; 3] {
     {
         let flow = wiring.flow(port).variable();
         let inputs = [wiring.state(state), flow, position, velocity];
-        let rate = Output::add(wiring.derivative(state));
-        wiring.equation::<ChamberPressure, 4, 1, 10>(which, inputs, [rate]);
+        let rate = wiring.rate(state);
+        wiring.equation_of(which, ChamberPressure, inputs, [rate]);
     }
     let leakage = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-    wiring.equation::<SealLeakage, 2, 1, 1>(0, [p_a, p_b], [leakage]);
+    wiring.equation(SealLeakage, [p_a, p_b], [leakage]);
     let rod = wiring.force("rod").variable();
-    let faster = Output::add(wiring.derivative("velocity_m_s"));
+    let faster = wiring.rate("velocity_m_s");
     let slower = Output::subtract(wiring.derivative("velocity_m_s"));
-    wiring.equation::<PistonForce, 3, 1, 4>(0, [p_a, p_b, rod], [faster]);
-    wiring.equation::<PistonStop, 2, 1, 4>(0, [position, velocity], [slower]);
+    wiring.equation(PistonForce, [p_a, p_b, rod], [faster]);
+    wiring.equation(PistonStop, [position, velocity], [slower]);
     [velocity, p_a, p_b]
 }
 
 /// The positions between which no volume of (Y1) is at its lower limit.
-pub(super) fn travel_m(parameters: &[f64]) -> (f64, f64) {
+pub(super) fn travel_m(parameters: &[f64]) -> Option<(f64, f64)> {
     let most =
         |volume: usize, area: usize| parameters[volume] * (1.0 - SMALLEST) / parameters[area];
-    (-most(index::volume_a_m3, index::area_a_m2), most(index::volume_b_m3, index::area_b_m2))
+    let (a, b) =
+        (most(index::volume_a_m3, index::area_a_m2), most(index::volume_b_m3, index::area_b_m2));
+    Some((-a, b))
 }
 
 /// Checks that the end stops keep the piston within the volumes of (Y1).
@@ -406,7 +334,7 @@ mod tests {
     fn the_oil_is_a_spring_of_the_expected_stiffness() {
         // dF/dx = A dp/dt / v summed over both chambers: 2 E A²/V = 2.14e8 N/m.
         let chamber = |which| {
-            let c = constants::<ChamberPressure, 4, 1, 10>(&Cylinder, &[], which);
+            let c = constants(ChamberPressure, &CYLINDER, &[], which);
             2.2723e-3 * ChamberPressure::evaluate(&c, [106.35e5, 0.0, 0.0, 1.0])[0]
         };
         let stiffness = chamber(1) - chamber(0);
@@ -415,7 +343,7 @@ mod tests {
 
     fn friction_n(smoothing_m_s: f64, velocity_m_s: f64) -> f64 {
         let changes = [("viscous_friction_n_s_m", 0.0), ("friction_smoothing_m_s", smoothing_m_s)];
-        let c = constants::<PistonFriction, 3, 2, 7>(&Cylinder, &changes, 0);
+        let c = constants(PistonFriction, &CYLINDER, &changes, 0);
         let mass_kg = 2.0;
         PistonFriction::evaluate(&c, [velocity_m_s, 1.06e7, 1.06e7])[1] * mass_kg
     }
@@ -443,7 +371,7 @@ mod tests {
 
     #[test]
     fn pressure_presses_the_seals_onto_the_rod() {
-        let c = constants::<PistonFriction, 3, 2, 7>(&Cylinder, &[], 0);
+        let c = constants(PistonFriction, &CYLINDER, &[], 0);
         let friction = |bar: f64| PistonFriction::evaluate(&c, [0.1, bar * 1e5, bar * 1e5])[1];
         let viscous = 6e3 * 0.1 / 2.0;
         let ratio = |bar| (friction(bar) - viscous) / (friction(106.0) - viscous);
@@ -462,7 +390,7 @@ mod tests {
 
     #[test]
     fn a_chamber_keeps_a_volume() {
-        let c = constants::<ChamberPressure, 4, 1, 10>(&Cylinder, &[], 0);
+        let c = constants(ChamberPressure, &CYLINDER, &[], 0);
         let [rate] = ChamberPressure::evaluate(&c, [1e7, 1e-6, -1.0, 0.0]);
         assert!(rate.is_finite() && rate > 0.0);
     }

@@ -13,52 +13,36 @@ use super::orifice::{self, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A leak to the surroundings; see the module documentation.
-pub(crate) struct ExternalLeakage;
-
 parameters! {
-    area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-3), "area of the leak"),
-    ambient_pa: parameter(Unit::Pascal, 101_325.0, (0.0, 1e7), "ambient pressure, absolute"),
+    area_m2: parameter(0.0, (0.0, 1e-3), "area of the leak"),
+    ambient_pa: parameter(101_325.0, (0.0, 1e7), "ambient pressure, absolute"),
     discharge_coefficient: orifice::discharge_coefficient(),
     transition_reynolds: orifice::transition_reynolds(),
 }
 
-static SPEC: Spec = Spec {
+/// A leak to the surroundings; see the module documentation.
+pub(crate) static EXTERNAL_LEAKAGE: Component = Component {
     kind: "external_leakage",
     summary: "leak from a node to the surroundings",
     parameters: &PARAMETERS,
-    faults: &[adds(
-        "leakage",
-        "area_m2",
-        2e-7,
-        (0.0, 1e-4),
-        Category::ExternalLeakage,
-        "a seal or a line leaks to the outside",
-    )],
+    faults: &[fault("leakage", Category::ExternalLeakage, "a seal or a line leaks to the outside")
+        .adds("area_m2", 2e-7, (0.0, 1e-4))],
     ports: &[
         hydraulic("port", "node that leaks"),
         output("flow_m3_s", Unit::CubicMetrePerSecond, "flow that leaks away"),
     ],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for ExternalLeakage {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let pressure = wiring.pressure("port");
-        let leaving = Output::subtract(wiring.flow("port"));
-        wiring.equation::<LeakageFlow, 1, 1, 4>(0, [pressure], [leaving]);
-        let flow = wiring.internal();
-        wiring.equation::<LeakageFlow, 1, 1, 4>(0, [pressure], [Output::add(flow)]);
-        wiring.set("flow_m3_s", flow.variable());
-    }
+fn connect(wiring: &mut Wiring) {
+    let pressure = wiring.pressure("port");
+    let leaving = Output::subtract(wiring.flow("port"));
+    wiring.equation(LeakageFlow, [pressure], [leaving]);
+    wiring.output("flow_m3_s", LeakageFlow, [pressure]);
 }
 
 /// Equation (E1): (p) → flow out of the node.

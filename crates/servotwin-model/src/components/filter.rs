@@ -13,54 +13,33 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A filter, cooler or hose; see the module documentation.
-pub(crate) struct Filter;
-
 parameters! {
-    resistance_pa_s_m3: parameter(
-        Unit::PascalSecondPerCubicMetre,
-        3.84e9,
-        (1.0, 1e16),
-        "laminar resistance at 40 °C",
-    ),
-    quadratic_pa_s2_m6: parameter(
-        Unit::PascalSecondSquaredPerMetreToTheSixth,
-        0.0,
-        (0.0, 1e20),
-        "turbulent resistance K",
-    ),
+    resistance_pa_s_m3: parameter(3.84e9, (1.0, 1e16), "laminar resistance at 40 °C"),
+    quadratic_pa_s2_m6: parameter(0.0, (0.0, 1e20), "turbulent resistance K"),
 }
 
-static SPEC: Spec = Spec {
+/// A filter, cooler or hose; see the module documentation.
+pub(crate) static FILTER: Component = Component {
     kind: "filter",
     summary: "laminar and quadratic resistance of a filter or a line",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "clogging",
+    faults: &[fault("clogging", Category::Clogging, "the element fills with dirt").scales(
         "resistance_pa_s_m3",
         30.0,
         (1.0, 1e5),
-        Category::Clogging,
-        "the element fills with dirt",
     )],
     ports: &[hydraulic("a", "one side"), hydraulic("b", "other side")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Filter {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let pressures = [wiring.pressure("a"), wiring.pressure("b")];
-        let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-        wiring.equation::<FilterFlow, 2, 1, 2>(0, pressures, [flow]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let pressures = [wiring.pressure("a"), wiring.pressure("b")];
+    let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+    wiring.equation(FilterFlow, pressures, [flow]);
 }
 
 /// Equation (F2): (p_a, p_b) → flow from a to b.

@@ -19,33 +19,15 @@ use super::filter::FilterFlow;
 use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
-
-/// A flow meter; see the module documentation.
-pub(crate) struct FlowSensor;
 
 // The resistances come first, where the equation of a filter reads them.
 parameters! {
-    resistance_pa_s_m3: parameter(
-        Unit::PascalSecondPerCubicMetre,
-        1e7,
-        (1.0, 1e16),
-        "laminar resistance at 40 °C",
-    ),
-    quadratic_pa_s2_m6: parameter(
-        Unit::PascalSecondSquaredPerMetreToTheSixth,
-        4e11,
-        (0.0, 1e20),
-        "turbulent resistance K",
-    ),
-    full_scale_m3_s: parameter(
-        Unit::CubicMetrePerSecond,
-        5e-4,
-        (1e-9, 1.0),
-        "largest flow q_FS in either direction",
-    ),
-    bandwidth_hz: parameter(Unit::Hertz, 30.0, (1e-3, 1e5), "corner frequency f of the meter"),
+    resistance_pa_s_m3: parameter(1e7, (1.0, 1e16), "laminar resistance at 40 °C"),
+    quadratic_pa_s2_m6: parameter(4e11, (0.0, 1e20), "turbulent resistance K"),
+    full_scale_m3_s: parameter(5e-4, (1e-9, 1.0), "largest flow q_FS in either direction"),
+    bandwidth_hz: parameter(30.0, (1e-3, 1e5), "corner frequency f of the meter"),
     bias_electrical: conversion::bias_electrical(),
     gain_electrical: conversion::gain_electrical(),
     bias_digital: conversion::bias_digital(),
@@ -54,17 +36,15 @@ parameters! {
     bits: conversion::bits(),
 }
 
-static SPEC: Spec = Spec {
+/// A flow meter; see the module documentation.
+pub(crate) static FLOW_SENSOR: Component = Component {
     kind: "flow_sensor",
     summary: "flow meter in a line with a 4-20 mA output",
     parameters: &PARAMETERS,
-    faults: &conversion::faults(shrinks(
-        "lag",
+    faults: &conversion::faults(fault("lag", Category::Lag, "worn bearing of the rotor").shrinks(
         "bandwidth_hz",
         0.005,
         (1e-5, 1.0),
-        Category::Lag,
-        "worn bearing of the rotor",
     )),
     ports: &[
         hydraulic("a", "one side; a flow from here to b is positive"),
@@ -72,40 +52,26 @@ static SPEC: Spec = Spec {
         output("reading", Unit::CubicMetrePerSecond, "flow that the computer reads"),
         output("electrical", Unit::Ampere, "current of the loop"),
     ],
-    states: &[state(
-        "metered_m3_s",
-        Unit::CubicMetrePerSecond,
-        1e-3,
-        Start::Value(0.0),
-        "flow q_m that the meter shows",
-    )],
-    reference: false,
+    states: &[state("metered_m3_s", 1e-3, "flow q_m that the meter shows")],
+    connect,
+    span,
+    ..Component::PLAIN
 };
 
-impl Component for FlowSensor {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn span(parameters: &[f64]) -> Option<MeasuringSpan> {
+    let full_scale = parameters[index::full_scale_m3_s];
+    Some(MeasuringSpan { full_scale, range: 2.0 * full_scale })
+}
 
-    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
-        let full_scale = parameters[index::full_scale_m3_s];
-        Some(MeasuringSpan { full_scale, range: 2.0 * full_scale })
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let [p_a, p_b] = [wiring.pressure("a"), wiring.pressure("b")];
-        let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-        wiring.equation::<FilterFlow, 2, 1, 2>(0, [p_a, p_b], [flow]);
-        let metered = wiring.state("metered_m3_s");
-        let rate = Output::add(wiring.derivative("metered_m3_s"));
-        wiring.equation::<Metering, 3, 1, 3>(0, [p_a, p_b, metered], [rate]);
-        let [current, reading] = [wiring.internal(), wiring.internal()];
-        wiring.equation::<FlowToCurrent, 1, 1, 2>(0, [metered], [Output::add(current)]);
-        wiring.set("electrical", current.variable());
-        let inputs = [current.variable()];
-        wiring.equation::<CurrentToFlow, 1, 1, 2>(0, inputs, [Output::add(reading)]);
-        wiring.set("reading", reading.variable());
-    }
+fn connect(wiring: &mut Wiring) {
+    let [p_a, p_b] = [wiring.pressure("a"), wiring.pressure("b")];
+    let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+    wiring.equation(FilterFlow, [p_a, p_b], [flow]);
+    let metered = wiring.state("metered_m3_s");
+    let rate = wiring.rate("metered_m3_s");
+    wiring.equation(Metering, [p_a, p_b, metered], [rate]);
+    let current = wiring.output("electrical", FlowToCurrent, [metered]);
+    wiring.output("reading", CurrentToFlow, [current]);
 }
 
 /// Equation (FS1): (p_a, p_b, metered flow) → rate of the metered flow.

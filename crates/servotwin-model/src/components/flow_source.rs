@@ -13,38 +13,30 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
-
-/// A pump of constant displacement; see the module documentation.
-pub(crate) struct FlowSource;
 
 /// The parameter for the full flow, which every pump has.
 pub(crate) const fn full_flow(name: &'static str) -> Parameter {
     let summary = "full flow Q at rated speed";
-    required(name, Unit::CubicMetrePerSecond, (0.0, 1.0), summary)
+    required(name, (0.0, 1.0), summary)
 }
 
 /// The parameter for the internal leakage, which every pump has.
 pub(crate) const fn internal_leakage(name: &'static str) -> Parameter {
     let summary = "laminar conductance C_li from outlet to inlet";
-    parameter(name, Unit::CubicMetrePerSecondPascal, 5e-13, (0.0, 1e-8), summary)
+    parameter(name, 5e-13, (0.0, 1e-8), summary)
 }
 
 /// The parameter for the speed, which every pump has.
 pub(crate) const fn speed(name: &'static str) -> Parameter {
-    parameter(name, Unit::None, 1.0, (0.0, 2.0), "speed n per unit of the rated speed")
+    parameter(name, 1.0, (0.0, 2.0), "speed n per unit of the rated speed")
 }
 
 /// The fault of worn gaps, which every pump has.
-pub(crate) const WEAR: Fault = adds(
-    "wear",
-    "internal_leakage_m3_s_pa",
-    1e-11,
-    (1e-14, 1e-7),
-    Category::InternalLeakage,
-    "worn gaps: leakage rises by 6 L/min at 100 bar",
-);
+pub(crate) const WEAR: Fault =
+    fault("wear", Category::InternalLeakage, "worn gaps: leakage rises by 6 L/min at 100 bar")
+        .adds("internal_leakage_m3_s_pa", 1e-11, (1e-14, 1e-7));
 
 parameters! {
     flow_m3_s: full_flow(),
@@ -52,41 +44,31 @@ parameters! {
     speed: speed(),
 }
 
-static SPEC: Spec = Spec {
-    kind: "flow_source",
-    summary: "pump of constant displacement",
-    parameters: &PARAMETERS,
-    faults: &[
-        WEAR,
-        scales(
-            "flow_loss",
-            "flow_m3_s",
-            0.3,
-            (0.0, 1.0),
-            Category::Wear,
-            "lost displacement: a broken vane or piston",
-        ),
-    ],
-    ports: &[
-        hydraulic("inlet", "from the tank"),
-        hydraulic("outlet", "to the system"),
-        input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
-    ],
-    states: &[],
-    reference: false,
-};
+/// A pump of constant displacement; see the module documentation.
+pub(crate) static FLOW_SOURCE: Component =
+    Component {
+        kind: "flow_source",
+        summary: "pump of constant displacement",
+        parameters: &PARAMETERS,
+        faults: &[
+            WEAR,
+            fault("flow_loss", Category::Wear, "lost displacement: a broken vane or piston")
+                .scales("flow_m3_s", 0.3, (0.0, 1.0)),
+        ],
+        ports: &[
+            hydraulic("inlet", "from the tank"),
+            hydraulic("outlet", "to the system"),
+            input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
+        ],
+        connect,
+        ..Component::PLAIN
+    };
 
-impl Component for FlowSource {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let speed = wiring.signal("speed");
-        let inputs = [speed, wiring.pressure("inlet"), wiring.pressure("outlet")];
-        let flow = Output::transfer(wiring.flow("inlet"), wiring.flow("outlet"));
-        wiring.equation::<PumpFlow, 3, 1, 2>(0, inputs, [flow]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let speed = wiring.signal("speed");
+    let inputs = [speed, wiring.pressure("inlet"), wiring.pressure("outlet")];
+    let flow = Output::transfer(wiring.flow("inlet"), wiring.flow("outlet"));
+    wiring.equation(PumpFlow, inputs, [flow]);
 }
 
 /// Equation (FS1) with the constants `[Q, C_li]`; `speed` is the speed times the relative displacement.
@@ -117,7 +99,7 @@ mod tests {
     #[test]
     fn it_gives_its_flow_less_what_leaks() {
         let changes = [("flow_m3_s", 5e-4), ("internal_leakage_m3_s_pa", 1e-12)];
-        let c = constants::<PumpFlow, 3, 1, 2>(&FlowSource, &changes, 0);
+        let c = constants(PumpFlow, &FLOW_SOURCE, &changes, 0);
         let [flow] = PumpFlow::evaluate(&c, [1.0, 1e5, 101e5]);
         assert!((flow - 4.9e-4).abs() < 1e-15, "{flow}");
         assert_eq!(PumpFlow::evaluate(&c, [0.0, 1e5, 1e5]), [0.0]);

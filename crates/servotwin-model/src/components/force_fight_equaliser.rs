@@ -23,21 +23,19 @@ use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Start, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 
-/// The equalizer of two actuators; see the module documentation.
-pub(crate) struct ForceFightEqualiser;
-
 parameters! {
-    gain_m_pa: parameter(Unit::MetrePerPascal, 2.5e-10, (0.0, 1e-6), "gain K"),
-    time_constant_s: parameter(Unit::Second, 0.3, (1e-4, 1e3), "filter τ"),
-    limit_m: parameter(Unit::Metre, 0.8e-3, (0.0, 1.0), "authority x_max"),
-    mode_1: parameter(Unit::None, 1.0, (0.0, 1.0), "mode of actuator 1: 1 active, 0 passive"),
-    mode_2: parameter(Unit::None, 1.0, (0.0, 1.0), "mode of actuator 2: 1 active, 0 passive"),
+    gain_m_pa: parameter(2.5e-10, (0.0, 1e-6), "gain K"),
+    time_constant_s: parameter(0.3, (1e-4, 1e3), "filter τ"),
+    limit_m: parameter(0.8e-3, (0.0, 1.0), "authority x_max"),
+    mode_1: parameter(1.0, (0.0, 1.0), "mode of actuator 1: 1 active, 0 passive"),
+    mode_2: parameter(1.0, (0.0, 1.0), "mode of actuator 2: 1 active, 0 passive"),
 }
 
-static SPEC: Spec = Spec {
+/// The equalizer of two actuators; see the module documentation.
+pub(crate) static FORCE_FIGHT_EQUALISER: Component = Component {
     kind: "force_fight_equaliser",
     summary: "balances the forces of two actuators on one surface",
     parameters: &PARAMETERS,
@@ -52,37 +50,26 @@ static SPEC: Spec = Spec {
         output("correction_1", Unit::Metre, "correction for the controller of actuator 1"),
         output("correction_2", Unit::Metre, "correction for the controller of actuator 2"),
     ],
-    states: &[state(
-        "difference_pa",
-        Unit::Pascal,
-        2e7,
-        Start::Value(0.0),
-        "filtered difference z of the differential pressures",
-    )],
-    reference: false,
+    states: &[state("difference_pa", 2e7, "filtered difference z of the differential pressures")],
+    connect: connect_two,
+    ..Component::PLAIN
 };
 
-impl Component for ForceFightEqualiser {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let difference = wiring.internal();
-        let first = ["pressure_a_1", "pressure_b_1"].map(|p| wiring.signal(p));
-        let second = ["pressure_a_2", "pressure_b_2"].map(|p| wiring.signal(p));
-        wiring.equation::<PressureDifference, 2, 1, 0>(0, first, [Output::add(difference)]);
-        wiring.equation::<PressureDifference, 2, 1, 0>(0, second, [Output::subtract(difference)]);
-        let state = wiring.state("difference_pa");
-        let [mode_1, mode_2] = ["mode_1", "mode_2"].map(|p| wiring.signal(p));
-        let inputs = [difference.variable(), mode_1, mode_2, state];
-        let rate = Output::add(wiring.derivative("difference_pa"));
-        wiring.equation::<FightFilter, 4, 1, 1>(0, inputs, [rate]);
-        let [to_1, to_2] = [wiring.internal(), wiring.internal()];
-        wiring.equation::<FightCorrection, 1, 1, 2>(0, [state], [Output::transfer(to_1, to_2)]);
-        wiring.set("correction_1", to_1.variable());
-        wiring.set("correction_2", to_2.variable());
-    }
+fn connect_two(wiring: &mut Wiring) {
+    let difference = wiring.internal();
+    let first = ["pressure_a_1", "pressure_b_1"].map(|p| wiring.signal(p));
+    let second = ["pressure_a_2", "pressure_b_2"].map(|p| wiring.signal(p));
+    wiring.equation(PressureDifference, first, [Output::add(difference)]);
+    wiring.equation(PressureDifference, second, [Output::subtract(difference)]);
+    let state = wiring.state("difference_pa");
+    let [mode_1, mode_2] = ["mode_1", "mode_2"].map(|p| wiring.signal(p));
+    let inputs = [difference.variable(), mode_1, mode_2, state];
+    let rate = wiring.rate("difference_pa");
+    wiring.equation(FightFilter, inputs, [rate]);
+    let [to_1, to_2] = [wiring.internal(), wiring.internal()];
+    wiring.equation(FightCorrection, [state], [Output::transfer(to_1, to_2)]);
+    wiring.set("correction_1", to_1.variable());
+    wiring.set("correction_2", to_2.variable());
 }
 
 /// Declares the equalizer of more than two actuators.
@@ -92,68 +79,56 @@ macro_rules! equaliser {
         [$($n:literal),*]
     ) => {
         /// An equalizer of more than two actuators; see the module documentation.
-        pub(crate) struct $component;
-
-        impl Component for $component {
-            fn spec(&self) -> &'static Spec {
-                static SPEC: Spec = Spec {
-                    kind: $kind,
-                    summary: concat!("balances the forces of ", $words, " actuators on one surface"),
-                    // The first three parameters are those of two actuators, at the same positions.
-                    parameters: &{
-                        let [gain, time_constant, limit, ..] = PARAMETERS;
-                        [
-                            gain,
-                            time_constant,
-                            limit,
-                            $(parameter(
-                                concat!("mode_", $n),
-                                Unit::None,
-                                1.0,
-                                (0.0, 1.0),
-                                concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
-                            ),)*
-                        ]
-                    },
-                    faults: &[gain_low("gain_m_pa"), gain_high("gain_m_pa")],
-                    ports: &[
-                        $(
-                            input(
-                                concat!("pressure_a_", $n),
-                                Unit::Pascal,
-                                concat!("measured p_A of actuator ", $n),
-                            ),
-                            input(
-                                concat!("pressure_b_", $n),
-                                Unit::Pascal,
-                                concat!("measured p_B of actuator ", $n),
-                            ),
-                        )*
-                        $(input_or(
-                            concat!("mode_", $n),
-                            Unit::None,
-                            concat!("mode_", $n),
-                            concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
-                        ),)*
-                        $(output(
-                            concat!("correction_", $n),
-                            Unit::Metre,
-                            concat!("correction for the controller of actuator ", $n),
-                        ),)*
-                    ],
-                    states: &[$(state(
-                        concat!("difference_", $n, "_pa"),
+        pub(crate) static $component: Component = Component {
+            kind: $kind,
+            summary: concat!("balances the forces of ", $words, " actuators on one surface"),
+            // The first three parameters are those of two actuators, at the same positions.
+            parameters: &{
+                let [gain, time_constant, limit, ..] = PARAMETERS;
+                [
+                    gain,
+                    time_constant,
+                    limit,
+                    $(parameter(
+                        concat!("mode_", $n),
+                        1.0,
+                        (0.0, 1.0),
+                        concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
+                    ),)*
+                ]
+            },
+            faults: &[gain_low("gain_m_pa"), gain_high("gain_m_pa")],
+            ports: &[
+                $(
+                    input(
+                        concat!("pressure_a_", $n),
                         Unit::Pascal,
-                        2e7,
-                        Start::Value(0.0),
-                        concat!("filtered difference z_", $n, " of actuator ", $n, " and the others"),
-                    ),)*],
-                    reference: false,
-                };
-                &SPEC
-            }
-
-            fn connect(&self, wiring: &mut Wiring) {
+                        concat!("measured p_A of actuator ", $n),
+                    ),
+                    input(
+                        concat!("pressure_b_", $n),
+                        Unit::Pascal,
+                        concat!("measured p_B of actuator ", $n),
+                    ),
+                )*
+                $(input_or(
+                    concat!("mode_", $n),
+                    Unit::None,
+                    concat!("mode_", $n),
+                    concat!("mode of actuator ", $n, ": 1 active, 0 passive"),
+                ),)*
+                $(output(
+                    concat!("correction_", $n),
+                    Unit::Metre,
+                    concat!("correction for the controller of actuator ", $n),
+                ),)*
+            ],
+            states: &[$(state(
+                concat!("difference_", $n, "_pa"),
+                2e7,
+                concat!("filtered difference z_", $n, " of actuator ", $n, " and the others"),
+            ),)*],
+            connect: |wiring| {
                 let differences = [$(difference(
                     wiring,
                     [concat!("pressure_a_", $n), concat!("pressure_b_", $n)],
@@ -169,15 +144,16 @@ macro_rules! equaliser {
                         k if k < 2 * $actuators => modes[turned(k - $actuators)],
                         _ => state,
                     });
-                    let rate = Output::add(wiring.derivative(z));
-                    wiring.equation::<$block, $inputs, 1, 1>(own, inputs, [rate]);
+                    let rate = wiring.rate(z);
+                    wiring.equation_of(own, $block, inputs, [rate]);
                     let to = wiring.internal();
                     let output = [Output::subtract(to)];
-                    wiring.equation::<FightCorrection, 1, 1, 2>(own, [state], output);
+                    wiring.equation_of(own, FightCorrection, [state], output);
                     wiring.set(correction, to.variable());
                 }
-            }
-        }
+            },
+            ..Component::PLAIN
+        };
 
         /// Equation (Q3): (differences, modes, z), the actuator's own first → rate of its z.
         pub(crate) struct $block;
@@ -204,9 +180,17 @@ macro_rules! equaliser {
     };
 }
 
-equaliser!(ForceFightEqualiser3, "force_fight_equaliser_3", "three", FightOfThree, 3, 7, [1, 2, 3]);
 equaliser!(
-    ForceFightEqualiser4,
+    FORCE_FIGHT_EQUALISER_3,
+    "force_fight_equaliser_3",
+    "three",
+    FightOfThree,
+    3,
+    7,
+    [1, 2, 3]
+);
+equaliser!(
+    FORCE_FIGHT_EQUALISER_4,
     "force_fight_equaliser_4",
     "four",
     FightOfFour,
@@ -219,7 +203,7 @@ equaliser!(
 fn difference(wiring: &mut Wiring, ports: [&str; 2]) -> Variable {
     let difference = wiring.internal();
     let pressures = ports.map(|port| wiring.signal(port));
-    wiring.equation::<PressureDifference, 2, 1, 0>(0, pressures, [Output::add(difference)]);
+    wiring.equation(PressureDifference, pressures, [Output::add(difference)]);
     difference.variable()
 }
 
@@ -227,10 +211,6 @@ fn difference(wiring: &mut Wiring, ports: [&str; 2]) -> Variable {
 pub(crate) struct PressureDifference;
 
 impl Equation<2, 1, 0> for PressureDifference {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [p_a, p_b]: [S; 2]) -> [S; 1] {
         [p_a - p_b]
@@ -272,7 +252,7 @@ mod tests {
     use super::*;
 
     fn rate_pa_s(differences: [f64; 3], modes: [f64; 3]) -> f64 {
-        let c = constants::<FightOfThree, 7, 1, 1>(&ForceFightEqualiser3, &[], 0);
+        let c = constants(FightOfThree, &FORCE_FIGHT_EQUALISER_3, &[], 0);
         let ([a, b, d], [k, l, m]) = (differences, modes);
         FightOfThree::evaluate(&c, [a, b, d, k, l, m, 0.0])[0] * 0.3
     }

@@ -14,77 +14,51 @@ use super::contact::{STRIBECK_CONSTANTS, Stribeck, stribeck, stribeck_constants}
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// Stribeck friction; see the module documentation.
-pub(crate) struct Friction;
-
 parameters! {
-    coulomb_friction_n: parameter(Unit::Newton, 500.0, (0.0, 1e9), "dry friction F_c"),
-    static_friction_ratio: parameter(
-        Unit::None,
-        1.5,
-        (1.0, 10.0),
-        "ratio r_s of static to dry friction",
-    ),
+    coulomb_friction_n: parameter(500.0, (0.0, 1e9), "dry friction F_c"),
+    static_friction_ratio: parameter(1.5, (1.0, 10.0), "ratio r_s of static to dry friction"),
     stribeck_velocity_m_s: parameter(
-        Unit::MetrePerSecond,
         5e-3,
         (1e-6, 10.0),
         "velocity v_s at which static friction has faded",
     ),
     friction_smoothing_m_s: parameter(
-        Unit::MetrePerSecond,
         5e-3,
         (1e-6, 10.0),
         "velocity v_t over which friction changes its sign",
     ),
-    viscous_friction_n_s_m: parameter(
-        Unit::NewtonSecondPerMetre,
-        6e3,
-        (0.0, 1e9),
-        "friction B per velocity",
-    ),
+    viscous_friction_n_s_m: parameter(6e3, (0.0, 1e9), "friction B per velocity"),
 }
 
-static SPEC: Spec = Spec {
+/// Stribeck friction; see the module documentation.
+pub(crate) static FRICTION: Component = Component {
     kind: "friction",
     summary: "Stribeck friction against the ground",
     parameters: &PARAMETERS,
     faults: &[
-        scales(
-            "friction",
+        fault("friction", Category::Friction, "swollen seals or dry bearings").scales(
             "coulomb_friction_n",
             10.0,
             (1.0, 100.0),
-            Category::Friction,
-            "swollen seals or dry bearings",
         ),
-        scales(
-            "viscous",
+        fault("viscous", Category::Friction, "thickened grease").scales(
             "viscous_friction_n_s_m",
             10.0,
             (1.0, 100.0),
-            Category::Friction,
-            "thickened grease",
         ),
     ],
     ports: &[translational("port", "part that rubs")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Friction {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let velocity = wiring.velocity("port");
-        let force = Output::subtract(wiring.force("port"));
-        wiring.equation::<Rubbing, 1, 1, STRIBECK_CONSTANTS>(0, [velocity], [force]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let velocity = wiring.velocity("port");
+    let force = Output::subtract(wiring.force("port"));
+    wiring.equation(Rubbing, [velocity], [force]);
 }
 
 /// Equation (R1): velocity → force that opposes it.

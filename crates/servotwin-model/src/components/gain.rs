@@ -9,49 +9,39 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Spec, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
-
-/// A gain; see the module documentation.
-pub(crate) struct Gain;
+use crate::spec::{Category, Fault, Unit, declare::*};
+use crate::wiring::Wiring;
 
 /// Fault of an amplifier whose gain, a parameter, is too low.
 pub(crate) const fn gain_low(parameter: &'static str) -> Fault {
     let summary = "the amplifier has lost gain";
-    scales("gain_low", parameter, 0.2, (0.0, 1.0), Category::Calibration, summary)
+    fault("gain_low", Category::Calibration, summary).scales(parameter, 0.2, (0.0, 1.0))
 }
 
 /// Fault of an amplifier whose gain, a parameter, is too high.
 pub(crate) const fn gain_high(parameter: &'static str) -> Fault {
     let summary = "the amplifier has too much gain";
-    scales("gain_high", parameter, 2.0, (1.0, 100.0), Category::Calibration, summary)
+    fault("gain_high", Category::Calibration, summary).scales(parameter, 2.0, (1.0, 100.0))
 }
 
 parameters! {
-    gain: required(Unit::None, (-1e12, 1e12), "factor k"),
+    gain: required((-1e12, 1e12), "factor k"),
 }
 
-static SPEC: Spec = Spec {
+/// A gain; see the module documentation.
+pub(crate) static GAIN: Component = Component {
     kind: "gain",
     summary: "dimensionless signal times a number",
     parameters: &PARAMETERS,
     faults: &[gain_low("gain"), gain_high("gain")],
     ports: &[input("input", Unit::None, "x"), output("output", Unit::None, "k x")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Gain {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let input = wiring.signal("input");
-        let output = wiring.internal();
-        wiring.equation::<Product, 1, 1, 1>(0, [input], [Output::add(output)]);
-        wiring.set("output", output.variable());
-    }
+fn connect(wiring: &mut Wiring) {
+    let input = wiring.signal("input");
+    wiring.output("output", Product, [input]);
 }
 
 /// Equation (G1): input → output.

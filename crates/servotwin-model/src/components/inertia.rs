@@ -12,65 +12,43 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A body about a hinge; see the module documentation.
-pub(crate) struct Inertia;
-
 parameters! {
-    inertia_kg_m2: parameter(
-        Unit::KilogramSquareMetre,
-        2.8,
-        (1e-9, 1e9),
-        "moment of inertia about the hinge",
-    ),
-    viscous_nm_s: parameter(Unit::NewtonMetreSecond, 5.0, (0.0, 1e9), "friction moment per rate"),
-    friction_nm: parameter(Unit::NewtonMetre, 5.0, (0.0, 1e9), "dry friction moment"),
+    inertia_kg_m2: parameter(2.8, (1e-9, 1e9), "moment of inertia about the hinge"),
+    viscous_nm_s: parameter(5.0, (0.0, 1e9), "friction moment per rate"),
+    friction_nm: parameter(5.0, (0.0, 1e9), "dry friction moment"),
     friction_smoothing_rad_s: parameter(
-        Unit::RadianPerSecond,
         0.05,
         (1e-6, 10.0),
         "rate ω_f over which dry friction changes its sign",
     ),
 }
 
-static SPEC: Spec = Spec {
+/// A body about a hinge; see the module documentation.
+pub(crate) static INERTIA: Component = Component {
     kind: "inertia",
     summary: "body turning about a hinge",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "hinge_friction",
-        "friction_nm",
-        100.0,
-        (1.0, 1000.0),
-        Category::Friction,
-        "dry or corroded hinge bearings",
-    )],
+    faults: &[fault("hinge_friction", Category::Friction, "dry or corroded hinge bearings")
+        .scales("friction_nm", 100.0, (1.0, 1000.0))],
     ports: &[turning("shaft", "parts that turn with the body")],
     states: &[
-        state("angle_rad", Unit::Radian, 0.4, Start::Value(0.0), "angle"),
-        with_error_weight(
-            VELOCITY_ERROR_WEIGHT,
-            state("rate_rad_s", Unit::RadianPerSecond, 1.0, Start::Value(0.0), "rate"),
-        ),
+        state("angle_rad", 0.4, "angle"),
+        state("rate_rad_s", 1.0, "rate").with_error_weight(VELOCITY_ERROR_WEIGHT),
     ],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Inertia {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let angle = wiring.state("angle_rad");
-        let rate = wiring.state("rate_rad_s");
-        wiring.set_motion("shaft", angle, rate);
-        let moment = wiring.force("shaft").variable();
-        let rates = [wiring.derivative("angle_rad"), wiring.derivative("rate_rad_s")];
-        wiring.equation::<Turning, 2, 2, 4>(0, [rate, moment], rates.map(Output::add));
-    }
+fn connect(wiring: &mut Wiring) {
+    let angle = wiring.state("angle_rad");
+    let rate = wiring.state("rate_rad_s");
+    wiring.set_motion("shaft", angle, rate);
+    let moment = wiring.force("shaft").variable();
+    let rates = [wiring.derivative("angle_rad"), wiring.derivative("rate_rad_s")];
+    wiring.equation(Turning, [rate, moment], rates.map(Output::add));
 }
 
 /// Equation (J1): (rate, moment) → rates of angle and rate.

@@ -13,46 +13,37 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A lever; see the module documentation.
-pub(crate) struct Lever;
-
 parameters! {
-    arm_m: parameter(Unit::Metre, 0.0525, (1e-4, 100.0), "length of the arm"),
+    arm_m: parameter(0.0525, (1e-4, 100.0), "length of the arm"),
 }
 
-static SPEC: Spec = Spec {
+/// A lever; see the module documentation.
+pub(crate) static LEVER: Component = Component {
     kind: "lever",
     summary: "horn between a hinge and a rod",
     parameters: &PARAMETERS,
-    faults: &[],
     ports: &[
         rotational("shaft", "the hinge"),
         moving("rod", "the end of the arm"),
         output("position", Unit::Metre, "position of the end of the arm"),
     ],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Lever {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let turning = [wiring.position("shaft"), wiring.velocity("shaft")];
-        let [position, velocity, arm] = core::array::from_fn(|_| wiring.internal());
-        let motion = [position, velocity, arm].map(Output::add);
-        wiring.equation::<LeverMotion, 2, 3, 1>(0, turning, motion);
-        wiring.set_motion("rod", position.variable(), velocity.variable());
-        wiring.set("position", position.variable());
-        let force = wiring.force("rod").variable();
-        let moment = Output::add(wiring.force("shaft"));
-        wiring.equation::<LeverMoment, 2, 1, 0>(0, [arm.variable(), force], [moment]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let turning = [wiring.position("shaft"), wiring.velocity("shaft")];
+    let [position, velocity, arm] = core::array::from_fn(|_| wiring.internal());
+    let motion = [position, velocity, arm].map(Output::add);
+    wiring.equation(LeverMotion, turning, motion);
+    wiring.set_motion("rod", position.variable(), velocity.variable());
+    wiring.set("position", position.variable());
+    let force = wiring.force("rod").variable();
+    let moment = Output::add(wiring.force("shaft"));
+    wiring.equation(LeverMoment, [arm.variable(), force], [moment]);
 }
 
 /// Equation (L1): (angle, rate) → position, velocity and effective arm r cos θ.
@@ -74,10 +65,6 @@ impl Equation<2, 3, 1> for LeverMotion {
 pub(crate) struct LeverMoment;
 
 impl Equation<2, 1, 0> for LeverMoment {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [arm, force]: [S; 2]) -> [S; 1] {
         [arm * force]

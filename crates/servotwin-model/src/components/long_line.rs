@@ -26,78 +26,62 @@ use crate::equation::{Equation, Given};
 use crate::fluid::{BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::math::{power, smooth_step};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
-
-/// A long line; see the module documentation.
-pub(crate) struct LongLine;
 
 /// Shares of the line: its length in the sections from `a` on, its volume in the middle and at `b`.
 const LENGTHS: [f64; 2] = [1.0 / 3.0, 2.0 / 3.0];
 const VOLUMES: [f64; 2] = [2.0 / 3.0, 1.0 / 3.0];
 
 parameters! {
-    length_m: required(Unit::Metre, (1e-2, 1e3), "length"),
-    diameter_m: required(Unit::Metre, (1e-4, 1.0), "inner diameter"),
-    start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
+    length_m: required((1e-2, 1e3), "length"),
+    diameter_m: required((1e-4, 1.0), "inner diameter"),
+    start_pa: parameter(1e7, (1e3, 1e8), "first guess for the steady state"),
 }
 
-static SPEC: Spec = Spec {
+/// A long line; see the module documentation.
+pub(crate) static LONG_LINE: Component = Component {
     kind: "long_line",
     summary: "line with inertia, friction and compressible fluid",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "clogging",
+    faults: &[fault("clogging", Category::Clogging, "deposits narrow the whole line").scales(
         "diameter_m",
         0.3,
         (0.01, 1.0),
-        Category::Clogging,
-        "deposits narrow the whole line",
     )],
     ports: &[
         hydraulic("a", "end with an inertia"),
         pressure("b", "end with a capacitance, which sets the pressure"),
     ],
     states: &[
-        state("flow_m3_s", Unit::CubicMetrePerSecond, 2e-4, Start::Value(0.0), "flow into a"),
-        state(
-            "flow_to_b_m3_s",
-            Unit::CubicMetrePerSecond,
-            2e-4,
-            Start::Value(0.0),
-            "flow from the middle to b",
-        ),
+        state("flow_m3_s", 2e-4, "flow into a"),
+        state("flow_to_b_m3_s", 2e-4, "flow from the middle to b"),
         pressure_state("middle_pressure_pa", "start_pa", "pressure in the middle, absolute"),
         pressure_state("pressure_pa", "start_pa", "pressure at b, absolute"),
     ],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for LongLine {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
+fn connect(wiring: &mut Wiring) {
+    let middle = fluid_pressure(wiring, "middle_pressure_pa");
+    let end = fluid_pressure(wiring, "pressure_pa");
+    wiring.set("b", end);
+    let content = wiring.internal();
+    let sections = [
+        ("flow_m3_s", [wiring.pressure("a"), middle], wiring.flow("a"), content),
+        ("flow_to_b_m3_s", [middle, end], content, wiring.flow("b")),
+    ];
+    for (which, (state, [up, down], from, to)) in sections.into_iter().enumerate() {
+        let inputs = [up, down, wiring.state(state)];
+        let outputs = [wiring.rate(state), Output::transfer(from, to)];
+        wiring.equation_of(which, LineFlow, inputs, outputs);
     }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let middle = fluid_pressure(wiring, "middle_pressure_pa");
-        let end = fluid_pressure(wiring, "pressure_pa");
-        wiring.set("b", end);
-        let content = wiring.internal();
-        let sections = [
-            ("flow_m3_s", [wiring.pressure("a"), middle], wiring.flow("a"), content),
-            ("flow_to_b_m3_s", [middle, end], content, wiring.flow("b")),
-        ];
-        for (which, (state, [up, down], from, to)) in sections.into_iter().enumerate() {
-            let inputs = [up, down, wiring.state(state)];
-            let outputs = [Output::add(wiring.derivative(state)), Output::transfer(from, to)];
-            wiring.equation::<LineFlow, 3, 2, 3>(which, inputs, outputs);
-        }
-        let volumes = [("middle_pressure_pa", content), ("pressure_pa", wiring.flow("b"))];
-        for (which, (state, into)) in volumes.into_iter().enumerate() {
-            let inputs = [wiring.state(state), into.variable()];
-            let rate = Output::add(wiring.derivative(state));
-            wiring.equation::<LinePressure, 2, 1, 7>(which, inputs, [rate]);
-        }
+    let volumes = [("middle_pressure_pa", content), ("pressure_pa", wiring.flow("b"))];
+    for (which, (state, into)) in volumes.into_iter().enumerate() {
+        let inputs = [wiring.state(state), into.variable()];
+        let rate = wiring.rate(state);
+        wiring.equation_of(which, LinePressure, inputs, [rate]);
     }
 }
 
@@ -161,11 +145,11 @@ mod tests {
     #[test]
     fn the_first_mode_is_that_of_a_quarter_wave() {
         let per_inertia = [0, 1].map(|which| {
-            let c = constants::<LineFlow, 3, 2, 3>(&LongLine, LINE, which);
+            let c = constants(LineFlow, &LONG_LINE, LINE, which);
             LineFlow::evaluate(&c, [1.0, 0.0, 0.0])[0]
         });
         let per_capacitance = [0, 1].map(|which| {
-            let c = constants::<LinePressure, 2, 1, 7>(&LongLine, LINE, which);
+            let c = constants(LinePressure, &LONG_LINE, LINE, which);
             LinePressure::evaluate(&c, [2e7, 1.0])[0]
         });
         // Inertia and capacitance are those of the whole line.
@@ -186,7 +170,7 @@ mod tests {
 
     #[test]
     fn friction_is_that_of_the_textbook() {
-        let sections = [0, 1].map(|which| constants::<LineFlow, 3, 2, 3>(&LongLine, LINE, which));
+        let sections = [0, 1].map(|which| constants(LineFlow, &LONG_LINE, LINE, which));
         let fluid = Fluid::default().at(313.15);
         let density: f64 = fluid.density_kg_m3;
         let area = core::f64::consts::FRAC_PI_4 * 64e-6;

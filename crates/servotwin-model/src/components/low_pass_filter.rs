@@ -9,48 +9,38 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
-
-/// A low-pass filter; see the module documentation.
-pub(crate) struct LowPassFilter;
+use crate::spec::{Category, Unit, declare::*};
+use crate::wiring::Wiring;
 
 parameters! {
-    bandwidth_hz: required(Unit::Hertz, (1e-6, 1e6), "corner frequency f"),
+    bandwidth_hz: required((1e-6, 1e6), "corner frequency f"),
 }
 
-static SPEC: Spec = Spec {
+/// A low-pass filter; see the module documentation.
+pub(crate) static LOW_PASS_FILTER: Component = Component {
     kind: "low_pass_filter",
     summary: "first-order low-pass filter of a dimensionless signal",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "lag",
+    faults: &[fault("lag", Category::Lag, "the filter is slow: a changed capacitor").scales(
         "bandwidth_hz",
         0.1,
         (1e-5, 1.0),
-        Category::Lag,
-        "the filter is slow: a changed capacitor",
     )],
     ports: &[
         input("input", Unit::None, "signal to filter"),
         output("output", Unit::None, "filtered signal"),
     ],
-    states: &[state("filtered", Unit::None, 1.0, Start::Value(0.0), "filtered signal")],
-    reference: false,
+    states: &[state("filtered", 1.0, "filtered signal")],
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for LowPassFilter {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let filtered = wiring.state("filtered");
-        wiring.set("output", filtered);
-        let inputs = [wiring.signal("input"), filtered];
-        let rate = Output::add(wiring.derivative("filtered"));
-        wiring.equation::<FirstOrder, 2, 1, 1>(0, inputs, [rate]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let filtered = wiring.state("filtered");
+    wiring.set("output", filtered);
+    let inputs = [wiring.signal("input"), filtered];
+    let rate = wiring.rate("filtered");
+    wiring.equation(FirstOrder, inputs, [rate]);
 }
 
 /// Equation (W1): (input, output) → rate of the output.

@@ -16,16 +16,13 @@ use super::conversion;
 use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A displacement sensor; see the module documentation.
-pub(crate) struct Lvdt;
-
 parameters! {
-    full_scale_m: required(Unit::Metre, (1e-6, 10.0), "range ±x_FS"),
-    bandwidth_hz: parameter(Unit::Hertz, 160.0, (1e-3, 1e5), "natural frequency f"),
-    damping_ratio: parameter(Unit::None, 0.6, (0.05, 5.0), "damping ratio ζ of the demodulator"),
+    full_scale_m: required((1e-6, 10.0), "range ±x_FS"),
+    bandwidth_hz: parameter(160.0, (1e-3, 1e5), "natural frequency f"),
+    damping_ratio: parameter(0.6, (0.05, 5.0), "damping ratio ζ of the demodulator"),
     bias_electrical: conversion::bias_electrical(),
     gain_electrical: conversion::gain_electrical(),
     bias_digital: conversion::bias_digital(),
@@ -34,17 +31,15 @@ parameters! {
     bits: conversion::bits(),
 }
 
-static SPEC: Spec = Spec {
+/// A displacement sensor; see the module documentation.
+pub(crate) static LVDT: Component = Component {
     kind: "lvdt",
     summary: "displacement sensor with ratio demodulation",
     parameters: &PARAMETERS,
-    faults: &conversion::faults(shrinks(
-        "lag",
+    faults: &conversion::faults(fault("lag", Category::Lag, "slow demodulation").shrinks(
         "bandwidth_hz",
         0.005,
         (1e-5, 1.0),
-        Category::Lag,
-        "slow demodulation",
     )),
     ports: &[
         input("position", Unit::Metre, "measured displacement"),
@@ -52,40 +47,28 @@ static SPEC: Spec = Spec {
         output("electrical", Unit::None, "voltage ratio"),
     ],
     states: &[
-        state("ratio", Unit::None, 0.5, Start::Value(0.0), "voltage ratio y"),
-        state(
-            "ratio_rate",
-            Unit::None,
-            0.5,
-            Start::Value(0.0),
-            "rate z of the ratio, per unit of ω",
-        ),
+        state("ratio", 0.5, "voltage ratio y"),
+        state("ratio_rate", 0.5, "rate z of the ratio, per unit of ω"),
     ],
-    reference: false,
+    connect,
+    span,
+    ..Component::PLAIN
 };
 
-impl Component for Lvdt {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn span(parameters: &[f64]) -> Option<MeasuringSpan> {
+    Some(MeasuringSpan {
+        full_scale: parameters[index::full_scale_m],
+        range: 2.0 * parameters[index::full_scale_m],
+    })
+}
 
-    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
-        Some(MeasuringSpan {
-            full_scale: parameters[index::full_scale_m],
-            range: 2.0 * parameters[index::full_scale_m],
-        })
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let ratio = wiring.state("ratio");
-        wiring.set("electrical", ratio);
-        let inputs = [wiring.signal("position"), ratio, wiring.state("ratio_rate")];
-        let rates = [wiring.derivative("ratio"), wiring.derivative("ratio_rate")];
-        wiring.equation::<PositionToRatio, 3, 2, 4>(0, inputs, rates.map(Output::add));
-        let reading = wiring.internal();
-        wiring.equation::<RatioToPosition, 1, 1, 2>(0, [ratio], [Output::add(reading)]);
-        wiring.set("reading", reading.variable());
-    }
+fn connect(wiring: &mut Wiring) {
+    let ratio = wiring.state("ratio");
+    wiring.set("electrical", ratio);
+    let inputs = [wiring.signal("position"), ratio, wiring.state("ratio_rate")];
+    let rates = [wiring.derivative("ratio"), wiring.derivative("ratio_rate")];
+    wiring.equation(PositionToRatio, inputs, rates.map(Output::add));
+    wiring.output("reading", RatioToPosition, [ratio]);
 }
 
 /// Equations (D1) and (D2): (position, ratio, its rate) → their rates.

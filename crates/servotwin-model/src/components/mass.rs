@@ -12,88 +12,53 @@ use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A mass on a line; see the module documentation.
-pub(crate) struct Mass;
-
 parameters! {
-    mass_kg: required(Unit::Kilogram, (1e-6, 1e6), "mass"),
-    viscous_friction_n_s_m: parameter(
-        Unit::NewtonSecondPerMetre,
-        0.0,
-        (0.0, 1e9),
-        "friction per velocity",
-    ),
-    stroke_half_m: parameter(Unit::Metre, 1.0, (1e-6, 1e3), "distance x_s of each stop from zero"),
-    stop_stiffness_n_m: parameter(
-        Unit::NewtonPerMetre,
-        0.0,
-        (0.0, 1e12),
-        "stiffness of the stops; 0 for none",
-    ),
-    stop_damping_n_s_m: parameter(
-        Unit::NewtonSecondPerMetre,
-        0.0,
-        (0.0, 1e9),
-        "damping of the stops",
-    ),
+    mass_kg: required((1e-6, 1e6), "mass"),
+    viscous_friction_n_s_m: parameter(0.0, (0.0, 1e9), "friction per velocity"),
+    stroke_half_m: parameter(1.0, (1e-6, 1e3), "distance x_s of each stop from zero"),
+    stop_stiffness_n_m: parameter(0.0, (0.0, 1e12), "stiffness of the stops; 0 for none"),
+    stop_damping_n_s_m: parameter(0.0, (0.0, 1e9), "damping of the stops"),
 }
 
-static SPEC: Spec = Spec {
+/// A mass on a line; see the module documentation.
+pub(crate) static MASS: Component = Component {
     kind: "mass",
     summary: "mass on a line, with optional end stops",
     parameters: &PARAMETERS,
     faults: &[
-        scales(
-            "added_mass",
+        fault("added_mass", Category::Dynamics, "ice, dirt or water moves with it").scales(
             "mass_kg",
             2.0,
             (1.0, 100.0),
-            Category::Dynamics,
-            "ice, dirt or water moves with it",
         ),
-        adds(
-            "friction",
+        fault("friction", Category::Friction, "the guide is dry or clamps").adds(
             "viscous_friction_n_s_m",
             1e4,
             (0.0, 1e9),
-            Category::Friction,
-            "the guide is dry or clamps",
         ),
     ],
     ports: &[moving("port", "parts that move with the mass")],
     states: &[
-        state("position_m", Unit::Metre, 2e-2, Start::Value(0.0), "position"),
-        with_error_weight(
-            VELOCITY_ERROR_WEIGHT,
-            state("velocity_m_s", Unit::MetrePerSecond, 0.05, Start::Value(0.0), "velocity"),
-        ),
+        state("position_m", 2e-2, "position"),
+        state("velocity_m_s", 0.05, "velocity").with_error_weight(VELOCITY_ERROR_WEIGHT),
     ],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Mass {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let position = wiring.state("position_m");
-        let velocity = wiring.state("velocity_m_s");
-        wiring.set_motion("port", position, velocity);
-        let force = wiring.force("port");
-        let rates = [wiring.derivative("position_m"), wiring.derivative("velocity_m_s")];
-        wiring.equation::<MassMotion, 2, 2, 2>(
-            0,
-            [velocity, force.variable()],
-            rates.map(Output::add),
-        );
-        if wiring.structural("stop_stiffness_n_m") > 0.0 {
-            let inputs = [position, velocity];
-            wiring.equation::<MassStops, 2, 1, END_STOP_CONSTANTS>(0, inputs, [Output::add(force)]);
-        }
+fn connect(wiring: &mut Wiring) {
+    let position = wiring.state("position_m");
+    let velocity = wiring.state("velocity_m_s");
+    wiring.set_motion("port", position, velocity);
+    let force = wiring.force("port");
+    let rates = [wiring.derivative("position_m"), wiring.derivative("velocity_m_s")];
+    wiring.equation(MassMotion, [velocity, force.variable()], rates.map(Output::add));
+    if wiring.structural("stop_stiffness_n_m") > 0.0 {
+        let inputs = [position, velocity];
+        wiring.equation(MassStops, inputs, [Output::add(force)]);
     }
 }
 

@@ -5,7 +5,7 @@
 //! The line names the equation blocks that the file defines, so that programs can
 //! run them without indirection.
 
-pub use crate::component::{Component, MeasuringSpan};
+pub use crate::component::{Component, MeasuringSpan, SteadyGain};
 
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
@@ -70,7 +70,7 @@ pub(crate) trait Visitor {
 macro_rules! catalogue {
     ($($module:ident :: $component:ident [$($block:ident),* $(,)?]),* $(,)?) => {
         /// Every component, in the order of the documentation.
-        pub static ALL: &[&dyn Component] = &[$(&$module::$component),*];
+        pub static ALL: &[&Component] = &[$(&$module::$component),*];
 
         /// The module documentation of the components, in the same order.
         static HEADS: &[&str] = &[$({
@@ -141,7 +141,7 @@ const fn head<const LENGTH: usize>(file: &[u8]) -> [u8; LENGTH] {
 /// The description of a component as Markdown: the module documentation of its file, with the equations, their
 /// sources and their limits.
 pub fn description(kind: &str) -> Option<String> {
-    let place = ALL.iter().position(|c| c.spec().kind == kind)?;
+    let place = ALL.iter().position(|c| c.kind == kind)?;
     let lines = HEADS[place].lines().map(|line| {
         let text = line.strip_prefix("//!").unwrap_or(line);
         text.strip_prefix(' ').unwrap_or(text)
@@ -150,8 +150,8 @@ pub fn description(kind: &str) -> Option<String> {
 }
 
 /// Finds a component by its kind.
-pub fn find(kind: &str) -> Option<&'static dyn Component> {
-    ALL.iter().copied().find(|c| c.spec().kind == kind)
+pub fn find(kind: &str) -> Option<&'static Component> {
+    ALL.iter().copied().find(|c| c.kind == kind)
 }
 
 /// Computes the constants of one block as a list.
@@ -168,49 +168,49 @@ impl<S: Scalar<Base = S>> Visitor for Constants<'_, S> {
 }
 
 catalogue! {
-    pressure_source::PressureSource [],
-    tank::Tank [],
-    flow_source::FlowSource [PumpFlow],
-    variable_pump::VariablePump [Compensator, StrokedFlow],
-    volume::Volume [VolumePressure, FluidPressure],
-    orifice::Orifice [Restriction],
-    external_leakage::ExternalLeakage [LeakageFlow],
-    filter::Filter [FilterFlow],
-    check_valve::CheckValve [OneWayFlow],
-    relief_valve::ReliefValve [],
-    accumulator::Accumulator [GasPressure],
-    long_line::LongLine [LineFlow, LinePressure],
-    shut_off_valve::ShutOffValve [ShutOffFlow],
-    servo_valve::ServoValve [SpoolMotion, EdgeFlow, PilotFlow],
-    proportional_valve::ProportionalValve [ControlledSpool, RatedEdge],
-    mode_valve::ModeValve [ModePosition, Transmission, BypassFlow, MakeUpFlow, ReserveFlow],
-    cylinder::Cylinder [ChamberPressure, SealLeakage, PistonForce, PistonFriction, PistonStop],
-    bristle_cylinder::BristleCylinder [BristleFriction],
+    pressure_source::PRESSURE_SOURCE [],
+    tank::TANK [],
+    flow_source::FLOW_SOURCE [PumpFlow],
+    variable_pump::VARIABLE_PUMP [Compensator, StrokedFlow],
+    volume::VOLUME [VolumePressure, FluidPressure],
+    orifice::ORIFICE [Restriction],
+    external_leakage::EXTERNAL_LEAKAGE [LeakageFlow],
+    filter::FILTER [FilterFlow],
+    check_valve::CHECK_VALVE [OneWayFlow],
+    relief_valve::RELIEF_VALVE [],
+    accumulator::ACCUMULATOR [GasPressure],
+    long_line::LONG_LINE [LineFlow, LinePressure],
+    shut_off_valve::SHUT_OFF_VALVE [ShutOffFlow],
+    servo_valve::SERVO_VALVE [SpoolMotion, EdgeFlow, PilotFlow],
+    proportional_valve::PROPORTIONAL_VALVE [ControlledSpool, RatedEdge],
+    mode_valve::MODE_VALVE [ModePosition, Transmission, BypassFlow, MakeUpFlow, ReserveFlow],
+    cylinder::CYLINDER [ChamberPressure, SealLeakage, PistonForce, PistonFriction, PistonStop],
+    bristle_cylinder::BRISTLE_CYLINDER [BristleFriction],
 
-    fixed::Fixed [],
-    mass::Mass [MassMotion, MassStops],
-    inertia::Inertia [Turning],
-    lever::Lever [LeverMotion, LeverMoment],
-    attachment::Attachment [Joint],
-    friction::Friction [Rubbing],
-    spring::Spring [Spreading],
-    force::Force [Applied],
-    aerodynamic_load::AerodynamicLoad [Stream, StreamAtAltitude, HingeMoment, HingeDamping],
+    fixed::FIXED [],
+    mass::MASS [MassMotion, MassStops],
+    inertia::INERTIA [Turning],
+    lever::LEVER [LeverMotion, LeverMoment],
+    attachment::ATTACHMENT [Joint],
+    friction::FRICTION [Rubbing],
+    spring::SPRING [Spreading],
+    force::FORCE [Applied],
+    aerodynamic_load::AERODYNAMIC_LOAD [Stream, StreamAtAltitude, HingeMoment, HingeDamping],
 
-    pressure_sensor::PressureSensor [PressureToCurrent, CurrentToPressure],
-    tapped_pressure_sensor::TappedPressureSensor [TappingLine],
-    lvdt::Lvdt [PositionToRatio, RatioToPosition],
-    temperature_sensor::TemperatureSensor [Warming, TemperatureToCurrent, CurrentToTemperature],
-    flow_sensor::FlowSensor [Metering, FlowToCurrent, CurrentToFlow],
+    pressure_sensor::PRESSURE_SENSOR [PressureToCurrent, CurrentToPressure],
+    tapped_pressure_sensor::TAPPED_PRESSURE_SENSOR [TappingLine],
+    lvdt::LVDT [PositionToRatio, RatioToPosition],
+    temperature_sensor::TEMPERATURE_SENSOR [Warming, TemperatureToCurrent, CurrentToTemperature],
+    flow_sensor::FLOW_SENSOR [Metering, FlowToCurrent, CurrentToFlow],
 
-    position_controller::PositionController [PositionDemand, PressureFeedback, LimitedCurrent],
-    sampled_position_controller::SampledPositionController [SampledLaw],
-    axis_controller::AxisController [AxisDemand, AxisDamping, AxisOutput],
-    pid_controller::PidController [PidLaw],
-    force_fight_equaliser::ForceFightEqualiser [PressureDifference, FightFilter, FightCorrection],
-    force_fight_equaliser::ForceFightEqualiser3 [FightOfThree],
-    force_fight_equaliser::ForceFightEqualiser4 [FightOfFour],
-    low_pass_filter::LowPassFilter [FirstOrder],
-    selector::Selector [Selection, MiddleOfThree, MiddleOfFour],
-    gain::Gain [Product],
+    position_controller::POSITION_CONTROLLER [PositionDemand, PressureFeedback, LimitedCurrent],
+    sampled_position_controller::SAMPLED_POSITION_CONTROLLER [SampledLaw],
+    axis_controller::AXIS_CONTROLLER [AxisDemand, AxisDamping, AxisOutput],
+    pid_controller::PID_CONTROLLER [PidLaw],
+    force_fight_equaliser::FORCE_FIGHT_EQUALISER [PressureDifference, FightFilter, FightCorrection],
+    force_fight_equaliser::FORCE_FIGHT_EQUALISER_3 [FightOfThree],
+    force_fight_equaliser::FORCE_FIGHT_EQUALISER_4 [FightOfFour],
+    low_pass_filter::LOW_PASS_FILTER [FirstOrder],
+    selector::SELECTOR [Selection, MiddleOfThree, MiddleOfFour],
+    gain::GAIN [Product],
 }

@@ -24,127 +24,101 @@ use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A mode valve; see the module documentation.
-pub(crate) struct ModeValve;
-
 parameters! {
-    time_constant_s: parameter(Unit::Second, 0.02, (1e-4, 10.0), "time constant of switching"),
-    damping_area_m2: parameter(Unit::SquareMetre, 2e-6, (0.0, 1e-3), "area of the damping orifice"),
-    make_up_area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-3), "area of each make-up valve"),
-    return_area_m2: parameter(
-        Unit::SquareMetre,
-        1e-5,
-        (0.0, 1e-3),
-        "area of the valve from return to reserve",
-    ),
+    time_constant_s: parameter(0.02, (1e-4, 10.0), "time constant of switching"),
+    damping_area_m2: parameter(2e-6, (0.0, 1e-3), "area of the damping orifice"),
+    make_up_area_m2: parameter(1e-5, (0.0, 1e-3), "area of each make-up valve"),
+    return_area_m2: parameter(1e-5, (0.0, 1e-3), "area of the valve from return to reserve"),
     make_up_range_pa: parameter(
-        Unit::Pascal,
         2e4,
         (1e2, 1e7),
         "pressure drop at which a check valve is fully open",
     ),
-    isolation: parameter(Unit::None, 0.002, (0.0, 1.0), "transmission when damped"),
+    isolation: parameter(0.002, (0.0, 1.0), "transmission when damped"),
     discharge_coefficient: orifice::discharge_coefficient(),
     transition_reynolds: orifice::transition_reynolds(),
-    damped_position: parameter(Unit::None, 0.0, (0.0, 1.0), "position at command 0"),
-    active_position: parameter(Unit::None, 1.0, (0.0, 1.0), "position at command 1"),
-    command: parameter(Unit::None, 1.0, (0.0, 1.0), "command if no signal is connected"),
+    damped_position: parameter(0.0, (0.0, 1.0), "position at command 0"),
+    active_position: parameter(1.0, (0.0, 1.0), "position at command 1"),
+    command: parameter(1.0, (0.0, 1.0), "command if no signal is connected"),
 }
 
-static SPEC: Spec = Spec {
-    kind: "mode_valve",
-    summary: "active or damped: bypass orifice, make-up valves and reserve",
-    parameters: &PARAMETERS,
-    faults: &[
-        scales(
-            "damping_clogging",
-            "damping_area_m2",
-            0.05,
-            (0.0, 1.0),
-            Category::Clogging,
-            "dirt narrows the damping orifice",
-        ),
-        shrinks("slow", "time_constant_s", 30.0, (1.0, 1e4), Category::Dynamics, "switches slowly"),
-        adds(
-            "stuck_active",
-            "damped_position",
-            1.0,
-            (0.0, 1.0),
-            Category::Jamming,
-            "does not switch to damped",
-        ),
-        scales(
-            "stuck_damped",
-            "active_position",
-            0.0,
-            (0.0, 1.0),
-            Category::Jamming,
-            "does not switch to active",
-        ),
-        adds("isolation_wear", "isolation", 0.2, (0.0, 1.0), Category::Wear, "leaks when damped"),
-    ],
-    ports: &[
-        hydraulic("a", "cylinder chamber A"),
-        hydraulic("b", "cylinder chamber B"),
-        hydraulic("reserve", "fluid reserve"),
-        optional(hydraulic("return", "return gallery, which fills the reserve")),
-        input_or("command", Unit::None, "command", "1 active, 0 damped"),
-        output("active", Unit::None, "position: 1 active … 0 damped"),
-        output("transmission", Unit::None, "factor on the flows of the servo valve"),
-    ],
-    states: &[state(
-        "position",
-        Unit::None,
-        1.0,
-        Start::Parameter("command"),
-        "1 active … 0 damped",
-    )],
-    reference: false,
-};
+/// A mode valve; see the module documentation.
+pub(crate) static MODE_VALVE: Component =
+    Component {
+        kind: "mode_valve",
+        summary: "active or damped: bypass orifice, make-up valves and reserve",
+        parameters: &PARAMETERS,
+        faults: &[
+            fault("damping_clogging", Category::Clogging, "dirt narrows the damping orifice")
+                .scales("damping_area_m2", 0.05, (0.0, 1.0)),
+            fault("slow", Category::Dynamics, "switches slowly").shrinks(
+                "time_constant_s",
+                30.0,
+                (1.0, 1e4),
+            ),
+            fault("stuck_active", Category::Jamming, "does not switch to damped").adds(
+                "damped_position",
+                1.0,
+                (0.0, 1.0),
+            ),
+            fault("stuck_damped", Category::Jamming, "does not switch to active").scales(
+                "active_position",
+                0.0,
+                (0.0, 1.0),
+            ),
+            fault("isolation_wear", Category::Wear, "leaks when damped").adds(
+                "isolation",
+                0.2,
+                (0.0, 1.0),
+            ),
+        ],
+        ports: &[
+            hydraulic("a", "cylinder chamber A"),
+            hydraulic("b", "cylinder chamber B"),
+            hydraulic("reserve", "fluid reserve"),
+            optional(hydraulic("return", "return gallery, which fills the reserve")),
+            input_or("command", Unit::None, "command", "1 active, 0 damped"),
+            output("active", Unit::None, "position: 1 active … 0 damped"),
+            output("transmission", Unit::None, "factor on the flows of the servo valve"),
+        ],
+        states: &[state("position", 1.0, "1 active … 0 damped").from(Start::Parameter("command"))],
+        connect,
+        ..Component::PLAIN
+    };
 
-impl ModeValve {
-    /// A check valve that acts only when damped.
-    fn reserve_valve(wiring: &mut Wiring, which: usize, up: &str, down: &str) {
-        let inputs = [wiring.state("position"), wiring.pressure(up), wiring.pressure(down)];
-        let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
-        wiring.equation::<ReserveFlow, 3, 1, 4>(which, inputs, [flow]);
-    }
-
-    /// A check valve that acts in either mode.
-    fn make_up_valve(wiring: &mut Wiring, down: &str) {
-        let inputs = [wiring.pressure("return"), wiring.pressure(down)];
-        let flow = Output::transfer(wiring.flow("return"), wiring.flow(down));
-        wiring.equation::<MakeUpFlow, 2, 1, 4>(index::make_up_area_m2, inputs, [flow]);
-    }
+/// A check valve that acts only when damped.
+fn reserve_valve(wiring: &mut Wiring, which: usize, up: &str, down: &str) {
+    let inputs = [wiring.state("position"), wiring.pressure(up), wiring.pressure(down)];
+    let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
+    wiring.equation_of(which, ReserveFlow, inputs, [flow]);
 }
 
-impl Component for ModeValve {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+/// A check valve that acts in either mode.
+fn make_up_valve(wiring: &mut Wiring, down: &str) {
+    let inputs = [wiring.pressure("return"), wiring.pressure(down)];
+    let flow = Output::transfer(wiring.flow("return"), wiring.flow(down));
+    wiring.equation_of(index::make_up_area_m2, MakeUpFlow, inputs, [flow]);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let position = wiring.state("position");
-        wiring.set("active", position);
-        let command = wiring.signal("command");
-        let rate = Output::add(wiring.derivative("position"));
-        wiring.equation::<ModePosition, 2, 1, 3>(0, [command, position], [rate]);
-        let transmission = wiring.internal();
-        wiring.equation::<Transmission, 1, 1, 1>(0, [position], [Output::add(transmission)]);
-        wiring.set("transmission", transmission.variable());
-        let inputs = [position, wiring.pressure("a"), wiring.pressure("b")];
-        let bypass = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-        wiring.equation::<BypassFlow, 3, 1, 3>(0, inputs, [bypass]);
-        Self::reserve_valve(wiring, index::make_up_area_m2, "reserve", "a");
-        Self::reserve_valve(wiring, index::make_up_area_m2, "reserve", "b");
-        if wiring.connected("return") {
-            Self::reserve_valve(wiring, index::return_area_m2, "return", "reserve");
-            Self::make_up_valve(wiring, "a");
-            Self::make_up_valve(wiring, "b");
-        }
+fn connect(wiring: &mut Wiring) {
+    let position = wiring.state("position");
+    wiring.set("active", position);
+    let command = wiring.signal("command");
+    let rate = wiring.rate("position");
+    wiring.equation(ModePosition, [command, position], [rate]);
+    wiring.output("transmission", Transmission, [position]);
+    let inputs = [position, wiring.pressure("a"), wiring.pressure("b")];
+    let bypass = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+    wiring.equation(BypassFlow, inputs, [bypass]);
+    reserve_valve(wiring, index::make_up_area_m2, "reserve", "a");
+    reserve_valve(wiring, index::make_up_area_m2, "reserve", "b");
+    if wiring.connected("return") {
+        reserve_valve(wiring, index::return_area_m2, "return", "reserve");
+        make_up_valve(wiring, "a");
+        make_up_valve(wiring, "b");
     }
 }
 
@@ -260,7 +234,7 @@ mod tests {
 
     #[test]
     fn damping_resists_with_the_square_of_the_velocity() {
-        let c = constants::<BypassFlow, 3, 1, 3>(&ModeValve, &[], 0);
+        let c = constants(BypassFlow, &MODE_VALVE, &[], 0);
         let area = 2.2723e-3;
         // Velocity in mm/s and force in N: the law without its laminar part.
         for (velocity, force) in [(10.0, 342.0), (30.0, 3070.0), (60.0, 12.3e3), (90.0, 27.7e3)] {
@@ -274,7 +248,7 @@ mod tests {
 
     #[test]
     fn the_reserve_only_gives() {
-        let c = constants::<ReserveFlow, 3, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
+        let c = constants(ReserveFlow, &MODE_VALVE, &[], index::make_up_area_m2);
         assert!(ReserveFlow::evaluate(&c, [0.0, 15e5, 14e5])[0] > 0.0);
         assert_eq!(ReserveFlow::evaluate(&c, [0.0, 15e5, 16e5])[0], 0.0);
         assert_eq!(ReserveFlow::evaluate(&c, [1.0, 15e5, 14e5])[0], 0.0);
@@ -282,7 +256,7 @@ mod tests {
 
     #[test]
     fn the_return_line_fills_a_chamber_in_either_mode() {
-        let c = constants::<MakeUpFlow, 2, 1, 4>(&ModeValve, &[], index::make_up_area_m2);
+        let c = constants(MakeUpFlow, &MODE_VALVE, &[], index::make_up_area_m2);
         assert!(MakeUpFlow::evaluate(&c, [6e5, 5e5])[0] > 0.0);
         assert_eq!(MakeUpFlow::evaluate(&c, [6e5, 7e5])[0], 0.0);
     }
@@ -290,7 +264,7 @@ mod tests {
     #[test]
     fn a_stuck_valve_stays() {
         let rate = |changes: &[(&str, f64)], inputs: [f64; 2]| {
-            let c = constants::<ModePosition, 2, 1, 3>(&ModeValve, changes, 0);
+            let c = constants(ModePosition, &MODE_VALVE, changes, 0);
             ModePosition::evaluate(&c, inputs)[0]
         };
         assert_eq!(rate(&[("damped_position", 1.0)], [0.0, 1.0]), 0.0);

@@ -18,55 +18,44 @@ use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::FluidState;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Parameter, Spec, Unit, declare::*};
+use crate::spec::{Category, Parameter, declare::*};
 use crate::wiring::{Output, Wiring};
-
-/// An orifice; see the module documentation.
-pub(crate) struct Orifice;
 
 /// The discharge coefficient of a restriction.
 pub(crate) const fn discharge_coefficient(name: &'static str) -> Parameter {
-    parameter(name, Unit::None, 0.65, (0.1, 1.0), "discharge coefficient C_d")
+    parameter(name, 0.65, (0.1, 1.0), "discharge coefficient C_d")
 }
 
 /// The Reynolds number at which the flow of a restriction becomes turbulent.
 pub(crate) const fn transition_reynolds(name: &'static str) -> Parameter {
-    parameter(name, Unit::None, 50.0, (1.0, 2500.0), "transition Reynolds number Re_t")
+    parameter(name, 50.0, (1.0, 2500.0), "transition Reynolds number Re_t")
 }
 
 parameters! {
-    area_m2: required(Unit::SquareMetre, (0.0, 1e-2), "flow area"),
+    area_m2: required((0.0, 1e-2), "flow area"),
     discharge_coefficient: discharge_coefficient(),
     transition_reynolds: transition_reynolds(),
 }
 
-static SPEC: Spec = Spec {
+/// An orifice; see the module documentation.
+pub(crate) static ORIFICE: Component = Component {
     kind: "orifice",
     summary: "fixed orifice, laminar to turbulent",
     parameters: &PARAMETERS,
-    faults: &[scales(
-        "clogging",
+    faults: &[fault("clogging", Category::Clogging, "dirt narrows the orifice").scales(
         "area_m2",
         0.05,
         (0.0, 1.0),
-        Category::Clogging,
-        "dirt narrows the orifice",
     )],
     ports: &[hydraulic("a", "one side"), hydraulic("b", "other side")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Orifice {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let pressures = [wiring.pressure("a"), wiring.pressure("b")];
-        let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-        wiring.equation::<Restriction, 2, 1, 3>(0, pressures, [flow]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let pressures = [wiring.pressure("a"), wiring.pressure("b")];
+    let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+    wiring.equation(Restriction, pressures, [flow]);
 }
 
 /// The turbulent constant `k = ρ/(2 C_d²)` of (O1), Pa s²/m².

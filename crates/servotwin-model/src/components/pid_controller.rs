@@ -20,46 +20,37 @@ use super::gain::{gain_high, gain_low};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::string::String;
 
-/// A PID controller; see the module documentation.
-pub(crate) struct PidController;
-
 parameters! {
-    gain: parameter(Unit::None, 1.0, (-1e6, 1e6), "gain K"),
-    integral_gain_per_s: parameter(Unit::PerSecond, 0.0, (0.0, 1e4), "integral gain K_i"),
-    derivative_time_s: parameter(Unit::Second, 0.0, (0.0, 1e3), "derivative time T_d"),
-    derivative_filter_s: parameter(
-        Unit::Second,
-        0.01,
-        (1e-5, 1e3),
-        "filter time constant τ_d of the derivative",
-    ),
-    least: parameter(Unit::None, -1.0, (-1e6, 1e6), "minimum output y_min"),
-    largest: parameter(Unit::None, 1.0, (-1e6, 1e6), "maximum output y_max"),
-    offset: parameter(Unit::None, 0.0, (-1e6, 1e6), "offset b added to the setpoint"),
-    reach: parameter(Unit::None, 1.0, (0.0, 1.0), "share s of the range that the output reaches"),
+    gain: parameter(1.0, (-1e6, 1e6), "gain K"),
+    integral_gain_per_s: parameter(0.0, (0.0, 1e4), "integral gain K_i"),
+    derivative_time_s: parameter(0.0, (0.0, 1e3), "derivative time T_d"),
+    derivative_filter_s: parameter(0.01, (1e-5, 1e3), "filter time constant τ_d of the derivative"),
+    least: parameter(-1.0, (-1e6, 1e6), "minimum output y_min"),
+    largest: parameter(1.0, (-1e6, 1e6), "maximum output y_max"),
+    offset: parameter(0.0, (-1e6, 1e6), "offset b added to the setpoint"),
+    reach: parameter(1.0, (0.0, 1.0), "share s of the range that the output reaches"),
 }
 
-static SPEC: Spec = Spec {
+/// A PID controller; see the module documentation.
+pub(crate) static PID_CONTROLLER: Component = Component {
     kind: "pid_controller",
     summary: "proportional, integral and derivative controller of pure numbers",
     parameters: &PARAMETERS,
     faults: &[
         gain_low("gain"),
         gain_high("gain"),
-        adds("bias_positive", "offset", 0.2, (0.0, 1e6), Category::Bias, "null shift"),
-        adds("bias_negative", "offset", -0.2, (-1e6, 0.0), Category::Bias, "null shift"),
-        scales(
+        fault("bias_positive", Category::Bias, "null shift").adds("offset", 0.2, (0.0, 1e6)),
+        fault("bias_negative", Category::Bias, "null shift").adds("offset", -0.2, (-1e6, 0.0)),
+        fault(
             "output_loss",
-            "reach",
-            0.75,
-            (0.0, 1.0),
             Category::Calibration,
             "the output stage does not reach its maximum output",
-        ),
+        )
+        .scales("reach", 0.75, (0.0, 1.0)),
     ],
     ports: &[
         input("setpoint", Unit::None, "setpoint w"),
@@ -67,36 +58,28 @@ static SPEC: Spec = Spec {
         output("output", Unit::None, "output u of the controller"),
     ],
     states: &[
-        state("integral", Unit::None, 1.0, Start::Value(0.0), "integral part z of the output"),
-        state("slow_error", Unit::None, 1.0, Start::Value(0.0), "filtered error e_f"),
+        state("integral", 1.0, "integral part z of the output"),
+        state("slow_error", 1.0, "filtered error e_f"),
     ],
-    reference: false,
+    connect,
+    check,
+    ..Component::PLAIN
 };
 
-impl Component for PidController {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
+fn check(parameters: &[f64]) -> Result<(), String> {
+    if parameters[index::least] < parameters[index::largest] {
+        return Ok(());
     }
+    Err("least must be below largest".into())
+}
 
-    fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        if parameters[index::least] < parameters[index::largest] {
-            return Ok(());
-        }
-        Err("least must be below largest".into())
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let [setpoint, measured] = ["setpoint", "measured"].map(|port| wiring.signal(port));
-        let [integral, slow] = ["integral", "slow_error"].map(|state| wiring.state(state));
-        let output = wiring.internal();
-        let outputs = [
-            Output::add(output),
-            Output::add(wiring.derivative("integral")),
-            Output::add(wiring.derivative("slow_error")),
-        ];
-        wiring.equation::<PidLaw, 4, 3, 7>(0, [setpoint, measured, integral, slow], outputs);
-        wiring.set("output", output.variable());
-    }
+fn connect(wiring: &mut Wiring) {
+    let [setpoint, measured] = ["setpoint", "measured"].map(|port| wiring.signal(port));
+    let [integral, slow] = ["integral", "slow_error"].map(|state| wiring.state(state));
+    let output = wiring.internal();
+    let outputs = [Output::add(output), wiring.rate("integral"), wiring.rate("slow_error")];
+    wiring.equation(PidLaw, [setpoint, measured, integral, slow], outputs);
+    wiring.set("output", output.variable());
 }
 
 /// Equations (PI1)–(PI4): (setpoint, measured, integral, slow error) → output and both rates.
@@ -148,7 +131,7 @@ mod tests {
             ("derivative_time_s", 0.1),
             ("derivative_filter_s", 0.02),
         ];
-        let c = constants::<PidLaw, 4, 3, 7>(&PidController, &changes, 0);
+        let c = constants(PidLaw, &PID_CONTROLLER, &changes, 0);
         let [output, integral, slow] = PidLaw::evaluate(&c, [0.1, 0.05, 0.2, 0.03]);
         // 2 (0.05 + 0.1 (0.05 − 0.03)/0.02) + 0.2
         assert!((output - 0.5).abs() < 1e-12, "{output}");
@@ -156,18 +139,18 @@ mod tests {
         let [output, integral, _] = PidLaw::evaluate(&c, [5.0, 0.0, 0.0, 5.0]);
         assert_eq!((output, integral), (1.0, 3.0));
         // An offset acts like a setpoint.
-        let shifted = constants::<PidLaw, 4, 3, 7>(&PidController, &[("offset", 0.05)], 0);
-        let healthy = constants::<PidLaw, 4, 3, 7>(&PidController, &[], 0);
+        let shifted = constants(PidLaw, &PID_CONTROLLER, &[("offset", 0.05)], 0);
+        let healthy = constants(PidLaw, &PID_CONTROLLER, &[], 0);
         let wanted = |c, setpoint| PidLaw::evaluate(c, [setpoint, 0.25, 0.0, 0.0]);
         assert_eq!(wanted(&shifted, 0.5), wanted(&healthy, 0.55));
     }
 
     #[test]
     fn a_loss_of_output_moves_the_upper_limit_to_the_lower_one_and_never_beyond() {
-        let fault = SPEC.faults[SPEC.fault("output_loss").unwrap()];
+        let fault = PID_CONTROLLER.faults[PID_CONTROLLER.fault("output_loss").unwrap()];
         let limits = |least: f64, largest: f64, reach: f64| {
             let changes = [("least", least), ("largest", largest), ("reach", reach)];
-            let c = constants::<PidLaw, 4, 3, 7>(&PidController, &changes, 0);
+            let c = constants(PidLaw, &PID_CONTROLLER, &changes, 0);
             let output = |demand: f64| PidLaw::evaluate(&c, [0.0, 0.0, demand, 0.0])[0];
             (output(-1e7), output(1e7))
         };
@@ -191,6 +174,6 @@ mod tests {
 
     #[test]
     fn limits_in_the_wrong_order_are_impossible() {
-        assert!(PidController.check(&[1.0, 0.0, 0.0, 0.01, 1.0, 1.0, 0.0, 1.0]).is_err());
+        assert!((PID_CONTROLLER.check)(&[1.0, 0.0, 0.0, 0.01, 1.0, 1.0, 0.0, 1.0]).is_err());
     }
 }

@@ -17,37 +17,29 @@ use super::gain::{gain_high, gain_low};
 use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Port, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Fault, Port, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::vec;
 use alloc::vec::Vec;
 use core::f64::consts::FRAC_PI_2;
 
-/// A continuous position loop; see the module documentation.
-pub(crate) struct PositionController;
-
 // The sampled controller shares these parameters.
 parameters! {
-    arm_m: parameter(Unit::Metre, 0.0525, (1e-4, 100.0), "lever arm r from angle to stroke"),
-    gain_per_m: parameter(Unit::PerMetre, 272.0, (0.0, 1e6), "position gain K_p"),
-    pressure_gain: parameter(Unit::None, 0.45, (0.0, 100.0), "pressure feedback gain K_d"),
-    pressure_reference_pa: parameter(
-        Unit::Pascal,
-        20.684e6,
-        (1e3, 1e9),
-        "reference pressure p_ref",
-    ),
-    washout_s: parameter(Unit::Second, 0.10, (1e-4, 1e3), "washout time constant τ"),
-    rig_offset_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "rigging offset x_rig"),
-    correction_m: parameter(Unit::Metre, 0.0, (-1.0, 1.0), "constant correction x_corr"),
-    mode: parameter(Unit::None, 1.0, (0.0, 1.0), "1 active, 0 off"),
+    arm_m: parameter(0.0525, (1e-4, 100.0), "lever arm r from angle to stroke"),
+    gain_per_m: parameter(272.0, (0.0, 1e6), "position gain K_p"),
+    pressure_gain: parameter(0.45, (0.0, 100.0), "pressure feedback gain K_d"),
+    pressure_reference_pa: parameter(20.684e6, (1e3, 1e9), "reference pressure p_ref"),
+    washout_s: parameter(0.10, (1e-4, 1e3), "washout time constant τ"),
+    rig_offset_m: parameter(0.0, (-1.0, 1.0), "rigging offset x_rig"),
+    correction_m: parameter(0.0, (-1.0, 1.0), "constant correction x_corr"),
+    mode: parameter(1.0, (0.0, 1.0), "1 active, 0 off"),
 }
 
 /// The faults of a position loop: a wrong gain or a wrong zero of its amplifier.
 pub(crate) const LOOP_FAULTS: [Fault; 4] = {
     const fn bias(name: &'static str, full_m: f64, range_m: (f64, f64)) -> Fault {
         let summary = "null shift: the loop holds another position";
-        adds(name, "rig_offset_m", full_m, range_m, Category::Bias, summary)
+        fault(name, Category::Bias, summary).adds("rig_offset_m", full_m, range_m)
     }
     [
         gain_low("gain_per_m"),
@@ -60,14 +52,9 @@ pub(crate) const LOOP_FAULTS: [Fault; 4] = {
 /// The faults of the controller, which the sampled controller shares.
 pub(crate) const FAULTS: [Fault; 5] = {
     let [low, high, positive, negative] = LOOP_FAULTS;
-    let feedback_loss = scales(
-        "feedback_loss",
-        "pressure_gain",
-        0.0,
-        (0.0, 1.0),
-        Category::Dynamics,
-        "pressure feedback no longer damps the loop",
-    );
+    let feedback_loss =
+        fault("feedback_loss", Category::Dynamics, "pressure feedback no longer damps the loop")
+            .scales("pressure_gain", 0.0, (0.0, 1.0));
     [low, high, positive, negative, feedback_loss]
 };
 
@@ -82,45 +69,34 @@ pub(crate) const PORTS: [Port; 7] = [
     output("current", Unit::None, "valve current per unit of the rated current"),
 ];
 
-static SPEC: Spec = Spec {
+/// A continuous position loop; see the module documentation.
+pub(crate) static POSITION_CONTROLLER: Component = Component {
     kind: "position_controller",
     summary: "position loop with dynamic pressure feedback",
     parameters: &PARAMETERS,
     faults: &FAULTS,
     ports: &PORTS,
-    states: &[state(
-        "washout_pa",
-        Unit::Pascal,
-        2e7,
-        Start::Value(0.0),
-        "slow part d of the differential pressure",
-    )],
-    reference: false,
+    states: &[state("washout_pa", 2e7, "slow part d of the differential pressure")],
+    connect,
+    steady_gains,
+    ..Component::PLAIN
 };
 
-impl Component for PositionController {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn connect(wiring: &mut Wiring) {
+    let demand = wiring.internal();
+    let inputs = ["command", "position", "correction"].map(|p| wiring.signal(p));
+    wiring.equation(PositionDemand, inputs, [Output::add(demand)]);
+    let [a, b] = ["pressure_a", "pressure_b"].map(|p| wiring.signal(p));
+    let inputs = [a, b, wiring.state("washout_pa")];
+    let rate = wiring.derivative("washout_pa");
+    let outputs = [Output::subtract(demand), Output::add(rate)];
+    wiring.equation(PressureFeedback, inputs, outputs);
+    let inputs = [demand.variable(), wiring.signal("mode")];
+    wiring.output("current", LimitedCurrent, inputs);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let demand = wiring.internal();
-        let inputs = ["command", "position", "correction"].map(|p| wiring.signal(p));
-        wiring.equation::<PositionDemand, 3, 1, 3>(0, inputs, [Output::add(demand)]);
-        let [a, b] = ["pressure_a", "pressure_b"].map(|p| wiring.signal(p));
-        let inputs = [a, b, wiring.state("washout_pa")];
-        let rate = wiring.derivative("washout_pa");
-        let outputs = [Output::subtract(demand), Output::add(rate)];
-        wiring.equation::<PressureFeedback, 3, 2, 2>(0, inputs, outputs);
-        let current = wiring.internal();
-        let inputs = [demand.variable(), wiring.signal("mode")];
-        wiring.equation::<LimitedCurrent, 2, 1, 0>(0, inputs, [Output::add(current)]);
-        wiring.set("current", current.variable());
-    }
-
-    fn steady_gains(&self, parameters: &[f64]) -> Vec<SteadyGain> {
-        loop_gains(parameters)
-    }
+fn steady_gains(parameters: &[f64]) -> Vec<SteadyGain> {
+    loop_gains(parameters)
 }
 
 /// How the current of a position loop follows what its sensors read: (K1) and (K2) for changes that are fast beside the
@@ -199,10 +175,6 @@ impl Equation<3, 2, 2> for PressureFeedback {
 pub(crate) struct LimitedCurrent;
 
 impl Equation<2, 1, 0> for LimitedCurrent {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [demand, mode]: [S; 2]) -> [S; 1] {
         [limited(demand, mode)]
@@ -217,8 +189,8 @@ mod tests {
     /// The declared gains are the slopes of (K1) and (K2).
     #[test]
     fn the_gains_of_the_loop_are_those_of_its_equations() {
-        let demand = constants::<PositionDemand, 3, 1, 3>(&PositionController, &[], 0);
-        let feedback = constants::<PressureFeedback, 3, 2, 2>(&PositionController, &[], 0);
+        let demand = constants(PositionDemand, &POSITION_CONTROLLER, &[], 0);
+        let feedback = constants(PressureFeedback, &POSITION_CONTROLLER, &[], 0);
         let current = |[position, p_a, p_b]: [f64; 3]| {
             let [wanted] = PositionDemand::evaluate(&demand, [0.1, position, 0.0]);
             let [damping, _] = PressureFeedback::evaluate(&feedback, [p_a, p_b, 0.0]);
@@ -226,7 +198,7 @@ mod tests {
         };
         let at_rest = current([0.0; 3]);
         let parameters: Vec<f64> = PARAMETERS.iter().filter_map(|known| known.default).collect();
-        let gains = PositionController.steady_gains(&parameters);
+        let gains = (POSITION_CONTROLLER.steady_gains)(&parameters);
         for (place, change) in [1e-3, 1e5, 1e5].into_iter().enumerate() {
             let mut readings = [0.0; 3];
             readings[place] = change;

@@ -14,16 +14,13 @@ use super::conversion;
 use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Port, Spec, Start, State, Unit, declare::*};
-use crate::wiring::{Output, Variable, Wiring};
-
-/// A pressure transducer; see the module documentation.
-pub(crate) struct PressureSensor;
+use crate::spec::{Category, Fault, Port, Start, State, Unit, declare::*};
+use crate::wiring::{Variable, Wiring};
 
 parameters! {
     // 5000 psi: chambers exceed a supply of 3000 psi, and a sensor at its end shows a constant.
-    full_scale_pa: parameter(Unit::Pascal, 34.474e6, (1e3, 1e9), "range p_FS"),
-    bandwidth_hz: parameter(Unit::Hertz, 125.0, (1e-3, 1e5), "corner frequency f"),
+    full_scale_pa: parameter(34.474e6, (1e3, 1e9), "range p_FS"),
+    bandwidth_hz: parameter(125.0, (1e-3, 1e5), "corner frequency f"),
     bias_electrical: conversion::bias_electrical(),
     gain_electrical: conversion::gain_electrical(),
     bias_digital: conversion::bias_digital(),
@@ -33,14 +30,12 @@ parameters! {
 }
 
 /// The faults of a transducer, with or without a tapping line.
-pub(super) const FAULTS: [Fault; 9] = conversion::faults(shrinks(
-    "lag",
-    "bandwidth_hz",
-    0.005,
-    (1e-5, 1.0),
-    Category::Lag,
-    "clogged pressure tapping",
-));
+pub(super) const FAULTS: [Fault; 9] =
+    conversion::faults(fault("lag", Category::Lag, "clogged pressure tapping").shrinks(
+        "bandwidth_hz",
+        0.005,
+        (1e-5, 1.0),
+    ));
 
 /// The ports of a transducer.
 pub(super) const PORTS: [Port; 3] = [
@@ -50,54 +45,40 @@ pub(super) const PORTS: [Port; 3] = [
 ];
 
 /// The current of the loop.
-pub(super) const CURRENT: State = state(
-    "current_a",
-    Unit::Ampere,
-    20e-3,
-    Start::Value(conversion::ZERO_A),
-    "current of the loop",
-);
+pub(super) const CURRENT: State =
+    state("current_a", 20e-3, "current of the loop").from(Start::Value(conversion::ZERO_A));
 
-static SPEC: Spec = Spec {
+/// A pressure transducer; see the module documentation.
+pub(crate) static PRESSURE_SENSOR: Component = Component {
     kind: "pressure_sensor",
     summary: "pressure transducer with a 4-20 mA output",
     parameters: &PARAMETERS,
     faults: &FAULTS,
     ports: &PORTS,
     states: &[CURRENT],
-    reference: false,
+    connect,
+    span,
+    ..Component::PLAIN
 };
 
-impl Component for PressureSensor {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
-        Some(measuring_span(parameters))
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let pressure = wiring.pressure("port");
-        connect_transducer(wiring, pressure);
-    }
+fn connect(wiring: &mut Wiring) {
+    let pressure = wiring.pressure("port");
+    connect_transducer(wiring, pressure);
 }
 
 /// The measuring span of a transducer.
-pub(super) fn measuring_span(parameters: &[f64]) -> MeasuringSpan {
+pub(super) fn span(parameters: &[f64]) -> Option<MeasuringSpan> {
     let full_scale = parameters[index::full_scale_pa];
-    MeasuringSpan { full_scale, range: full_scale }
+    Some(MeasuringSpan { full_scale, range: full_scale })
 }
 
 /// Wires a transducer that measures a pressure.
 pub(super) fn connect_transducer(wiring: &mut Wiring, pressure: Variable) {
     let current = wiring.state("current_a");
     wiring.set("electrical", current);
-    let rate = Output::add(wiring.derivative("current_a"));
-    wiring.equation::<PressureToCurrent, 2, 1, 3>(0, [pressure, current], [rate]);
-    let reading = wiring.internal();
-    wiring.equation::<CurrentToPressure, 1, 1, 2>(0, [current], [Output::add(reading)]);
-    wiring.set("reading", reading.variable());
+    let rate = wiring.rate("current_a");
+    wiring.equation(PressureToCurrent, [pressure, current], [rate]);
+    wiring.output("reading", CurrentToPressure, [current]);
 }
 
 /// Equation (PS1): (pressure, current) → rate of the current.

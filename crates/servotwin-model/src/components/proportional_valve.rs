@@ -20,17 +20,14 @@
 
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, breakaway, clogging,
-    connect_edges, damping_loss, gain_high, gain_low, jam, motion_variables,
-    natural_frequency_loss, ports, spool_constants, spool_motion, states,
+    damping_loss, edges, gain_high, gain_low, jam, motion_variables, natural_frequency_loss, ports,
+    spool_constants, spool_motion, states,
 };
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, declare::*};
 use crate::wiring::Wiring;
-
-/// A proportional valve; see the module documentation.
-pub(crate) struct ProportionalValve;
 
 /// The spool's stops: at 1.1 strokes, where they do not affect the flow, with the stiffness and damping of
 /// the servo valve's stops.
@@ -42,35 +39,24 @@ const OVERLAPS: [usize; 4] =
     [index::pa_overlap, index::pb_overlap, index::at_overlap, index::bt_overlap];
 
 const fn share(name: &'static str, summary: &'static str) -> Parameter {
-    parameter(name, Unit::None, 1.0, (0.0, 2.0), summary)
+    parameter(name, 1.0, (0.0, 2.0), summary)
 }
 
 const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
-    parameter(name, Unit::None, 0.0, (-0.5, 0.5), summary)
+    parameter(name, 0.0, (-0.5, 0.5), summary)
 }
 
 const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    adds(name, parameter, -0.05, (-0.5, 0.5), Category::Wear, summary)
+    fault(name, Category::Wear, summary).adds(parameter, -0.05, (-0.5, 0.5))
 }
 
 parameters! {
     rated_flow_m3_s: required(
-        Unit::CubicMetrePerSecond,
         (1e-7, 0.1),
         "flow Q_N of a fully open edge at the rated pressure drop",
     ),
-    rated_drop_pa: parameter(
-        Unit::Pascal,
-        5e5,
-        (1e4, 1e8),
-        "rated pressure drop Δp_N over an edge",
-    ),
-    rated_density_kg_m3: parameter(
-        Unit::KilogramPerCubicMetre,
-        865.0,
-        (500.0, 2000.0),
-        "density ρ_N of the oil in the rating",
-    ),
+    rated_drop_pa: parameter(5e5, (1e4, 1e8), "rated pressure drop Δp_N over an edge"),
+    rated_density_kg_m3: parameter(865.0, (500.0, 2000.0), "density ρ_N of the oil in the rating"),
     pa_share: share("share of the rated flow that edge P-A passes"),
     pb_share: share("share of the rated flow that edge P-B passes"),
     at_share: share("share of the rated flow that edge A-T passes"),
@@ -79,40 +65,21 @@ parameters! {
     pb_overlap: overlap("overlap of edge P-B per unit of stroke"),
     at_overlap: overlap("overlap of edge A-T per unit of stroke"),
     bt_overlap: overlap("overlap of edge B-T per unit of stroke"),
-    smoothing: parameter(Unit::None, 2e-3, (1e-5, 0.1), "smoothing ε of the edges"),
-    transition_pa: parameter(
-        Unit::Pascal,
-        2e4,
-        (1.0, 1e6),
-        "pressure drop p_t below which the flow is laminar",
-    ),
-    leakage_m3_s_pa: parameter(
-        Unit::CubicMetrePerSecondPascal,
-        2e-13,
-        (0.0, 1e-8),
-        "laminar conductance C_l past each land",
-    ),
-    stroke_m: parameter(Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at full signal"),
-    natural_frequency_hz: parameter(
-        Unit::Hertz,
-        60.0,
-        (0.1, 2000.0),
-        "natural frequency of the spool",
-    ),
-    damping_ratio: parameter(Unit::None, 0.8, (1e-3, 10.0), "damping ratio of the spool"),
-    opening_time_s: parameter(
-        Unit::Second,
-        0.015,
-        (1e-4, 10.0),
-        "shortest time from the center to full opening",
-    ),
-    null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of full signal"),
-    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "gain g from signal to stroke"),
+    smoothing: parameter(2e-3, (1e-5, 0.1), "smoothing ε of the edges"),
+    transition_pa: parameter(2e4, (1.0, 1e6), "pressure drop p_t below which the flow is laminar"),
+    leakage_m3_s_pa: parameter(2e-13, (0.0, 1e-8), "laminar conductance C_l past each land"),
+    stroke_m: parameter(1e-3, (1e-5, 1e-1), "spool position at full signal"),
+    natural_frequency_hz: parameter(60.0, (0.1, 2000.0), "natural frequency of the spool"),
+    damping_ratio: parameter(0.8, (1e-3, 10.0), "damping ratio of the spool"),
+    opening_time_s: parameter(0.015, (1e-4, 10.0), "shortest time from the center to full opening"),
+    null_bias: parameter(0.0, (-2.0, 2.0), "offset, per unit of full signal"),
+    current_gain: parameter(1.0, (-10.0, 10.0), "gain g from signal to stroke"),
     breakaway: breakaway(),
-    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "transmission if no signal is connected"),
+    transmission: parameter(1.0, (0.0, 1.0), "transmission if no signal is connected"),
 }
 
-static SPEC: Spec = Spec {
+/// A proportional valve; see the module documentation.
+pub(crate) static PROPORTIONAL_VALVE: Component = Component {
     kind: "proportional_valve",
     summary: "four-way proportional or servo valve, described by rated flow and overlap",
     parameters: &PARAMETERS,
@@ -123,26 +90,14 @@ static SPEC: Spec = Spec {
         clogging("clogging_bt", "bt_share", "dirt narrows edge B-T"),
         natural_frequency_loss("the position loop of the spool is slow"),
         damping_loss("the position loop of the spool rings"),
-        scales(
-            "slow_spool",
-            "opening_time_s",
-            20.0,
-            (1.0, 1000.0),
-            Category::Dynamics,
-            "the pilot stage or the solenoid has lost force",
-        ),
+        fault("slow_spool", Category::Dynamics, "the pilot stage or the solenoid has lost force")
+            .scales("opening_time_s", 20.0, (1.0, 1000.0)),
         bias_positive(),
         bias_negative(),
         gain_high("too much stroke per signal"),
         gain_low("too little stroke per signal"),
-        adds(
-            "wear",
-            "leakage_m3_s_pa",
-            5e-12,
-            (1e-14, 1e-7),
-            Category::InternalLeakage,
-            "worn lands: each leaks 3 L/min more at 100 bar",
-        ),
+        fault("wear", Category::InternalLeakage, "worn lands: each leaks 3 L/min more at 100 bar")
+            .adds("leakage_m3_s_pa", 5e-12, (1e-14, 1e-7)),
         edge_wear("wear_pa", "pa_overlap", "edge P-A is eroded"),
         edge_wear("wear_pb", "pb_overlap", "edge P-B is eroded"),
         edge_wear("wear_at", "at_overlap", "edge A-T is eroded"),
@@ -151,18 +106,15 @@ static SPEC: Spec = Spec {
     ],
     ports: &ports("signal per unit of full signal"),
     states: &states(),
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for ProportionalValve {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let (inputs, rates) = motion_variables(wiring);
-        wiring.equation::<ControlledSpool, 3, 2, SPOOL_CONSTANTS>(0, inputs, rates);
-        connect_edges::<RatedEdge, 6>(wiring);
+fn connect(wiring: &mut Wiring) {
+    let (inputs, rates) = motion_variables(wiring);
+    wiring.equation(ControlledSpool, inputs, rates);
+    for (which, (inputs, flow)) in edges(wiring).into_iter().enumerate() {
+        wiring.equation_of(which, RatedEdge, inputs, [flow]);
     }
 }
 
@@ -229,7 +181,7 @@ mod tests {
     /// Flow in L/min through an edge of a valve rated at 60 L/min and 5 bar.
     fn flow(changes: &[(&str, f64)], which: usize, stroke: f64, bar: f64) -> f64 {
         let all = [&[("rated_flow_m3_s", 1e-3)], changes].concat();
-        let c = constants::<RatedEdge, 4, 1, 6>(&ProportionalValve, &all, which);
+        let c = constants(RatedEdge, &PROPORTIONAL_VALVE, &all, which);
         RatedEdge::evaluate(&c, [stroke * 1e-3, 1.0, 1e5 + bar * 1e5, 1e5])[0] * 6e4
     }
 

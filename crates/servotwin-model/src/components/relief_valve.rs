@@ -11,27 +11,13 @@
 
 use super::{check_valve, orifice};
 use crate::component::Component;
-use crate::spec::{Category, Spec, Unit, declare::*};
-use crate::wiring::Wiring;
-
-/// A relief valve; see the module documentation.
-pub(crate) struct ReliefValve;
+use crate::spec::{Category, declare::*};
 
 parameters! {
-    area_m2: parameter(Unit::SquareMetre, 1e-5, (0.0, 1e-2), "flow area when open"),
-    set_pa: parameter(
-        Unit::Pascal,
-        25.8e6,
-        (0.0, 1e8),
-        "pressure drop at which the valve begins to open",
-    ),
-    range_pa: parameter(
-        Unit::Pascal,
-        1e6,
-        (1e2, 1e8),
-        "further pressure drop until the valve is open",
-    ),
-    leak_area_m2: parameter(Unit::SquareMetre, 0.0, (0.0, 1e-2), "leak through the seat"),
+    area_m2: parameter(1e-5, (0.0, 1e-2), "flow area when open"),
+    set_pa: parameter(25.8e6, (0.0, 1e8), "pressure drop at which the valve begins to open"),
+    range_pa: parameter(1e6, (1e2, 1e8), "further pressure drop until the valve is open"),
+    leak_area_m2: parameter(0.0, (0.0, 1e-2), "leak through the seat"),
     discharge_coefficient: orifice::discharge_coefficient(),
     transition_reynolds: orifice::transition_reynolds(),
 }
@@ -45,39 +31,24 @@ const _: () = {
     assert!(index::transition_reynolds == shared::transition_reynolds);
 };
 
-static SPEC: Spec = Spec {
+/// A relief valve; see the module documentation.
+pub(crate) static RELIEF_VALVE: Component = Component {
     kind: "relief_valve",
     summary: "relief valve with smooth opening",
     parameters: &PARAMETERS,
     faults: &[
-        scales(
-            "set_pressure_loss",
+        fault("set_pressure_loss", Category::Wear, "the spring has lost force").scales(
             "set_pa",
             0.5,
             (0.0, 1.0),
-            Category::Wear,
-            "the spring has lost force",
         ),
-        adds(
-            "seat_leakage",
+        fault("seat_leakage", Category::InternalLeakage, "the seat is worn").adds(
             "leak_area_m2",
             2e-7,
             (0.0, 1e-2),
-            Category::InternalLeakage,
-            "the seat is worn",
         ),
     ],
     ports: &[hydraulic("a", "protected side"), hydraulic("b", "side to which it relieves")],
-    states: &[],
-    reference: false,
+    connect: check_valve::connect,
+    ..Component::PLAIN
 };
-
-impl Component for ReliefValve {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        check_valve::connect(wiring);
-    }
-}

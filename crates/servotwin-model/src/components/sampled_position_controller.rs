@@ -18,18 +18,15 @@ use super::position_controller::{
 use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Parameter, Spec, Unit, declare::*};
+use crate::spec::{Parameter, declare::*};
 use crate::wiring::Wiring;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// A sampled position loop; see the module documentation.
-pub(crate) struct SampledPositionController;
-
 // These parameters follow those of the continuous controller.
 parameters! {
-    period_s: parameter(Unit::Second, 0.01, (1e-4, 1.0), "time T between ticks"),
-    delay_samples: parameter(Unit::None, 0.0, (0.0, 2.0), "computation delay n, in whole samples"),
+    period_s: parameter(0.01, (1e-4, 1.0), "time T between ticks"),
+    delay_samples: parameter(0.0, (0.0, 2.0), "computation delay n, in whole samples"),
 }
 
 /// Number of parameters of the continuous controller.
@@ -43,46 +40,43 @@ const ALL_PARAMETERS: [Parameter; SHARED + PARAMETERS.len()] = {
     [a, b, c, d, e, f, g, h, period, delay]
 };
 
-static SPEC: Spec = Spec {
+/// A sampled position loop; see the module documentation.
+pub(crate) static SAMPLED_POSITION_CONTROLLER: Component = Component {
     kind: "sampled_position_controller",
     summary: "position loop with dynamic pressure feedback, sampled",
     parameters: &ALL_PARAMETERS,
     faults: &FAULTS,
     ports: &PORTS,
-    states: &[],
-    reference: false,
+    connect,
+    check,
+    steady_gains,
+    ..Component::PLAIN
 };
 
-impl Component for SampledPositionController {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn connect(wiring: &mut Wiring) {
+    let [_, newest, delayed, twice_delayed] =
+        wiring.sampled(SampledLaw, "period_s", |wiring, held| {
+            let signal = |port| wiring.signal(port);
+            let [command, position, correction, p_a, p_b, mode] =
+                ["command", "position", "correction", "pressure_a", "pressure_b", "mode"]
+                    .map(signal);
+            let [washout, newest, delayed, _] = held;
+            [command, position, correction, p_a, p_b, mode, washout, newest, delayed]
+        });
+    let delay = wiring.structural("delay_samples") as usize;
+    wiring.set("current", [newest, delayed, twice_delayed][delay]);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let [_, newest, delayed, twice_delayed] =
-            wiring.sampled::<SampledLaw, 9, 4, 5>("period_s", |wiring, held| {
-                let signal = |port| wiring.signal(port);
-                let [command, position, correction, p_a, p_b, mode] =
-                    ["command", "position", "correction", "pressure_a", "pressure_b", "mode"]
-                        .map(signal);
-                let [washout, newest, delayed, _] = held;
-                [command, position, correction, p_a, p_b, mode, washout, newest, delayed]
-            });
-        let delay = wiring.structural("delay_samples") as usize;
-        wiring.set("current", [newest, delayed, twice_delayed][delay]);
+fn check(parameters: &[f64]) -> Result<(), String> {
+    if [0.0, 1.0, 2.0].contains(&parameters[DELAY]) {
+        Ok(())
+    } else {
+        Err("delay_samples must be 0, 1 or 2".into())
     }
+}
 
-    fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        if [0.0, 1.0, 2.0].contains(&parameters[DELAY]) {
-            Ok(())
-        } else {
-            Err("delay_samples must be 0, 1 or 2".into())
-        }
-    }
-
-    fn steady_gains(&self, parameters: &[f64]) -> Vec<SteadyGain> {
-        loop_gains(parameters)
-    }
+fn steady_gains(parameters: &[f64]) -> Vec<SteadyGain> {
+    loop_gains(parameters)
 }
 
 /// Equations (Z1)–(Z3): (signals, held values) → (washout, current, current of

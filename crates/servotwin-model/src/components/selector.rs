@@ -17,25 +17,22 @@
 //! Source: an ideal element, by definition.
 
 use crate::component::{Component, SteadyGain};
-use crate::equation::{Equation, Given};
+use crate::equation::Equation;
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Spec, Unit, declare::*};
+use crate::spec::{Unit, declare::*};
 use crate::wiring::{Output, Variable, Wiring};
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A selector; see the module documentation.
-pub(crate) struct Selector;
-
 parameters! {
-    select: parameter(Unit::None, 0.0, (0.0, 1.0), "selection s: 0 for the first, 1 for the vote"),
+    select: parameter(0.0, (0.0, 1.0), "selection s: 0 for the first, 1 for the vote"),
 }
 
-static SPEC: Spec = Spec {
+/// A selector; see the module documentation.
+pub(crate) static SELECTOR: Component = Component {
     kind: "selector",
     summary: "one of two to four displacements, or their vote, for a controller",
     parameters: &PARAMETERS,
-    faults: &[],
     ports: &[
         input("first", Unit::Metre, "x_1"),
         input("second", Unit::Metre, "x_2"),
@@ -44,28 +41,21 @@ static SPEC: Spec = Spec {
         input_or("select", Unit::None, "select", "0 for the first, 1 for the vote"),
         output("output", Unit::Metre, "selected displacement y"),
     ],
-    states: &[],
-    reference: false,
+    connect,
+    steady_gains,
+    ..Component::PLAIN
 };
 
-impl Component for Selector {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn connect(wiring: &mut Wiring) {
+    let [first, second, select] = ["first", "second", "select"].map(|p| wiring.signal(p));
+    let vote = vote(wiring, first, second);
+    let inputs = [first, vote, select];
+    wiring.output("output", Selection, inputs);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let [first, second, select] = ["first", "second", "select"].map(|p| wiring.signal(p));
-        let vote = vote(wiring, first, second);
-        let output = wiring.internal();
-        let inputs = [first, vote, select];
-        wiring.equation::<Selection, 3, 1, 0>(0, inputs, [Output::add(output)]);
-        wiring.set("output", output.variable());
-    }
-
-    /// Those of the first displacement; a vote is not linear.
-    fn steady_gains(&self, _parameters: &[f64]) -> Vec<SteadyGain> {
-        vec![SteadyGain { from: "first", to: "output", gain: 1.0 }]
-    }
+/// Those of the first displacement; a vote is not linear.
+fn steady_gains(_parameters: &[f64]) -> Vec<SteadyGain> {
+    vec![SteadyGain { from: "first", to: "output", gain: 1.0 }]
 }
 
 /// Wires the vote v of the connected displacements. Either optional port may be left open.
@@ -79,11 +69,11 @@ fn vote(wiring: &mut Wiring, first: Variable, second: Variable) -> Variable {
     let output = [Output::add(vote)];
     match others {
         [Some(third), Some(fourth)] => {
-            wiring.equation::<MiddleOfFour, 4, 1, 0>(0, [first, second, third, fourth], output);
+            wiring.equation(MiddleOfFour, [first, second, third, fourth], output);
         }
         [third, fourth] => {
             let third = third.or(fourth).expect("one is connected");
-            wiring.equation::<MiddleOfThree, 3, 1, 0>(0, [first, second, third], output);
+            wiring.equation(MiddleOfThree, [first, second, third], output);
         }
     }
     vote.variable()
@@ -93,10 +83,6 @@ fn vote(wiring: &mut Wiring, first: Variable, second: Variable) -> Variable {
 pub(crate) struct Selection;
 
 impl Equation<3, 1, 0> for Selection {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [first, vote, select]: [S; 3]) -> [S; 1] {
         [first + select * (vote - first)]
@@ -107,10 +93,6 @@ impl Equation<3, 1, 0> for Selection {
 pub(crate) struct MiddleOfThree;
 
 impl Equation<3, 1, 0> for MiddleOfThree {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [a, b, c]: [S; 3]) -> [S; 1] {
         [a.min(b).max(a.max(b).min(c))]
@@ -121,10 +103,6 @@ impl Equation<3, 1, 0> for MiddleOfThree {
 pub(crate) struct MiddleOfFour;
 
 impl Equation<4, 1, 0> for MiddleOfFour {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [a, b, c, d]: [S; 4]) -> [S; 1] {
         let low = a.min(b).max(c.min(d));

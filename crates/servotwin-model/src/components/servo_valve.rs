@@ -39,19 +39,16 @@
 use super::orifice::{self, flow_m3_s, hole, scaled_velocity_pa_s_m, turbulent};
 use super::spool::{
     ORIENTATIONS, SPOOL_CONSTANTS, Spool, bias_negative, bias_positive, breakaway, clogging,
-    connect_edges, damping_loss, gain_high, gain_low, jam, motion_variables,
-    natural_frequency_loss, ports, spool_constants, spool_motion, states,
+    damping_loss, edges, gain_high, gain_low, jam, motion_variables, natural_frequency_loss, ports,
+    spool_constants, spool_motion, states,
 };
 use crate::component::{Component, SteadyGain};
 use crate::equation::{Equation, Given};
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Category, Fault, Parameter, Spec, Unit, declare::*};
+use crate::spec::{Category, Fault, Parameter, declare::*};
 use crate::wiring::{Output, Wiring};
 use alloc::vec;
 use alloc::vec::Vec;
-
-/// A two-stage servo valve; see the module documentation.
-pub(crate) struct ServoValve;
 
 /// The parameters of the edges in the order of [`ORIENTATIONS`]: PA, PB, AT, BT.
 const WIDTHS: [usize; 4] =
@@ -60,19 +57,19 @@ const OVERLAPS: [usize; 4] =
     [index::overlap_pa_m, index::overlap_pb_m, index::overlap_at_m, index::overlap_bt_m];
 
 const fn width(name: &'static str, summary: &'static str) -> Parameter {
-    parameter(name, Unit::Metre, 2.38e-3, (0.0, 0.2), summary)
+    parameter(name, 2.38e-3, (0.0, 0.2), summary)
 }
 
 const fn overlap(name: &'static str, summary: &'static str) -> Parameter {
-    parameter(name, Unit::Metre, -2e-6, (-1e-3, 1e-3), summary)
+    parameter(name, -2e-6, (-1e-3, 1e-3), summary)
 }
 
 const fn edge_wear(name: &'static str, parameter: &'static str, summary: &'static str) -> Fault {
-    adds(name, parameter, -20e-6, (-1e-3, 1e-3), Category::Wear, summary)
+    fault(name, Category::Wear, summary).adds(parameter, -20e-6, (-1e-3, 1e-3))
 }
 
 parameters! {
-    stroke_m: parameter(Unit::Metre, 1e-3, (1e-5, 1e-1), "spool position at rated current"),
+    stroke_m: parameter(1e-3, (1e-5, 1e-1), "spool position at rated current"),
     width_pa_m: width("slot width of edge P-A"),
     width_pb_m: width("slot width of edge P-B"),
     width_at_m: width("slot width of edge A-T"),
@@ -81,62 +78,40 @@ parameters! {
     overlap_pb_m: overlap("overlap of edge P-B; negative: underlap"),
     overlap_at_m: overlap("overlap of edge A-T; negative: underlap"),
     overlap_bt_m: overlap("overlap of edge B-T; negative: underlap"),
-    clearance_m: parameter(Unit::Metre, 4e-6, (1e-7, 1e-3), "radial clearance"),
-    edge_radius_m: parameter(Unit::Metre, 2e-6, (0.0, 1e-3), "radius of the metering edges"),
-    smoothing_m: parameter(Unit::Metre, 1.5e-6, (1e-8, 1e-4), "smoothing of the edges"),
-    eccentricity: parameter(Unit::None, 0.0, (0.0, 1.0), "relative spool eccentricity"),
+    clearance_m: parameter(4e-6, (1e-7, 1e-3), "radial clearance"),
+    edge_radius_m: parameter(2e-6, (0.0, 1e-3), "radius of the metering edges"),
+    smoothing_m: parameter(1.5e-6, (1e-8, 1e-4), "smoothing of the edges"),
+    eccentricity: parameter(0.0, (0.0, 1.0), "relative spool eccentricity"),
     discharge_coefficient: orifice::discharge_coefficient(),
     transition_reynolds: orifice::transition_reynolds(),
-    natural_frequency_hz: parameter(
-        Unit::Hertz,
-        100.0,
-        (0.1, 2000.0),
-        "natural frequency of the spool",
-    ),
-    damping_ratio: parameter(Unit::None, 0.7, (1e-3, 10.0), "damping ratio of the spool"),
+    natural_frequency_hz: parameter(100.0, (0.1, 2000.0), "natural frequency of the spool"),
+    damping_ratio: parameter(0.7, (1e-3, 10.0), "damping ratio of the spool"),
     slew_rate_m_s: parameter(
-        Unit::MetrePerSecond,
         0.15,
         (1e-4, 100.0),
         "maximum spool velocity, set by the pilot stage's flow",
     ),
-    pilot_area_m2: parameter(
-        Unit::SquareMetre,
-        4e-8,
-        (0.0, 1e-5),
-        "orifice area of the pilot stage, p to t",
-    ),
-    null_bias: parameter(Unit::None, 0.0, (-2.0, 2.0), "offset, per unit of rated current"),
-    current_gain: parameter(Unit::None, 1.0, (-10.0, 10.0), "gain g from current to stroke"),
+    pilot_area_m2: parameter(4e-8, (0.0, 1e-5), "orifice area of the pilot stage, p to t"),
+    null_bias: parameter(0.0, (-2.0, 2.0), "offset, per unit of rated current"),
+    current_gain: parameter(1.0, (-10.0, 10.0), "gain g from current to stroke"),
     pilot_rated_drop_pa: parameter(
-        Unit::Pascal,
         20e6,
         (1e5, 1e8),
         "pressure drop p to t at which natural frequency and slew rate hold",
     ),
     breakaway: breakaway(),
-    stop_fraction: parameter(
-        Unit::None,
-        1.1,
-        (0.5, 10.0),
-        "position of the end stops, per unit of stroke",
-    ),
+    stop_fraction: parameter(1.1, (0.5, 10.0), "position of the end stops, per unit of stroke"),
     stop_stiffness_per_s2: parameter(
-        Unit::PerSecondSquared,
         1e8,
         (0.0, 1e12),
         "acceleration per penetration of an end stop",
     ),
-    stop_damping_per_s: parameter(
-        Unit::PerSecond,
-        1e4,
-        (0.0, 1e8),
-        "acceleration per velocity in an end stop",
-    ),
-    transmission: parameter(Unit::None, 1.0, (0.0, 1.0), "transmission if no signal is connected"),
+    stop_damping_per_s: parameter(1e4, (0.0, 1e8), "acceleration per velocity in an end stop"),
+    transmission: parameter(1.0, (0.0, 1.0), "transmission if no signal is connected"),
 }
 
-static SPEC: Spec = Spec {
+/// A two-stage servo valve; see the module documentation.
+pub(crate) static SERVO_VALVE: Component = Component {
     kind: "servo_valve",
     summary: "two-stage four-way servo valve",
     parameters: &PARAMETERS,
@@ -151,60 +126,50 @@ static SPEC: Spec = Spec {
         bias_negative(),
         gain_high("too much stroke per current"),
         gain_low("too little stroke per current: a demagnetized torque motor"),
-        adds(
-            "wear_clearance",
+        fault("wear_clearance", Category::Wear, "worn lands: more radial clearance").adds(
             "clearance_m",
             12e-6,
             (0.0, 1e-4),
-            Category::Wear,
-            "worn lands: more radial clearance",
         ),
-        adds(
-            "edge_rounding",
+        fault("edge_rounding", Category::Wear, "all metering edges are rounded").adds(
             "edge_radius_m",
             28e-6,
             (0.0, 1e-3),
-            Category::Wear,
-            "all metering edges are rounded",
         ),
         edge_wear("wear_pa", "overlap_pa_m", "edge P-A is eroded"),
         edge_wear("wear_pb", "overlap_pb_m", "edge P-B is eroded"),
         edge_wear("wear_at", "overlap_at_m", "edge A-T is eroded"),
         edge_wear("wear_bt", "overlap_bt_m", "edge B-T is eroded"),
-        scales(
+        fault(
             "pilot_clogging",
-            "slew_rate_m_s",
-            0.1,
-            (1e-3, 1.0),
             Category::Clogging,
             "the filter of the pilot stage passes less flow",
-        ),
+        )
+        .scales("slew_rate_m_s", 0.1, (1e-3, 1.0)),
         jam(),
     ],
     ports: &ports("current per unit of rated current"),
     states: &states(),
-    reference: false,
+    connect,
+    steady_gains,
+    ..Component::PLAIN
 };
 
-impl Component for ServoValve {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
+fn connect(wiring: &mut Wiring) {
+    let pressures = [wiring.pressure("p"), wiring.pressure("t")];
+    let ([current, position, velocity], rates) = motion_variables(wiring);
+    let inputs = [current, position, velocity, pressures[0], pressures[1]];
+    wiring.equation(SpoolMotion, inputs, rates);
+    for (which, (inputs, flow)) in edges(wiring).into_iter().enumerate() {
+        wiring.equation_of(which, EdgeFlow, inputs, [flow]);
     }
+    let flow = Output::transfer(wiring.flow("p"), wiring.flow("t"));
+    wiring.equation(PilotFlow, pressures, [flow]);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let pressures = [wiring.pressure("p"), wiring.pressure("t")];
-        let ([current, position, velocity], rates) = motion_variables(wiring);
-        let inputs = [current, position, velocity, pressures[0], pressures[1]];
-        wiring.equation::<SpoolMotion, 5, 2, MOTION_CONSTANTS>(0, inputs, rates);
-        connect_edges::<EdgeFlow, 9>(wiring);
-        let flow = Output::transfer(wiring.flow("p"), wiring.flow("t"));
-        wiring.equation::<PilotFlow, 2, 1, 3>(0, pressures, [flow]);
-    }
-
-    fn steady_gains(&self, parameters: &[f64]) -> Vec<SteadyGain> {
-        let gain = parameters[index::stroke_m] * parameters[index::current_gain];
-        vec![SteadyGain { from: "current", to: "spool_position", gain }]
-    }
+fn steady_gains(parameters: &[f64]) -> Vec<SteadyGain> {
+    let gain = parameters[index::stroke_m] * parameters[index::current_gain];
+    vec![SteadyGain { from: "current", to: "spool_position", gain }]
 }
 
 /// Number of constants of [`SpoolMotion`].
@@ -335,7 +300,7 @@ mod tests {
     use super::*;
 
     fn edge_flow(changes: &[(&str, f64)], which: usize, x: f64, drop: f64) -> f64 {
-        let c = constants::<EdgeFlow, 4, 1, 9>(&ServoValve, changes, which);
+        let c = constants(EdgeFlow, &SERVO_VALVE, changes, which);
         EdgeFlow::evaluate(&c, [x, 1.0, 1e5 + drop, 1e5])[0]
     }
 
@@ -378,7 +343,7 @@ mod tests {
         let spool = 2.0 * edge_flow(&[], 0, 0.0, half) * litres_per_minute;
         // The prototype's 0.129, and 1 % for the slit that closes as the edge opens.
         assert_close(spool, 0.1306, 1e-3);
-        let c = constants::<PilotFlow, 2, 1, 3>(&ServoValve, &[], 0);
+        let c = constants(PilotFlow, &SERVO_VALVE, &[], 0);
         let pilot = PilotFlow::evaluate(&c, [20.68e6, 0.6e6])[0] * litres_per_minute;
         assert_close(pilot, 0.312, 1e-2);
     }
@@ -408,7 +373,7 @@ mod tests {
     }
 
     fn motion(changes: &[(&str, f64)], [current, x, v]: [f64; 3], drop: f64) -> [f64; 2] {
-        let c = constants::<SpoolMotion, 5, 2, 15>(&ServoValve, changes, 0);
+        let c = constants(SpoolMotion, &SERVO_VALVE, changes, 0);
         SpoolMotion::evaluate(&c, [current, x, v, 1e5 + drop, 1e5])
     }
 

@@ -16,59 +16,49 @@ use super::orifice::{self, hole, scaled_velocity_pa_s_m};
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A shut-off valve; see the module documentation.
-pub(crate) struct ShutOffValve;
-
 parameters! {
-    area_m2: parameter(Unit::SquareMetre, 1.6e-5, (0.0, 1e-2), "flow area when open"),
+    area_m2: parameter(1.6e-5, (0.0, 1e-2), "flow area when open"),
     series_resistance_pa_s_m3: parameter(
-        Unit::PascalSecondPerCubicMetre,
         0.0,
         (0.0, 1e15),
         "laminar resistance of filter and line at 40 °C",
     ),
     discharge_coefficient: orifice::discharge_coefficient(),
     transition_reynolds: orifice::transition_reynolds(),
-    opening: parameter(Unit::None, 1.0, (0.0, 1.0), "opening if no signal is connected"),
+    opening: parameter(1.0, (0.0, 1.0), "opening if no signal is connected"),
 }
 
-static SPEC: Spec = Spec {
-    kind: "shut_off_valve",
-    summary: "piloted shut-off valve with filter and line in series",
-    parameters: &PARAMETERS,
-    faults: &[
-        shrinks("stuck", "area_m2", 0.004, (1e-6, 1.0), Category::Jamming, "does not open fully"),
-        adds(
-            "filter_clogging",
-            "series_resistance_pa_s_m3",
-            1.1e11,
-            (0.0, 1e15),
-            Category::Clogging,
-            "the filter in series fills with dirt",
-        ),
-    ],
-    ports: &[
-        hydraulic("a", "inlet"),
-        hydraulic("b", "outlet"),
-        input_or("opening", Unit::None, "opening", "0 closed … 1 open"),
-    ],
-    states: &[],
-    reference: false,
-};
+/// A shut-off valve; see the module documentation.
+pub(crate) static SHUT_OFF_VALVE: Component =
+    Component {
+        kind: "shut_off_valve",
+        summary: "piloted shut-off valve with filter and line in series",
+        parameters: &PARAMETERS,
+        faults: &[
+            fault("stuck", Category::Jamming, "does not open fully").shrinks(
+                "area_m2",
+                0.004,
+                (1e-6, 1.0),
+            ),
+            fault("filter_clogging", Category::Clogging, "the filter in series fills with dirt")
+                .adds("series_resistance_pa_s_m3", 1.1e11, (0.0, 1e15)),
+        ],
+        ports: &[
+            hydraulic("a", "inlet"),
+            hydraulic("b", "outlet"),
+            input_or("opening", Unit::None, "opening", "0 closed … 1 open"),
+        ],
+        connect,
+        ..Component::PLAIN
+    };
 
-impl Component for ShutOffValve {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let inputs = [wiring.pressure("a"), wiring.pressure("b"), wiring.signal("opening")];
-        let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
-        wiring.equation::<ShutOffFlow, 3, 1, 4>(0, inputs, [flow]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let inputs = [wiring.pressure("a"), wiring.pressure("b"), wiring.signal("opening")];
+    let flow = Output::transfer(wiring.flow("a"), wiring.flow("b"));
+    wiring.equation(ShutOffFlow, inputs, [flow]);
 }
 
 /// Equations (S1) and (S2): (p_a, p_b, opening) → flow from a to b.

@@ -2,10 +2,9 @@
 //! states and faults. [`super::servo_valve`] gives the equations (W1) to (W3).
 
 use super::contact::{END_STOP_CONSTANTS, end_stop, end_stop_constants};
-use crate::equation::Equation;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Fault, Parameter, Port, Start, State, Unit, declare::*};
-use crate::wiring::{Listed, Output, Variable, Wiring};
+use crate::spec::{Category, Fault, Parameter, Port, State, Unit, declare::*};
+use crate::wiring::{Output, Variable, Wiring};
 
 /// Whether each edge opens with the spool or against it, in the order of `which`.
 pub(crate) const ORIENTATIONS: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
@@ -29,18 +28,9 @@ pub(crate) const fn ports(current: &'static str) -> [Port; 7] {
 /// The states of the spool.
 pub(crate) const fn states() -> [State; 2] {
     [
-        state("spool_position_m", Unit::Metre, 1e-3, Start::Value(0.0), "spool position"),
+        state("spool_position_m", 1e-3, "spool position"),
         // The samples of an oscillating valve depend on the velocity.
-        with_error_weight(
-            2.0,
-            state(
-                "spool_velocity_m_s",
-                Unit::MetrePerSecond,
-                0.1,
-                Start::Value(0.0),
-                "spool velocity before its limit",
-            ),
-        ),
+        state("spool_velocity_m_s", 0.1, "spool velocity before its limit").with_error_weight(2.0),
     ]
 }
 
@@ -50,53 +40,53 @@ pub(crate) const fn clogging(
     parameter: &'static str,
     summary: &'static str,
 ) -> Fault {
-    scales(name, parameter, 0.05, (0.0, 1.0), Category::Clogging, summary)
+    fault(name, Category::Clogging, summary).scales(parameter, 0.05, (0.0, 1.0))
 }
 
 /// Fault: the spool is slow.
 pub(crate) const fn natural_frequency_loss(summary: &'static str) -> Fault {
     let name = "natural_frequency_loss";
-    shrinks(name, "natural_frequency_hz", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
+    fault(name, Category::Dynamics, summary).shrinks("natural_frequency_hz", 0.03, (1e-3, 1.0))
 }
 
 /// Fault: the spool oscillates.
 pub(crate) const fn damping_loss(summary: &'static str) -> Fault {
-    shrinks("damping_loss", "damping_ratio", 0.03, (1e-3, 1.0), Category::Dynamics, summary)
+    fault("damping_loss", Category::Dynamics, summary).shrinks("damping_ratio", 0.03, (1e-3, 1.0))
 }
 
 /// Fault: the null moves towards p → a.
 pub(crate) const fn bias_positive() -> Fault {
     let summary = "null shift toward p → a";
-    adds("bias_positive", "null_bias", 0.40, (0.0, 2.0), Category::Bias, summary)
+    fault("bias_positive", Category::Bias, summary).adds("null_bias", 0.40, (0.0, 2.0))
 }
 
 /// Fault: the null moves towards p → b.
 pub(crate) const fn bias_negative() -> Fault {
     let summary = "null shift toward p → b";
-    adds("bias_negative", "null_bias", -0.40, (-2.0, 0.0), Category::Bias, summary)
+    fault("bias_negative", Category::Bias, summary).adds("null_bias", -0.40, (-2.0, 0.0))
 }
 
 /// Fault: the stroke is larger than commanded.
 pub(crate) const fn gain_high(summary: &'static str) -> Fault {
-    adds("gain_high", "current_gain", 1.0, (0.0, 10.0), Category::Calibration, summary)
+    fault("gain_high", Category::Calibration, summary).adds("current_gain", 1.0, (0.0, 10.0))
 }
 
 /// Fault: the stroke is smaller than commanded.
 pub(crate) const fn gain_low(summary: &'static str) -> Fault {
-    adds("gain_low", "current_gain", -0.8, (-2.0, 0.0), Category::Calibration, summary)
+    fault("gain_low", Category::Calibration, summary).adds("current_gain", -0.8, (-2.0, 0.0))
 }
 
 /// Fault: dirt holds the spool.
 pub(crate) const fn jam() -> Fault {
     let summary = "dirt holds the spool until the difference to its command is large enough";
-    adds("jam", "breakaway", 1.0, (0.0, 1.0), Category::Jamming, summary)
+    fault("jam", Category::Jamming, summary).adds("breakaway", 1.0, (0.0, 1.0))
 }
 
 /// The parameter that [`jam`] raises.
 pub(crate) const fn breakaway(name: &'static str) -> Parameter {
     let summary =
         "difference to the command, per unit of the largest, below which the spool sticks";
-    parameter(name, Unit::None, 0.0, (0.0, 1.0), summary)
+    parameter(name, 0.0, (0.0, 1.0), summary)
 }
 
 /// The variables of the spool's motion. The inputs are current, position and velocity, the outputs the rates of
@@ -105,25 +95,18 @@ pub(crate) fn motion_variables(wiring: &mut Wiring) -> ([Variable; 3], [Output; 
     let position = wiring.state("spool_position_m");
     let velocity = wiring.state("spool_velocity_m_s");
     wiring.set("spool_position", position);
-    let rates = [
-        Output::add(wiring.derivative("spool_position_m")),
-        Output::add(wiring.derivative("spool_velocity_m_s")),
-    ];
+    let rates = [wiring.rate("spool_position_m"), wiring.rate("spool_velocity_m_s")];
     ([wiring.signal("current"), position, velocity], rates)
 }
 
-/// Wires the flow through each edge, `Edge`: (x, transmission, p_up, p_down) → flow.
-pub(crate) fn connect_edges<Edge, const EDGE_CONSTANTS: usize>(wiring: &mut Wiring)
-where
-    Edge: Equation<4, 1, EDGE_CONSTANTS> + Listed,
-{
+/// What the flow through each edge reads, (x, transmission, p_up, p_down), and the transfer of this flow.
+pub(crate) fn edges(wiring: &mut Wiring) -> [([Variable; 4], Output); 4] {
     let position = wiring.state("spool_position_m");
     let transmission = wiring.signal("transmission");
-    for (which, (up, down)) in EDGES.into_iter().enumerate() {
+    EDGES.map(|(up, down)| {
         let inputs = [position, transmission, wiring.pressure(up), wiring.pressure(down)];
-        let flow = Output::transfer(wiring.flow(up), wiring.flow(down));
-        wiring.equation::<Edge, 4, 1, EDGE_CONSTANTS>(which, inputs, [flow]);
-    }
+        (inputs, Output::transfer(wiring.flow(up), wiring.flow(down)))
+    })
 }
 
 /// The parameters of a spool's motion.

@@ -9,45 +9,34 @@
 use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Unit, declare::*};
+use crate::spec::{Category, declare::*};
 use crate::wiring::{Output, Wiring};
 
-/// A spring with a damper; see the module documentation.
-pub(crate) struct Spring;
-
 parameters! {
-    stiffness_n_m: required(Unit::NewtonPerMetre, (0.0, 1e12), "stiffness"),
-    damping_n_s_m: parameter(Unit::NewtonSecondPerMetre, 0.0, (0.0, 1e9), "damping"),
-    preload_n: parameter(Unit::Newton, 0.0, (-1e9, 1e9), "force on the part at x = 0"),
+    stiffness_n_m: required((0.0, 1e12), "stiffness"),
+    damping_n_s_m: parameter(0.0, (0.0, 1e9), "damping"),
+    preload_n: parameter(0.0, (-1e9, 1e9), "force on the part at x = 0"),
 }
 
-static SPEC: Spec = Spec {
+/// A spring with a damper; see the module documentation.
+pub(crate) static SPRING: Component = Component {
     kind: "spring",
     summary: "spring and damper to the ground",
     parameters: &PARAMETERS,
-    faults: &[shrinks(
-        "stiffness_loss",
+    faults: &[fault("stiffness_loss", Category::Looseness, "broken coils").shrinks(
         "stiffness_n_m",
         0.1,
         (1e-6, 1.0),
-        Category::Looseness,
-        "broken coils",
     )],
     ports: &[translational("port", "part that the spring pushes")],
-    states: &[],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Spring {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let motion = [wiring.position("port"), wiring.velocity("port")];
-        let force = Output::subtract(wiring.force("port"));
-        wiring.equation::<Spreading, 2, 1, 3>(0, motion, [force]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let motion = [wiring.position("port"), wiring.velocity("port")];
+    let force = Output::subtract(wiring.force("port"));
+    wiring.equation(Spreading, motion, [force]);
 }
 
 /// Equation (S1) with the opposite sign: (position, velocity) → force that opposes it.

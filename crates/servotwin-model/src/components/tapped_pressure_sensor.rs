@@ -11,26 +11,24 @@
 //! Source: a resistance and a capacitance in series.
 
 use super::pressure_sensor::{
-    CURRENT, FAULTS, PARAMETERS as SHARED, PORTS, connect_transducer, measuring_span,
+    CURRENT, FAULTS, PARAMETERS as SHARED, PORTS, connect_transducer, span,
 };
-use crate::component::{Component, MeasuringSpan};
+use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Parameter, Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
-
-/// A pressure transducer behind a tapping line; see the module documentation.
-pub(crate) struct TappedPressureSensor;
+use crate::spec::{Parameter, Start, declare::*};
+use crate::wiring::Wiring;
 
 /// The transducer's parameters come first, at the same positions.
 const TAPPING_HZ: usize = SHARED.len();
 
 static PARAMETERS: [Parameter; TAPPING_HZ + 1] = with_more(
     SHARED,
-    [parameter("tapping_hz", Unit::Hertz, 60.0, (1e-3, 1e5), "corner frequency f_l of the line")],
+    [parameter("tapping_hz", 60.0, (1e-3, 1e5), "corner frequency f_l of the line")],
 );
 
-static SPEC: Spec = Spec {
+/// A pressure transducer behind a tapping line; see the module documentation.
+pub(crate) static TAPPED_PRESSURE_SENSOR: Component = Component {
     kind: "tapped_pressure_sensor",
     summary: "pressure transducer behind a tapping line",
     parameters: &PARAMETERS,
@@ -38,33 +36,19 @@ static SPEC: Spec = Spec {
     ports: &PORTS,
     states: &[
         CURRENT,
-        state(
-            "line_pressure_pa",
-            Unit::Pascal,
-            2e7,
-            Start::Value(1e7),
-            "pressure in front of the membrane",
-        ),
+        state("line_pressure_pa", 2e7, "pressure in front of the membrane").from(Start::Value(1e7)),
     ],
-    reference: false,
+    connect,
+    span,
+    ..Component::PLAIN
 };
 
-impl Component for TappedPressureSensor {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
-        Some(measuring_span(parameters))
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let line = wiring.state("line_pressure_pa");
-        let inputs = [wiring.pressure("port"), line];
-        let rate = Output::add(wiring.derivative("line_pressure_pa"));
-        wiring.equation::<TappingLine, 2, 1, 1>(0, inputs, [rate]);
-        connect_transducer(wiring, line);
-    }
+fn connect(wiring: &mut Wiring) {
+    let line = wiring.state("line_pressure_pa");
+    let inputs = [wiring.pressure("port"), line];
+    let rate = wiring.rate("line_pressure_pa");
+    wiring.equation(TappingLine, inputs, [rate]);
+    connect_transducer(wiring, line);
 }
 
 /// Equation (TP1): (pressure, pressure in the line) → rate of the pressure in the line.

@@ -16,17 +16,14 @@ use super::conversion;
 use crate::component::{Component, MeasuringSpan};
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
-use crate::wiring::{Output, Wiring};
+use crate::spec::{Category, Start, Unit, declare::*};
+use crate::wiring::Wiring;
 use alloc::string::String;
 
-/// A temperature sensor; see the module documentation.
-pub(crate) struct TemperatureSensor;
-
 parameters! {
-    range_low_k: parameter(Unit::Kelvin, 213.15, (100.0, 1000.0), "reading at 4 mA, T_low"),
-    range_high_k: parameter(Unit::Kelvin, 423.15, (100.0, 1000.0), "reading at 20 mA, T_high"),
-    time_constant_s: parameter(Unit::Second, 5.0, (1e-4, 1e4), "time constant τ of the probe"),
+    range_low_k: parameter(213.15, (100.0, 1000.0), "reading at 4 mA, T_low"),
+    range_high_k: parameter(423.15, (100.0, 1000.0), "reading at 20 mA, T_high"),
+    time_constant_s: parameter(5.0, (1e-4, 1e4), "time constant τ of the probe"),
     bias_electrical: conversion::bias_electrical(),
     gain_electrical: conversion::gain_electrical(),
     bias_digital: conversion::bias_digital(),
@@ -35,62 +32,47 @@ parameters! {
     bits: conversion::bits(),
 }
 
-static SPEC: Spec = Spec {
+/// A temperature sensor; see the module documentation.
+pub(crate) static TEMPERATURE_SENSOR: Component = Component {
     kind: "temperature_sensor",
     summary: "fluid temperature sensor with a 4-20 mA output",
     parameters: &PARAMETERS,
-    faults: &conversion::faults(shrinks(
-        "lag",
+    faults: &conversion::faults(fault("lag", Category::Lag, "deposit on the probe").shrinks(
         "time_constant_s",
         20.0,
         (1.0, 1e4),
-        Category::Lag,
-        "deposit on the probe",
     )),
     ports: &[
         hydraulic("port", "circuit whose temperature it measures"),
         output("reading", Unit::Kelvin, "temperature that the computer reads"),
         output("electrical", Unit::Ampere, "current of the loop"),
     ],
-    states: &[state(
-        "probe_k",
-        Unit::Kelvin,
-        100.0,
-        Start::Value(313.15),
-        "temperature T_s of the probe",
-    )],
-    reference: false,
+    states: &[state("probe_k", 100.0, "temperature T_s of the probe").from(Start::Value(313.15))],
+    connect,
+    check,
+    span,
+    ..Component::PLAIN
 };
 
-impl Component for TemperatureSensor {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
+fn span(parameters: &[f64]) -> Option<MeasuringSpan> {
+    let range = parameters[index::range_high_k] - parameters[index::range_low_k];
+    Some(MeasuringSpan { full_scale: range, range })
+}
 
-    fn span(&self, parameters: &[f64]) -> Option<MeasuringSpan> {
-        let range = parameters[index::range_high_k] - parameters[index::range_low_k];
-        Some(MeasuringSpan { full_scale: range, range })
-    }
+fn connect(wiring: &mut Wiring) {
+    let probe = wiring.state("probe_k");
+    let inputs = [wiring.fluid_temperature(), probe];
+    let rate = wiring.rate("probe_k");
+    wiring.equation(Warming, inputs, [rate]);
+    let current = wiring.output("electrical", TemperatureToCurrent, [probe]);
+    wiring.output("reading", CurrentToTemperature, [current]);
+}
 
-    fn connect(&self, wiring: &mut Wiring) {
-        let probe = wiring.state("probe_k");
-        let inputs = [wiring.fluid_temperature(), probe];
-        let rate = Output::add(wiring.derivative("probe_k"));
-        wiring.equation::<Warming, 2, 1, 1>(0, inputs, [rate]);
-        let [current, reading] = [wiring.internal(), wiring.internal()];
-        wiring.equation::<TemperatureToCurrent, 1, 1, 2>(0, [probe], [Output::add(current)]);
-        wiring.set("electrical", current.variable());
-        let inputs = [current.variable()];
-        wiring.equation::<CurrentToTemperature, 1, 1, 2>(0, inputs, [Output::add(reading)]);
-        wiring.set("reading", reading.variable());
-    }
-
-    fn check(&self, parameters: &[f64]) -> Result<(), String> {
-        if parameters[index::range_low_k] < parameters[index::range_high_k] {
-            Ok(())
-        } else {
-            Err("range_low_k must be below range_high_k".into())
-        }
+fn check(parameters: &[f64]) -> Result<(), String> {
+    if parameters[index::range_low_k] < parameters[index::range_high_k] {
+        Ok(())
+    } else {
+        Err("range_low_k must be below range_high_k".into())
     }
 }
 

@@ -19,66 +19,35 @@ use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::math::smooth_step;
 use crate::scalar::Scalar;
-use crate::spec::{Category, Spec, Start, Unit, declare::*};
+use crate::spec::{Category, Start, Unit, declare::*};
 use crate::wiring::{Output, Wiring};
-
-/// A pump of variable displacement; see the module documentation.
-pub(crate) struct VariablePump;
 
 parameters! {
     flow_m3_s: full_flow(),
-    set_pa: parameter(
-        Unit::Pascal,
-        21e6,
-        (1e5, 1e8),
-        "set pressure, at which the displacement is zero",
-    ),
-    range_pa: parameter(
-        Unit::Pascal,
-        1e6,
-        (1e3, 1e8),
-        "range below the set pressure, from full to no flow",
-    ),
-    time_constant_s: parameter(
-        Unit::Second,
-        0.04,
-        (1e-4, 10.0),
-        "time constant τ of the compensator",
-    ),
+    set_pa: parameter(21e6, (1e5, 1e8), "set pressure, at which the displacement is zero"),
+    range_pa: parameter(1e6, (1e3, 1e8), "range below the set pressure, from full to no flow"),
+    time_constant_s: parameter(0.04, (1e-4, 10.0), "time constant τ of the compensator"),
     internal_leakage_m3_s_pa: internal_leakage(),
     speed: speed(),
 }
 
-static SPEC: Spec = Spec {
+/// A pump of variable displacement; see the module documentation.
+pub(crate) static VARIABLE_PUMP: Component = Component {
     kind: "variable_pump",
     summary: "pump of variable displacement with pressure compensator",
     parameters: &PARAMETERS,
     faults: &[
         WEAR,
-        scales(
-            "flow_loss",
-            "flow_m3_s",
-            0.3,
-            (0.0, 1.0),
-            Category::Jamming,
-            "the swash plate does not reach its full angle",
-        ),
-        scales(
-            "set_pressure_loss",
-            "set_pa",
-            0.5,
-            (0.05, 1.0),
-            Category::Wear,
-            "the compensator's spring has lost force",
-        ),
-        scales(
+        fault("flow_loss", Category::Jamming, "the swash plate does not reach its full angle")
+            .scales("flow_m3_s", 0.3, (0.0, 1.0)),
+        fault("set_pressure_loss", Category::Wear, "the compensator's spring has lost force")
+            .scales("set_pa", 0.5, (0.05, 1.0)),
+        fault(
             "slow_compensator",
-            "time_constant_s",
-            20.0,
-            (1.0, 100.0),
             Category::Dynamics,
             "dirt in its orifice slows the stroking piston",
-        ),
+        )
+        .scales("time_constant_s", 20.0, (1.0, 100.0)),
     ],
     ports: &[
         hydraulic("inlet", "from the tank"),
@@ -86,32 +55,21 @@ static SPEC: Spec = Spec {
         input_or("speed", Unit::None, "speed", "speed per unit of the rated speed"),
         output("displacement", Unit::None, "position s: 1 full displacement, 0 none"),
     ],
-    states: &[state(
-        "displacement",
-        Unit::None,
-        1.0,
-        Start::Value(0.5),
-        "position s of the swash plate",
-    )],
-    reference: false,
+    states: &[state("displacement", 1.0, "position s of the swash plate").from(Start::Value(0.5))],
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for VariablePump {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let displacement = wiring.state("displacement");
-        wiring.set("displacement", displacement);
-        let pressures = [wiring.pressure("inlet"), wiring.pressure("outlet")];
-        let inputs = [displacement, pressures[0], pressures[1]];
-        let rate = Output::add(wiring.derivative("displacement"));
-        wiring.equation::<Compensator, 3, 1, 3>(0, inputs, [rate]);
-        let inputs = [wiring.signal("speed"), displacement, pressures[0], pressures[1]];
-        let flow = Output::transfer(wiring.flow("inlet"), wiring.flow("outlet"));
-        wiring.equation::<StrokedFlow, 4, 1, 2>(0, inputs, [flow]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let displacement = wiring.state("displacement");
+    wiring.set("displacement", displacement);
+    let pressures = [wiring.pressure("inlet"), wiring.pressure("outlet")];
+    let inputs = [displacement, pressures[0], pressures[1]];
+    let rate = wiring.rate("displacement");
+    wiring.equation(Compensator, inputs, [rate]);
+    let inputs = [wiring.signal("speed"), displacement, pressures[0], pressures[1]];
+    let flow = Output::transfer(wiring.flow("inlet"), wiring.flow("outlet"));
+    wiring.equation(StrokedFlow, inputs, [flow]);
 }
 
 /// Equations (VP1) and (VP2): (displacement, p_in, p_out) → rate of the displacement.
@@ -153,7 +111,7 @@ mod tests {
     #[test]
     fn the_compensator_takes_the_flow_back_over_its_range() {
         let changes = [("flow_m3_s", 5e-4), ("set_pa", 21e6), ("range_pa", 1e6)];
-        let c = constants::<Compensator, 3, 1, 3>(&VariablePump, &changes, 0);
+        let c = constants(Compensator, &VARIABLE_PUMP, &changes, 0);
         let at_rest =
             |bar: f64, s: f64| Compensator::evaluate(&c, [s, 0.0, bar * 1e5])[0].abs() < 1e-12;
         assert!(at_rest(150.0, 1.0) && at_rest(200.0, 1.0));

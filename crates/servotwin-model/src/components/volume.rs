@@ -15,40 +15,32 @@ use crate::component::Component;
 use crate::equation::{Equation, Given};
 use crate::fluid::{self, BULK_CONSTANTS, pressure_rate_pa_s};
 use crate::scalar::Scalar;
-use crate::spec::{Spec, Unit, declare::*};
+use crate::spec::declare::*;
 use crate::wiring::{Output, Variable, Wiring};
 
-/// A rigid volume; see the module documentation.
-pub(crate) struct Volume;
-
 parameters! {
-    volume_m3: required(Unit::CubicMetre, (1e-9, 1.0), "volume"),
-    start_pa: parameter(Unit::Pascal, 1e7, (1e3, 1e8), "first guess for the steady state"),
+    volume_m3: required((1e-9, 1.0), "volume"),
+    start_pa: parameter(1e7, (1e3, 1e8), "first guess for the steady state"),
 }
 
-static SPEC: Spec = Spec {
+/// A rigid volume; see the module documentation.
+pub(crate) static VOLUME: Component = Component {
     kind: "volume",
     summary: "rigid volume of fluid: manifold, gallery",
     parameters: &PARAMETERS,
-    faults: &[],
     ports: &[pressure("port", "all connections")],
     states: &[pressure_state("pressure_pa", "start_pa", "pressure, absolute")],
-    reference: false,
+    connect,
+    ..Component::PLAIN
 };
 
-impl Component for Volume {
-    fn spec(&self) -> &'static Spec {
-        &SPEC
-    }
-
-    fn connect(&self, wiring: &mut Wiring) {
-        let state = wiring.state("pressure_pa");
-        let pressure = fluid_pressure(wiring, "pressure_pa");
-        wiring.set("port", pressure);
-        let flow = wiring.flow("port").variable();
-        let rate = wiring.derivative("pressure_pa");
-        wiring.equation::<VolumePressure, 2, 1, 7>(0, [state, flow], [Output::add(rate)]);
-    }
+fn connect(wiring: &mut Wiring) {
+    let state = wiring.state("pressure_pa");
+    let pressure = fluid_pressure(wiring, "pressure_pa");
+    wiring.set("port", pressure);
+    let flow = wiring.flow("port").variable();
+    let rate = wiring.derivative("pressure_pa");
+    wiring.equation(VolumePressure, [state, flow], [Output::add(rate)]);
 }
 
 /// Wires equation (V2): the pressure that a fluid state stands for. Ports, other equations and recordings of
@@ -56,7 +48,7 @@ impl Component for Volume {
 pub(super) fn fluid_pressure(wiring: &mut Wiring, state: &str) -> Variable {
     let pressure = wiring.internal();
     let inputs = [wiring.state(state)];
-    wiring.opening_equation::<FluidPressure, 1, 1, 0>(inputs, [Output::add(pressure)]);
+    wiring.opening_equation(FluidPressure, inputs, [Output::add(pressure)]);
     wiring.show_state(state, pressure.variable());
     pressure.variable()
 }
@@ -65,10 +57,6 @@ pub(super) fn fluid_pressure(wiring: &mut Wiring, state: &str) -> Variable {
 pub(crate) struct FluidPressure;
 
 impl Equation<1, 1, 0> for FluidPressure {
-    fn constants<S: Scalar<Base = S>>(_: &Given<S>) -> [S; 0] {
-        []
-    }
-
     #[inline(always)]
     fn evaluate<S: Scalar>(_: &[S::Base; 0], [state]: [S; 1]) -> [S; 1] {
         [fluid::pressure_pa(state)]

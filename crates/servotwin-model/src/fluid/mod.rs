@@ -47,7 +47,7 @@ pub mod table;
 use crate::hash::{Canonical, Fingerprint};
 use crate::math::power;
 use crate::scalar::{Scalar, lit};
-use crate::spec::{Parameter, Unit, declare::parameter};
+use crate::spec::{Parameter, declare::parameter};
 
 /// The properties of one liquid as functions of its temperature.
 pub(crate) trait Liquid {
@@ -147,13 +147,13 @@ pub(crate) fn liquid_share<S: Scalar>(cavity_compliance_per_pa: S::Base, state_p
 /// A parameter of every component that fixes a pressure: how far its circuit's liquid is from its description.
 pub(crate) const fn bulk_modulus_factor(name: &'static str) -> Parameter {
     let summary = "actual bulk modulus of the liquid per unit of that described";
-    parameter(name, Unit::None, 1.0, (0.1, 10.0), summary)
+    parameter(name, 1.0, (0.1, 10.0), summary)
 }
 
 /// The same for the gas in the liquid.
 pub(crate) const fn air_factor(name: &'static str) -> Parameter {
     let summary = "actual volume of free gas per unit of that described";
-    parameter(name, Unit::None, 1.0, (0.0, 100.0), summary)
+    parameter(name, 1.0, (0.0, 100.0), summary)
 }
 
 impl<S: Scalar<Base = S>> FluidState<S> {

@@ -12,7 +12,7 @@ impl Draft {
     fn with(mut self, id: &str, kind: &str) -> Self {
         let component = find(kind).unwrap_or_else(|| panic!("no component '{kind}'"));
         let mut instance = Instance::new(id, component);
-        instance.parameters = contract::parameters(component.spec());
+        instance.parameters = contract::parameters(component);
         self.0.components.push(instance);
         self
     }
@@ -28,7 +28,7 @@ impl Draft {
     fn port(&self, id: &str) -> PortOf {
         let (id, port) = id.rsplit_once('.').expect("component.port");
         let component = self.0.components.iter().position(|c| c.id == id).expect("a component");
-        let spec = self.0.components[component].component.spec();
+        let spec = self.0.components[component].component;
         PortOf { component, port: spec.port(port).expect("a port") }
     }
 
@@ -102,7 +102,7 @@ fn between(kind: &str, start_bar: f64) -> Draft {
 #[test]
 fn an_input_has_the_range_of_the_parameters_that_it_replaces() {
     let declared = |kind: &str, parameter: &str| {
-        let spec = find(kind).unwrap().spec();
+        let spec = find(kind).unwrap();
         let parameter = &spec.parameters[spec.parameter(parameter).unwrap()];
         (parameter.min, parameter.max)
     };

@@ -178,7 +178,7 @@ impl Layout {
         for &role in &collected.roles {
             if let Role::State { component, state } = role {
                 let instance = &network.components[component];
-                let declared = &instance.component.spec().states[state];
+                let declared = &instance.component.states[state];
                 states.push(StateOf {
                     name: format!("{}.{}", instance.id, declared.name),
                     component,
@@ -272,7 +272,7 @@ fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec
     for (variable, &role) in collected.roles.iter().enumerate() {
         if let Role::State { component, state } = role {
             let instance = &network.components[component];
-            let declared = &instance.component.spec().states[state];
+            let declared = &instance.component.states[state];
             let name = format!("{}.{}", instance.id, declared.name);
             let variable = Variable(variable as u32);
             let shown = collected.shown.iter().find(|shown| shown.0 == variable);
@@ -282,7 +282,7 @@ fn observables(network: &Network, collected: &Collected, layout: &Layout) -> Vec
     for &(port, node) in &collected.nodes {
         let PortOf { component, port } = port;
         let instance = &network.components[component];
-        let declared = &instance.component.spec().ports[port];
+        let declared = &instance.component.ports[port];
         let name = format!("{}.{}", instance.id, declared.name);
         let sum = node.sum.variable();
         match declared.kind {

@@ -281,7 +281,7 @@ mod tests {
         let component = |id: &str, kind| Instance::new(id, components::find(kind).unwrap());
         let port = |component: usize, name: &str, network: &Network| PortOf {
             component,
-            port: network.components[component].component.spec().port(name).unwrap(),
+            port: network.components[component].component.port(name).unwrap(),
         };
         let mut network = Network {
             components: vec![

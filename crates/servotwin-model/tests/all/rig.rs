@@ -22,7 +22,7 @@ impl Rig {
     fn port(&self, path: &str) -> PortOf {
         let (id, name) = path.rsplit_once('.').expect("component.port");
         let component = self.0.components.iter().position(|c| c.id == id).expect(path);
-        let spec = self.0.components[component].component.spec();
+        let spec = self.0.components[component].component;
         PortOf { component, port: spec.port(name).expect(path) }
     }
 
@@ -36,7 +36,7 @@ impl Rig {
     /// Adds an external input that feeds a signal.
     pub fn input(mut self, id: &str, default: f64, target: &str) -> Self {
         let target = self.port(target);
-        let spec = self.0.components[target.component].component.spec();
+        let spec = self.0.components[target.component].component;
         let PortKind::SignalIn { unit, .. } = spec.ports[target.port].kind else {
             panic!("{id} feeds no signal input");
         };

@@ -49,7 +49,8 @@ fn follow(
     }
     let instance = &system.network().components[source.component];
     let spec = instance.component.spec();
-    for SteadyGain { from, to, gain: own } in instance.component.steady_gains(&instance.parameters)
+    for SteadyGain { from, to, gain: own } in
+        (instance.component.steady_gains)(&instance.parameters)
     {
         let is_output = spec.port(to) == Some(source.port);
         if let Some(port) = spec.port(from).filter(|_| is_output) {

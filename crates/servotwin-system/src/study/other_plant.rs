@@ -169,7 +169,7 @@ fn kinds(
 }
 
 /// The first port or fault of a component that another lacks.
-fn lacking(own: &dyn Component, other: &dyn Component) -> Option<(&'static str, &'static str)> {
+fn lacking(own: &Component, other: &Component) -> Option<(&'static str, &'static str)> {
     let (own, other) = (own.spec(), other.spec());
     let same_port = |name: &str| other.port(name).map(|port| other.ports[port].kind.family());
     let port = own.ports.iter().find(|port| same_port(port.name) != Some(port.kind.family()));

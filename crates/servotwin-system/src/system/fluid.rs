@@ -2,65 +2,49 @@
 
 use servotwin_model::fluid::table::LEAST_STEP_K;
 use servotwin_model::fluid::{Fluid, own};
-use servotwin_model::spec::{Parameter, Unit, declare::parameter, declare::required};
+use servotwin_model::spec::{Parameter, declare::parameter, declare::required};
 
 /// The numbers of a fluid, in the order of [`set_fluid`]: first those of all kinds, then those of `table` and `own`,
 /// then those of `own` alone.
 pub(crate) static FLUID: [Parameter; 10] = [
-    parameter("air_fraction", Unit::None, 0.005, (0.0, 0.2), "free gas per volume of liquid"),
-    parameter(
-        "polytropic_exponent",
-        Unit::None,
+    parameter("air_fraction", 0.005, (0.0, 0.2), "free gas per volume of liquid"),
+    parameter("polytropic_exponent",
         1.4,
         (1.0, 1.67),
         "polytropic exponent of the gas",
     ),
-    parameter("wall_modulus_pa", Unit::Pascal, 10e9, (1e8, 1e13), "stiffness of the walls"),
-    parameter(
-        "bulk_modulus_slope",
-        Unit::None,
+    parameter("wall_modulus_pa", 10e9, (1e8, 1e13), "stiffness of the walls"),
+    parameter("bulk_modulus_slope",
         11.0,
         (0.0, 20.0),
         "rise of the bulk modulus, Pa per pascal",
     ),
-    parameter(
-        "bulk_modulus_pa",
-        Unit::Pascal,
+    parameter("bulk_modulus_pa",
         1.6e9,
         MODULUS_PA,
         "bulk modulus of the liquid at 40 °C",
     ),
-    parameter(
-        "bulk_modulus_change",
-        Unit::None,
+    parameter("bulk_modulus_change",
         -8e6,
         (-2e7, 0.0),
         "change of the bulk modulus, Pa per kelvin",
     ),
-    parameter(
-        "density_kg_m3",
-        Unit::KilogramPerCubicMetre,
+    parameter("density_kg_m3",
         880.0,
         (500.0, 2000.0),
         "density at 15 °C",
     ),
-    parameter(
-        "expansion",
-        Unit::None,
+    parameter("expansion",
         7e-4,
         (0.0, 5e-3),
         "thermal expansion of its volume, per kelvin",
     ),
-    parameter(
-        "viscosity_40_m2_s",
-        Unit::SquareMetrePerSecond,
+    parameter("viscosity_40_m2_s",
         46e-6,
         (2e-6, 1e-3),
         "kinematic viscosity at 40 °C",
     ),
-    parameter(
-        "viscosity_100_m2_s",
-        Unit::SquareMetrePerSecond,
+    parameter("viscosity_100_m2_s",
         6.8e-6,
         (1e-6, 5e-4),
         "kinematic viscosity at 100 °C",
@@ -95,27 +79,19 @@ pub(super) fn set_fluid(fluid: &mut Fluid, index: usize, value: f64) {
 
 /// The numbers of a point in a fluid table; the last is optional.
 pub(crate) static POINT: [Parameter; 4] = [
-    required(
-        "temperature_k",
-        Unit::Kelvin,
+    required("temperature_k",
         (200.0, 480.0),
         "temperature, at least one kelvin above the previous point",
     ),
-    required(
-        "density_kg_m3",
-        Unit::KilogramPerCubicMetre,
+    required("density_kg_m3",
         (500.0, 2000.0),
         "density, no more than at the previous, colder point",
     ),
-    required(
-        "viscosity_m2_s",
-        Unit::SquareMetrePerSecond,
+    required("viscosity_m2_s",
         (1e-6, 2e-2),
         "kinematic viscosity, no more than at the previous, colder point",
     ),
-    required(
-        "bulk_modulus_pa",
-        Unit::Pascal,
+    required("bulk_modulus_pa",
         MODULUS_PA,
         "bulk modulus of the liquid, no more than at the previous, colder point",
     ),

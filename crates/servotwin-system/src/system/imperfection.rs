@@ -21,8 +21,8 @@ impl Imperfection {
     }
 
     /// Reads a component with its parameters; without noise and steps if it is not a sensor.
-    pub(crate) fn of_component(component: &dyn Component, parameters: &[f64]) -> Self {
-        let Some(span) = component.span(parameters) else {
+    pub(crate) fn of_component(component: &Component, parameters: &[f64]) -> Self {
+        let Some(span) = (component.span)(parameters) else {
             return Self { sigma: 0.0, step: 0.0 };
         };
         let spec = component.spec();

@@ -290,7 +290,7 @@ impl System {
     /// The plausible readings of a sensor: its range, extended by its width at both ends for faulty sensors.
     pub fn readable(&self, sensor: usize) -> (f64, f64) {
         let instance = &self.network().components[self.sensors[sensor].component];
-        match instance.component.span(&instance.parameters) {
+        match (instance.component.span)(&instance.parameters) {
             Some(MeasuringSpan { full_scale, range }) => {
                 (full_scale - 2.0 * range, full_scale + range)
             }

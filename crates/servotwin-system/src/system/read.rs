@@ -14,7 +14,8 @@ use servotwin_model::components::{ALL, find};
 use servotwin_model::fluid::table::{Point, Table};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table};
 use servotwin_model::network::PortOf;
-use servotwin_model::spec::{Law, Parameter, PortKind, Spec, Unit};
+use servotwin_model::component::Component;
+use servotwin_model::spec::{Law, Parameter, PortKind, Unit};
 
 section! {
     /// A system file.
@@ -534,7 +535,7 @@ impl Reader {
     }
 
     fn unknown_parameter(&mut self, part: &mut Part, entry: &Entry) {
-        let spec: &'static Spec = part.spec();
+        let spec: &'static Component = part.spec();
         let (key, id) = (entry.key, &part.id);
         let (what, help) = if spec.fault(key).is_some() {
             ("fault", format!("its value at intensity 1 is set by: faults.{key} = …"))
@@ -713,7 +714,7 @@ impl Reader {
         if !part.sound || noise <= scale.value {
             return;
         }
-        let full_scale = part.component.span(&part.parameters).map(|span| span.full_scale);
+        let full_scale = (part.component.span)(&part.parameters).map(|span| span.full_scale);
         // Three digits keep the magnitude readable.
         let noise = format!("{noise:.2e}").parse().unwrap_or(noise);
         let [scale_of, noise, full_scale] = [scale.value, noise, full_scale.unwrap_or_default()]

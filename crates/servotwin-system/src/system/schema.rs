@@ -6,7 +6,8 @@ use crate::format::{self, ID, number};
 use serde_json::{Map, Value, json};
 use servotwin_model::components::ALL;
 use servotwin_model::fluid::FluidKind;
-use servotwin_model::spec::{Law, Parameter, Spec};
+use servotwin_model::component::Component;
+use servotwin_model::spec::{Law, Parameter};
 
 /// The schema of system files.
 pub(crate) fn of_file() -> Value {
@@ -59,7 +60,7 @@ pub(super) fn component_or_instance() -> Value {
     })
 }
 
-fn of_kind(spec: &Spec) -> Value {
+fn of_kind(spec: &Component) -> Value {
     let mut properties = parameters(spec.parameters);
     properties.insert("kind".into(), json!({ "const": spec.kind }));
     let mut faults = Map::new();

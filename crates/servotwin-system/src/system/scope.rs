@@ -4,7 +4,7 @@ use crate::document::{Diagnostic, TextSpan};
 use servotwin_model::components::Component;
 use servotwin_model::fluid::Fluid;
 use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
-use servotwin_model::spec::{Port, PortKind, Spec, Unit};
+use servotwin_model::spec::{Port, PortKind, Unit};
 use std::collections::BTreeMap;
 
 /// A component as read from the file.
@@ -13,7 +13,7 @@ pub(super) struct Part {
     pub id: String,
     /// The place of its name; for an assembly's component, within the assembly.
     pub at: TextSpan,
-    pub component: &'static dyn Component,
+    pub component: &'static Component,
     /// The values in SI; NaN where a required one is missing.
     pub parameters: Vec<f64>,
     pub faults: Vec<f64>,
@@ -24,12 +24,12 @@ pub(super) struct Part {
 }
 
 impl Part {
-    pub(crate) fn new(id: String, at: TextSpan, component: &'static dyn Component) -> Self {
+    pub(crate) fn new(id: String, at: TextSpan, component: &'static Component) -> Self {
         let Instance { parameters, fault_full, .. } = Instance::new("", component);
         Self { id, at, component, parameters, faults: fault_full, fluid: None, sound: true }
     }
 
-    pub(crate) fn spec(&self) -> &'static Spec {
+    pub(crate) fn spec(&self) -> &'static Component {
         self.component.spec()
     }
 }

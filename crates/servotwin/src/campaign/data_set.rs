@@ -39,7 +39,7 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
         let known = family.features(&base);
         for feature in family.features(&study.sensors) {
             let extra = !known.iter().any(|k| k.name == feature.name);
-            list.push(DataFeature { feature, family: family.name(), extra });
+            list.push(DataFeature { feature, family: family.name, extra });
         }
     }
     list

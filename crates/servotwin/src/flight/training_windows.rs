@@ -237,22 +237,22 @@ impl Observer for Collector<'_> {
         });
         let Collector { windows, pick, taken, flight, is_hard_negative, .. } = self;
         let mut take = |kind: usize, is_faulty: bool| {
-            let window = windows.window(kind).clone();
+            let window = windows.of(kind).window().clone();
             let (at, flight, is_hard_negative) = (index + 1, flight.number, *is_hard_negative);
             taken.push(TrainingWindow { is_hard_negative, kind, at, is_faulty, flight, window });
         };
         match pick {
             Pick::Newest(planned) => {
                 while let Some(next) = planned.pop_if(|planned| planned.at == index + 1) {
-                    if windows.is_full(next.kind) {
+                    if windows.of(next.kind).is_full() {
                         take(next.kind, next.is_faulty);
                     }
                 }
             }
             Pick::Outside(bands) if has_new => {
                 for (kind, bands) in bands.iter().enumerate() {
-                    let is_new = windows.has_ended(kind) && windows.is_full(kind);
-                    let window = windows.window(kind);
+                    let is_new = windows.of(kind).has_ended() && windows.of(kind).is_full();
+                    let window = windows.of(kind).window();
                     let mut bands = bands.iter().enumerate();
                     if is_new && bands.any(|(sensor, band)| window.largest(sensor) > *band) {
                         take(kind, false);

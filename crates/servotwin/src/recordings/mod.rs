@@ -326,12 +326,12 @@ impl RecordingStudy {
         Ok(Sensors(self.sensors.iter().map(one).collect::<Result<_, RecordingError>>()?))
     }
 
-    fn chosen(&self) -> Result<Vec<&'static dyn Family>, RecordingError> {
+    fn chosen(&self) -> Result<Vec<&'static Family>, RecordingError> {
         if self.families.is_empty() {
-            return Ok(ALL.to_vec());
+            return Ok(ALL.iter().collect());
         }
         let one = |name: &String| {
-            let words = ALL.iter().map(|family| family.name());
+            let words = ALL.iter().map(|family| family.name);
             find(name).ok_or_else(|| unknown("family of features", name, words))
         };
         self.families.iter().map(one).collect()

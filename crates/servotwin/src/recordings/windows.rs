@@ -358,7 +358,7 @@ fn residuals(
 
 /// The features of a segment. Those that depend on a sensor without a number are missing.
 fn features(
-    families: &[&'static dyn Family],
+    families: &[&'static Family],
     sensors: &Sensors,
     columns: &[SensorColumns],
     rows: Range<usize>,
@@ -386,7 +386,7 @@ fn features(
             window.add(&measured, &nominal, &pick(&|column| column.scale[row], 1.0));
         }
         let mut values = vec![];
-        families.iter().for_each(|family| family.compute(sensors, &window, &mut values));
+        values.extend(families.iter().flat_map(|family| family.values(sensors, &window)));
         values
     };
     let values = with(0.0);

@@ -93,7 +93,7 @@ impl OtherPlants {
 }
 
 /// A component of another kind with the values of the component that it stands for.
-fn stand_in(own: &Instance, other: &'static dyn components::Component) -> Instance {
+fn stand_in(own: &Instance, other: &'static components::Component) -> Instance {
     let (own_spec, spec) = (own.component.spec(), other.spec());
     let mut instance = Instance::new(own.id.clone(), other);
     for (place, parameter) in spec.parameters.iter().enumerate() {

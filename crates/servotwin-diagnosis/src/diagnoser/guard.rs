@@ -1,0 +1,402 @@
+//! The first value of a session: whether a sample may be judged, and the values to judge.
+//!
+//! Behind an implausible input nothing is judged, and afterwards the twin settles first. A sensor without usable values
+//! is *lost* after some samples. The diagnosis then continues with a stand-in value, the twin's with the noise of a
+//! healthy sensor, unless too many sensors are lost.
+
+use alloc::vec;
+use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
+
+use super::environment::{InputChecks, InputDifference, InputRange, Why};
+use super::outcome::{Alarm, IndexedFinding};
+use super::{Diagnoser, LARGEST_COUNT};
+use crate::error::{Error, require_sound};
+use crate::random::Random;
+
+/// Upper limit of residuals and twin signals, in parts of scale; larger ones are no measurements.
+const PLAUSIBLE: f64 = 1e6;
+
+/// What a session receives at once, in the order of its diagnoser.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Received<'s> {
+    pub inputs: &'s [f64],
+    /// NaN means missing.
+    pub measured: &'s [f64],
+    pub twin: &'s [f64],
+    /// Number of the sample.
+    pub sample: u64,
+}
+
+/// Whether a sample is judged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Admission {
+    /// [`Guard::measured`] holds the values to judge.
+    Judged,
+    /// The twin settles.
+    Settling,
+    /// Values are missing or wrong, for so many consecutive samples.
+    Unusable(Alarm, u64),
+    /// An input is implausible: the twin's values mean nothing.
+    Implausible(IndexedFinding),
+}
+
+/// The checks of a session, with their state.
+#[derive(Debug, Clone)]
+pub(super) struct Guard {
+    /// Number of repetitions from which each input counts as frozen.
+    frozen_after: Vec<Option<u64>>,
+    /// Indices of both inputs of each difference.
+    pairs: Vec<[usize; 2]>,
+    /// Number of consecutive samples after which a sensor counts as lost, and as back.
+    until_lost: u64,
+    until_back: u64,
+    /// Number of samples that are not judged after a start or a restart.
+    settle_samples: u64,
+    /// The measured values, with stand-ins for masked and lost sensors.
+    pub measured: Vec<f64>,
+    /// The sensors with stand-in values.
+    pub stands_in: Vec<bool>,
+    pub state: GuardState,
+}
+
+/// What a guard remembers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct GuardState {
+    /// For each input the bits of its last value, so that a stored NaN comes back exactly, and its repetitions.
+    inputs: Vec<(u64, u64)>,
+    /// Remaining samples while the twin settles.
+    settling: u64,
+    /// Consecutive samples without usable values.
+    gap: u64,
+    sensors: Vec<SensorState>,
+}
+
+/// What a guard remembers of a sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SensorState {
+    is_taken_out: bool,
+    is_lost: bool,
+    /// Consecutive samples that contradict `is_lost`.
+    against: u64,
+}
+
+impl Guard {
+    pub(super) fn new(diagnoser: &Diagnoser) -> Self {
+        let checks = &diagnoser.environment;
+        let period_s = diagnoser.period_s;
+        let frozen_after = |input: &InputRange| input.frozen_after_samples(period_s);
+        let pair = |d: &InputDifference| Some([checks.place(&d.of)?, checks.place(&d.minus)?]);
+        let sensors = diagnoser.sensors.len();
+        let state = GuardState {
+            inputs: vec![(0, 0); checks.inputs.len()],
+            settling: 0,
+            gap: 0,
+            sensors: vec![SensorState::default(); sensors],
+        };
+        let settle_samples = diagnoser.samples(diagnoser.tuning.settle_s);
+        let mut guard = Guard {
+            frozen_after: checks.inputs.iter().map(frozen_after).collect(),
+            pairs: checks.differences.iter().filter_map(pair).collect(),
+            until_lost: diagnoser.samples(diagnoser.tuning.no_data_after_s).max(1),
+            until_back: settle_samples.max(1),
+            settle_samples,
+            measured: vec![0.0; sensors],
+            stands_in: vec![false; sensors],
+            state,
+        };
+        guard.reset();
+        guard
+    }
+
+    /// Forgets everything.
+    pub(super) fn reset(&mut self) {
+        self.state.inputs.fill((f64::NAN.to_bits(), 0));
+        self.state.sensors.fill(SensorState::default());
+        self.state.gap = 0;
+        self.settle();
+    }
+
+    /// Judges no sample until the twin has settled.
+    pub(super) fn settle(&mut self) {
+        self.state.settling = self.settle_samples;
+    }
+
+    /// The twin has settled already.
+    pub(super) fn has_settled(&mut self) {
+        self.state.settling = 0;
+    }
+
+    /// Consecutive unusable samples from which the windows before them are worth nothing.
+    pub(super) fn longest_gap(&self) -> u64 {
+        self.until_lost
+    }
+
+    /// Takes a sensor out, or puts it back; `None` for an unknown sensor.
+    pub(super) fn take_out(&mut self, sensor: usize, is_out: bool) -> Option<()> {
+        self.state.sensors.get_mut(sensor)?.is_taken_out = is_out;
+        Some(())
+    }
+
+    pub(super) fn is_lost(&self, sensor: usize) -> bool {
+        self.state.sensors.get(sensor).is_some_and(|state| state.is_lost)
+    }
+
+    /// Number of lost sensors.
+    pub(super) fn lost(&self) -> u32 {
+        self.state.sensors.iter().filter(|state| state.is_lost).count() as u32
+    }
+
+    /// Looks at a sample. The sensors of masked actuators get a stand-in value.
+    pub(super) fn admit(
+        &mut self,
+        diagnoser: &Diagnoser,
+        received: Received,
+        is_masked: impl Fn(u32) -> bool,
+    ) -> Admission {
+        if let Some((input, why)) = self.implausible(&diagnoser.environment, received.inputs) {
+            self.settle();
+            return Admission::Implausible(IndexedFinding::EnvironmentInvalid { input, why });
+        }
+        // The twin settles by its inputs, whether or not all sensors are there.
+        let is_settled = self.state.settling == 0;
+        self.state.settling = self.state.settling.saturating_sub(1);
+        if let Err(alarm) = self.take_values(diagnoser, received, is_masked) {
+            self.state.gap += 1;
+            return Admission::Unusable(alarm, self.state.gap);
+        }
+        self.state.gap = 0;
+        if is_settled { Admission::Judged } else { Admission::Settling }
+    }
+
+    /// The first implausible input, if any. Values that a short list lacks count as missing.
+    fn implausible(&mut self, checks: &InputChecks, inputs: &[f64]) -> Option<(u32, Why)> {
+        let value = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
+        let mut first = None;
+        for (place, input) in checks.inputs.iter().enumerate() {
+            let is_frozen = self.is_frozen(place, value(place));
+            let why = input.wrong(value(place)).or(is_frozen.then_some(Why::Frozen));
+            first = first.or(why.map(|why| (place as u32, why)));
+        }
+        let contradiction = || {
+            let difference = |[of, minus]: [usize; 2]| value(of) - value(minus);
+            let mut pairs = checks.differences.iter().zip(&self.pairs);
+            let (_, [of, _]) =
+                pairs.find(|(d, pair)| !(d.least..=d.largest).contains(&difference(**pair)))?;
+            Some((*of as u32, Why::Contradicts))
+        };
+        first.or_else(contradiction)
+    }
+
+    fn is_frozen(&mut self, place: usize, value: f64) -> bool {
+        let (last, repeats) = &mut self.state.inputs[place];
+        *repeats = if *last == value.to_bits() { repeats.saturating_add(1) } else { 0 };
+        *last = value.to_bits();
+        self.frozen_after[place].is_some_and(|limit| *repeats >= limit)
+    }
+
+    /// Checks the values and copies them, with stand-ins; the alarm of unusable ones.
+    fn take_values(
+        &mut self,
+        diagnoser: &Diagnoser,
+        Received { measured, twin, sample, .. }: Received,
+        is_masked: impl Fn(u32) -> bool,
+    ) -> Result<(), Alarm> {
+        let sensors = &diagnoser.sensors;
+        if measured.len() != sensors.len() || twin.len() != sensors.len() {
+            return Err(Alarm::Error);
+        }
+        let mut usable = Ok(());
+        for (place, sensor) in sensors.iter().enumerate() {
+            let (value, expected) = (measured[place], twin[place]);
+            let of = |value: f64| match value {
+                value if value.is_nan() => Err(Alarm::NoData),
+                value if ((value - expected) / sensor.scale).abs() > PLAUSIBLE => Err(Alarm::Error),
+                _ => Ok(()),
+            };
+            let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
+            let state = &mut self.state.sensors[place];
+            let is_masked = state.is_taken_out || sensor.actuator.is_some_and(&is_masked);
+            if is_masked {
+                (state.is_lost, state.against) = (false, 0);
+            } else if is_sound {
+                let limit = if state.is_lost { self.until_back } else { self.until_lost };
+                state.notice(of(value).is_ok(), limit);
+            }
+            self.stands_in[place] = is_masked || state.is_lost;
+            self.measured[place] = if self.stands_in[place] {
+                let mut random = Random::stream(place as u64, sample + 1);
+                let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
+                expected + sensor.scale * noise * normal(&mut random)
+            } else {
+                value
+            };
+            usable = match usable {
+                _ if !is_sound => Err(Alarm::Error),
+                Ok(()) => of(self.measured[place]),
+                wrong => wrong,
+            };
+        }
+        if usable.is_ok() && self.is_blind(diagnoser) { Err(Alarm::NoData) } else { usable }
+    }
+
+    /// Whether too many of an actuator's sensors, or of all sensors, are lost: the rest does not suffice.
+    fn is_blind(&self, diagnoser: &Diagnoser) -> bool {
+        let has_lost_most = |actuator: Option<u32>| {
+            let sensors = diagnoser.sensors.iter().zip(&self.state.sensors);
+            let own =
+                sensors.filter(|(sensor, _)| actuator.is_none() || sensor.actuator == actuator);
+            let (count, lost) = own.fold((0, 0), |(count, lost), (_, state)| {
+                (count + 1, lost + u32::from(state.is_lost))
+            });
+            f64::from(lost) > diagnoser.tuning.most_lost * f64::from(count)
+        };
+        let mut actuators = diagnoser.sensors.iter().map(|sensor| sensor.actuator);
+        self.lost() > 0 && (has_lost_most(None) || actuators.any(has_lost_most))
+    }
+
+    /// Whether an actuator may be accused: all other judged actuators have all their sensors. A stand-in value always
+    /// looks healthy, so a fault of an actuator without a sensor would look like a fault of its neighbor.
+    pub(super) fn is_comparable(
+        &self,
+        diagnoser: &Diagnoser,
+        actuator: usize,
+        is_masked: impl Fn(u32) -> bool,
+    ) -> bool {
+        let mut sensors = diagnoser.sensors.iter().zip(&self.state.sensors);
+        sensors.all(|(sensor, state)| {
+            let is_own = sensor.actuator == Some(actuator as u32);
+            let is_there = !state.is_taken_out && !state.is_lost;
+            is_own || is_there || sensor.actuator.is_some_and(&is_masked)
+        })
+    }
+
+    /// Restores a state.
+    ///
+    /// # Errors
+    /// [`Error::CorruptModel`] for one that a session of this diagnoser cannot have.
+    pub(super) fn restore(&mut self, state: &GuardState) -> Result<(), Error> {
+        let is_possible = |sensor: &SensorState| {
+            sensor.against < if sensor.is_lost { self.until_back } else { self.until_lost }
+        };
+        let fits = state.inputs.len() == self.state.inputs.len()
+            && state.sensors.len() == self.state.sensors.len()
+            && state.sensors.iter().all(is_possible)
+            && state.gap <= LARGEST_COUNT
+            && state.settling <= self.settle_samples;
+        require_sound(fits, "the stored checks are another diagnoser's")?;
+        self.state.clone_from(state);
+        Ok(())
+    }
+}
+
+impl SensorState {
+    /// Counts a sample with or without a usable value; after `limit` of them the sensor is lost, or back.
+    fn notice(&mut self, is_there: bool, limit: u64) {
+        self.against = if is_there == self.is_lost { self.against + 1 } else { 0 };
+        if self.against >= limit {
+            (self.is_lost, self.against) = (!self.is_lost, 0);
+        }
+    }
+}
+
+/// A deviate of mean 0 and variance 1, from twelve uniform ones.
+fn normal(random: &mut Random) -> f64 {
+    (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnoser::{DiagnosedSensor, FORMAT, Tuning};
+    use crate::features::Quantity;
+
+    /// Two inputs and two sensors at 100 Hz.
+    fn diagnoser() -> Diagnoser {
+        let input = |name: &str, frozen_after_s| InputRange {
+            name: name.into(),
+            least: 0.0,
+            largest: 100.0,
+            frozen_after_s,
+        };
+        let (of, minus) = ("supply".into(), "tank".into());
+        let sensor = |name: &str| DiagnosedSensor {
+            name: name.into(),
+            quantity: Quantity::Other,
+            actuator: Some(0),
+            scale: 1.0,
+            noise: 0.0,
+            is_noisy: false,
+            follows: vec![],
+            spread: None,
+        };
+        Diagnoser {
+            format: FORMAT.into(),
+            period_s: 0.01,
+            sensors: vec![sensor("x_p"), sensor("x_v")],
+            environment: InputChecks {
+                inputs: vec![input("supply", Some(0.05)), input("tank", None)],
+                differences: vec![InputDifference { of, minus, least: 10.0, largest: 90.0 }],
+            },
+            boundaries: vec![],
+            lengths: vec![],
+            baseline: None,
+            tuning: Tuning { no_data_after_s: 0.03, settle_s: 0.05, ..Tuning::default() },
+            scatter: None,
+            healthy_evidence: None,
+        }
+    }
+
+    fn admit(guard: &mut Guard, inputs: &[f64], measured: &[f64]) -> Admission {
+        let received = Received { inputs, measured, twin: &[0.5; 2], sample: 7 };
+        guard.admit(&diagnoser(), received, |_| false)
+    }
+
+    #[test]
+    fn implausible_inputs_are_named_and_the_twin_settles_after_them() {
+        let mut guard = Guard::new(&diagnoser());
+        let wrong: [(&[f64], u32, Why); 6] = [
+            (&[f64::NAN, 5.0], 0, Why::Missing),
+            (&[50.0], 1, Why::Missing),
+            (&[51.0, f64::NEG_INFINITY], 1, Why::NotFinite),
+            (&[52.0, -1.0], 1, Why::OutOfRange),
+            (&[14.0, 5.0], 0, Why::Contradicts),
+            (&[14.0, f64::NAN], 1, Why::Missing),
+        ];
+        for (inputs, input, why) in wrong {
+            let finding = IndexedFinding::EnvironmentInvalid { input, why };
+            assert_eq!(admit(&mut guard, inputs, &[0.5; 2]), Admission::Implausible(finding));
+        }
+        let frozen = IndexedFinding::EnvironmentInvalid { input: 0, why: Why::Frozen };
+        for k in 0..10 {
+            let expected = if k < 5 { Admission::Settling } else { Admission::Implausible(frozen) };
+            assert_eq!(admit(&mut guard, &[60.0, 5.0], &[0.5; 2]), expected, "sample {k}");
+        }
+        for k in 0..6 {
+            let expected = if k < 5 { Admission::Settling } else { Admission::Judged };
+            assert_eq!(admit(&mut guard, &[61.0 + f64::from(k), 5.0], &[0.5; 2]), expected);
+        }
+    }
+
+    #[test]
+    fn a_sensor_is_lost_after_a_row_without_values_and_back_after_a_row_with() {
+        let is_lost_after = |samples: &[bool]| {
+            let mut guard = Guard::new(&diagnoser());
+            for (k, &is_there) in samples.iter().enumerate() {
+                let value = if is_there { 0.4 } else { f64::NAN };
+                admit(&mut guard, &[50.0 + k as f64, 5.0], &[0.5, value]);
+            }
+            assert_eq!(guard.is_lost(1), guard.lost() == 1);
+            assert_eq!(guard.is_lost(1), guard.measured[1] == 0.5, "the twin's value stands in");
+            guard.is_lost(1)
+        };
+        assert!(!is_lost_after(&[false; 2]));
+        assert!(is_lost_after(&[false; 3]));
+        assert!(!is_lost_after(&[false, false, true, false, false]));
+        assert!(is_lost_after(&[&[false; 3][..], &[true; 4]].concat()));
+        assert!(!is_lost_after(&[&[false; 3][..], &[true; 5]].concat()));
+        assert!(is_lost_after(&[&[false; 3][..], &[true; 4], &[false], &[true; 4]].concat()));
+    }
+}
