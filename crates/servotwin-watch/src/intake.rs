@@ -36,13 +36,6 @@ pub struct Whole {
     pub warnings: Vec<String>,
 }
 
-/// Whether a file may be a log, judged by its extension.
-pub fn is_log(path: &Path) -> bool {
-    let known = ["csv", "tsv", "parquet", "mcap", "jsonl", "ndjson", "mf4", "mdf", "mat"];
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    extension.is_some_and(|own| known.iter().any(|known| own.eq_ignore_ascii_case(known)))
-}
-
 /// Reads a span of a log with a map. Without a map, columns are found by their names.
 ///
 /// # Errors
@@ -135,7 +128,7 @@ fn samples(
                     false => counts.note(Irregularity::NoTime, row.place),
                 }
             }
-            Read::Flawed(flaw) => counts.note_with(flaw.kind(), row.place, &flaw),
+            Read::Flawed(flaw) => counts.note_flaw(row.place, &flaw),
             Read::Nothing | Read::Pause | Read::Reconnected => continue,
             Read::Disconnected { .. } | Read::Dropped(_) => continue,
             Read::End => break,

@@ -342,7 +342,7 @@ impl<'w> Watch<'w> {
             }
             Read::Flawed(flaw) => {
                 progress.begin(row.place);
-                progress.counts.note_with(flaw.kind(), row.place, &flaw);
+                progress.counts.note_flaw(row.place, &flaw);
             }
             Read::Disconnected { cause } => {
                 progress.counts.note_with(Irregularity::Disconnected, progress.place, &cause);
@@ -354,14 +354,9 @@ impl<'w> Watch<'w> {
                 progress.counts.note(Irregularity::Reconnected, progress.place);
                 self.report(WatchEvent::Reconnected, None)?;
             }
-            Read::Dropped(dropped) => {
-                progress.counts.frames += dropped.count;
-                progress.counts.note_many(
-                    dropped.kind,
-                    dropped.place,
-                    dropped.count,
-                    &dropped.detail,
-                );
+            Read::Dropped(flaw) => {
+                progress.counts.frames += flaw.count;
+                progress.counts.note_flaw(row.place, &flaw);
             }
             Read::Pause => {
                 progress.sequencer.flush();

@@ -4,9 +4,10 @@
 //! and the two are never mixed. `rig/one:p` and `one:p` are the key `p` of the topic `rig/one` alone. The time is sent
 //! with every topic.
 
-use super::super::frame::{Flaw, Frames};
+use super::super::frame::Frames;
 use super::super::{LogRow, MixedTopics, Read, SourceError, Wanted};
 use super::Subscription;
+use crate::counts::{Flaw, Irregularity};
 use std::collections::BTreeMap;
 
 /// The most topics that are remembered; beyond that, topics that have sent no column are forgotten.
@@ -67,7 +68,9 @@ impl Topics {
             && (0..row.values.len()).all(|place| Some(place) == time || row.values[place].is_nan());
         match read {
             // An unrelated message in a subscription to several topics.
-            Read::Row | Read::Flawed(Flaw::NoTime { .. }) if self.has_several && is_empty => {
+            Read::Row | Read::Flawed(Flaw { kind: Irregularity::NoTime, .. })
+                if self.has_several && is_empty =>
+            {
                 Ok(Read::Nothing)
             }
             Read::Row => self.claim(name, row).map(|()| Read::Row),
