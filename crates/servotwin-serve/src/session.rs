@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use servotwin::files::FileError;
 use servotwin::table::{Column, Table, TableError, parquet};
 #[cfg(feature = "mcap")]
-use servotwin_watch::sink::mcap::recording::{Note, Recording, Topic};
+use servotwin_watch::sink::mcap::recording::{Recording, Topic};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
@@ -70,21 +70,20 @@ impl SavedSession {
         let groups = Groups::of(&self.about);
         let mut recording = Recording::create(path, &groups.topics)?;
         let (period_s, width) = (period_s(&self.about), groups.width);
-        let mut time_s = 0.0;
-        let mut samples = 0;
+        let (mut time_s, mut samples) = (0.0, 0);
+        let json = |text: &str| serde_json::from_str(text).unwrap_or_default();
         for message in &self.messages {
             match message {
-                Message::Event(text) => {
-                    recording.note(&Note { topic: "/events", time_s, text: text.to_string() })?;
-                }
-                Message::State(text) => {
-                    recording.note(&Note { topic: "/states", time_s, text: text.to_string() })?;
-                }
+                Message::Event(text) => recording.note("/events", time_s, &json(text))?,
+                Message::State(text) => recording.note("/states", time_s, &json(text))?,
                 Message::Frame(bytes) => {
                     let values: Vec<f64> = Frame::values_in(bytes).map(f64::from).collect();
                     for sample in values.chunks_exact(width) {
                         time_s = f64::from(samples) * period_s;
-                        recording.sample(time_s, &groups.split(sample))?;
+                        for (topic, places) in groups.places.iter().enumerate() {
+                            let own: Vec<f64> = places.iter().map(|&at| sample[at]).collect();
+                            recording.numbers(topic, time_s, &own)?;
+                        }
                         samples += 1;
                     }
                 }
@@ -209,12 +208,6 @@ impl Groups {
             groups.places[at].push(place);
         }
         groups
-    }
-
-    /// The values of a sample, topic by topic.
-    fn split(&self, sample: &[f64]) -> Vec<Vec<f64>> {
-        let of = |places: &Vec<usize>| places.iter().map(|&place| sample[place]).collect();
-        self.places.iter().map(of).collect()
     }
 }
 

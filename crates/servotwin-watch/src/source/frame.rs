@@ -12,8 +12,8 @@ use crate::counts::{Flaw, Irregularity};
 use serde_json::Value;
 use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
-use servotwin_io::table::csv::dialect::Dialect;
-use servotwin_io::table::csv::encoding::{self, Encoding};
+use servotwin_io::table::csv::dialect::separator_of;
+use servotwin_io::table::csv::encoding;
 use servotwin_io::table::csv::growing::{Numbers, is_missing};
 use servotwin_io::table::json_lines;
 use std::cell::RefCell;
@@ -306,7 +306,7 @@ fn separator(line: &[u8]) -> u8 {
     let has = |marks: &[u8]| text.iter().any(|byte| marks.contains(byte));
     match !has(b",;\t") && has(b" ") {
         true => b' ',
-        false => Dialect::of(line).separator,
+        false => separator_of(line),
     }
 }
 
@@ -316,9 +316,7 @@ pub(super) fn texts(line: &[u8], separator: u8) -> Vec<String> {
 }
 
 fn decoded(cell: &[u8]) -> String {
-    let text = encoding::text(cell, Encoding::Utf8);
-    let text = text.or_else(|| encoding::text(cell, Encoding::Latin1)).unwrap_or_default();
-    text.trim().replace("\"\"", "\"")
+    encoding::text(cell).trim().replace("\"\"", "\"")
 }
 
 /// The text of a cell, sanitized for a message.
