@@ -413,7 +413,10 @@ impl<'w> Watch<'w> {
                 finding.clone_from(observation.finding);
                 *changes += 1;
             }
-            let sample = Sample { time_s: now_s, place, inputs, measured, observation, changed };
+            if self.sinks.is_empty() {
+                continue;
+            }
+            let sample = Sample::new((now_s, place), inputs, measured, &observation, changed);
             for sink in &mut self.sinks {
                 sink.sample(&sample)?;
             }

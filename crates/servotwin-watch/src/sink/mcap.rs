@@ -13,6 +13,7 @@ use recording::{Recording, Topic};
 use serde_json::json;
 use servotwin::observer::Finding;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Writes an MCAP file.
 pub struct Mcap {
@@ -74,24 +75,17 @@ impl Mcap {
 }
 
 impl Sink for Mcap {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
-        let (observation, time_s) = (&sample.observation, sample.time_s);
-        let numbers = [
-            sample.inputs,
-            sample.measured,
-            observation.twin,
-            observation.residuals,
-            observation.bands,
-            observation.features,
-        ];
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
+        let Sample { time_s, inputs, measured, twin, residuals, bands, features, .. } = &**sample;
+        let numbers = [inputs, measured, twin, residuals, bands, features];
         let is_due = |topic: usize| topic != BANDS || !self.has_bands;
         for (topic, values) in numbers.into_iter().enumerate().filter(|(topic, _)| is_due(*topic)) {
-            self.recording.numbers(topic, time_s, values)?;
+            self.recording.numbers(topic, *time_s, values)?;
         }
         self.has_bands = true;
         if sample.changed {
-            self.last_finding.clone_from(observation.finding);
-            self.decide(time_s, observation.finding)?;
+            self.last_finding.clone_from(&sample.finding);
+            self.decide(*time_s, &sample.finding)?;
         }
         Ok(())
     }

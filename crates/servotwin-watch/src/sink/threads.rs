@@ -8,7 +8,6 @@
 
 use super::{Sample, Sink, SinkError};
 use crate::watchdog::{Notice, SinkLoss, WatchEvent};
-use servotwin::observer::{Finding, Observation};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -57,58 +56,8 @@ pub enum SinkKind {
     Terminal,
 }
 
-/// A sample that owns its data.
-#[derive(Debug, Clone)]
-struct OwnedSample {
-    time_s: f64,
-    place: u64,
-    inputs: Vec<f64>,
-    measured: Vec<f64>,
-    twin: Vec<f64>,
-    residuals: Vec<f64>,
-    bands: Vec<f64>,
-    features: Vec<f64>,
-    finding: Finding,
-    changed: bool,
-}
-
-impl OwnedSample {
-    fn new(sample: &Sample) -> Self {
-        let observation = &sample.observation;
-        OwnedSample {
-            time_s: sample.time_s,
-            place: sample.place,
-            inputs: sample.inputs.to_vec(),
-            measured: sample.measured.to_vec(),
-            twin: observation.twin.to_vec(),
-            residuals: observation.residuals.to_vec(),
-            bands: observation.bands.to_vec(),
-            features: observation.features.to_vec(),
-            finding: observation.finding.clone(),
-            changed: sample.changed,
-        }
-    }
-
-    fn borrow(&self) -> Sample<'_> {
-        Sample {
-            time_s: self.time_s,
-            place: self.place,
-            inputs: &self.inputs,
-            measured: &self.measured,
-            observation: Observation {
-                twin: &self.twin,
-                residuals: &self.residuals,
-                bands: &self.bands,
-                features: &self.features,
-                finding: &self.finding,
-            },
-            changed: self.changed,
-        }
-    }
-}
-
 enum Message {
-    Sample(Arc<OwnedSample>),
+    Sample(Arc<Sample>),
     Notice(Arc<Notice>),
     /// Answered once all earlier messages were written.
     Flush(SyncSender<()>),
@@ -288,13 +237,10 @@ impl SinkThread {
 }
 
 impl Sink for SinkThreads {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         let wants = |thread: &&SinkThread| sample.changed || !thread.rules.only_changes;
-        if self.threads.iter().any(|thread| wants(&thread)) {
-            let owned = Arc::new(OwnedSample::new(sample));
-            for thread in self.threads.iter().filter(wants) {
-                thread.offer(Message::Sample(owned.clone()), sample.changed);
-            }
+        for thread in self.threads.iter().filter(wants) {
+            thread.offer(Message::Sample(sample.clone()), sample.changed);
         }
         self.check()
     }
@@ -379,7 +325,7 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
 
 fn give(sink: &mut dyn Sink, message: &Message) -> Result<(), SinkError> {
     match message {
-        Message::Sample(sample) => sink.sample(&sample.borrow()),
+        Message::Sample(sample) => sink.sample(sample),
         Message::Notice(notice) => sink.notice(notice),
         Message::Flush(_) => sink.flush(),
     }

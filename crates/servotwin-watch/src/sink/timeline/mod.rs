@@ -18,6 +18,7 @@ use servotwin_io::moment;
 use servotwin_io::text::{escaped, spoken};
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The most buckets that are kept.
 const BUCKETS: usize = 8192;
@@ -256,7 +257,7 @@ impl Timeline {
 }
 
 impl Sink for Timeline {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         let period_s = self.scene.period_s;
         let follows = (sample.time_s - self.last_s - period_s).abs() < 0.5 * period_s;
         if !follows && self.stretches.len() < CHANGES {
@@ -268,28 +269,27 @@ impl Sink for Timeline {
             self.all_series().for_each(Series::halve);
             self.width *= 2;
         }
-        let observation = &sample.observation;
         let shown = |series: &mut [Series], traces: &[Trace], values: &[f64]| {
             for ((series, trace), &value) in series.iter_mut().zip(traces).zip(values) {
                 series.push(trace.shown.value(value), begins);
             }
         };
         let (inputs, sensors) = (&self.scene.inputs, &self.scene.sensors);
-        shown(&mut self.inputs, inputs, sample.inputs);
-        shown(&mut self.measured, sensors, sample.measured);
-        shown(&mut self.twin, sensors, observation.twin);
-        for (series, &residual) in self.residuals.iter_mut().zip(observation.residuals) {
+        shown(&mut self.inputs, inputs, &sample.inputs);
+        shown(&mut self.measured, sensors, &sample.measured);
+        shown(&mut self.twin, sensors, &sample.twin);
+        for (series, &residual) in self.residuals.iter_mut().zip(&sample.residuals) {
             series.push(100.0 * residual, begins);
         }
-        for (series, &feature) in self.features.iter_mut().zip(observation.features) {
+        for (series, &feature) in self.features.iter_mut().zip(&sample.features) {
             series.push(feature, begins);
         }
         if self.bands.is_empty() {
-            self.bands = observation.bands.to_vec();
+            self.bands.clone_from(&sample.bands);
         }
         match sample.changed {
             true if self.changes.len() < CHANGES => {
-                let change = (self.samples, sample.time_s, observation.finding.clone());
+                let change = (self.samples, sample.time_s, sample.finding.clone());
                 self.changes.push(change);
             }
             true => self.left_out += 1,
