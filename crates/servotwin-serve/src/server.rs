@@ -76,6 +76,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The bytes of a file that are sent at once.
 const PIECE: usize = 1 << 16;
 
+/// The media type of a page.
+const PAGE: &str = "text/html; charset=utf-8";
+
 /// Why the page cannot be served.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
@@ -217,6 +220,8 @@ struct Shared {
     feed: Feed,
     requests: Requests,
     about: Value,
+    /// The page of a source that is complete.
+    page: Option<Bytes>,
     saving: Arc<Semaphore>,
     counts: Counts,
 }
@@ -235,11 +240,21 @@ impl Shared {
             number,
             feed: Feed::default(),
             requests,
+            page: source.page(&about).map(Bytes::from),
             about,
             saving: saving.clone(),
             counts: Counts::default(),
         };
         (Arc::new(shared), waiting)
+    }
+
+    /// The page of the source.
+    fn page(&self) -> Response {
+        match &self.page {
+            // Its content security policy is in it.
+            Some(page) => ([(CONTENT_TYPE, PAGE)], page.clone()).into_response(),
+            None => typed(PAGE, HTML),
+        }
     }
 
     /// The row of a fleet: title, state and the time since the last frame, s.
@@ -427,7 +442,7 @@ async fn page(
     headers: HeaderMap,
 ) -> Response {
     match let_in(&shared, Asked::Page, &pass, &headers) {
-        Ok(()) => framed(&shared.access, typed("text/html; charset=utf-8", HTML)),
+        Ok(()) => framed(&shared.access, shared.page()),
         Err(refused) => *refused,
     }
 }
@@ -440,7 +455,7 @@ async fn fleet_page(
     headers: HeaderMap,
 ) -> Response {
     match let_in(&members[0], Asked::Page, &pass, &headers) {
-        Ok(()) => typed("text/html; charset=utf-8", FLEET),
+        Ok(()) => typed(PAGE, FLEET),
         Err(refused) => *refused,
     }
 }
@@ -546,7 +561,7 @@ impl SavedAs {
             }
             #[cfg(feature = "mcap")]
             SavedAs::Mcap => ("application/octet-stream", "attachment; filename=\"session.mcap\""),
-            SavedAs::Page => ("text/html; charset=utf-8", "attachment; filename=\"session.html\""),
+            SavedAs::Page => (PAGE, "attachment; filename=\"session.html\""),
         };
         [(CONTENT_TYPE, kind), (CONTENT_DISPOSITION, name)]
     }
@@ -639,22 +654,19 @@ type ToViewer = SplitSink<WebSocket, ws::Message>;
 async fn view(socket: WebSocket, shared: &Shared) {
     let (mut to_viewer, mut from_viewer) = socket.split();
     let mut refused_here = 0;
-    let Some(mut seen) = welcome(&mut to_viewer, shared).await else { return };
+    let Some(mut later) = welcome(&mut to_viewer, shared).await else { return };
     loop {
         let message = tokio::select! {
-            message = seen.later.recv() => match message {
+            message = later.recv() => match message {
                 Ok(Message::Frame(bytes)) => binary(&bytes),
                 Ok(Message::Event(event)) => text(&format!("{{\"event\":{event}}}")),
                 Ok(Message::State(state)) => text(&format!("{{\"state\":{state}}}")),
-                Ok(Message::Playback(playback)) => text(&format!("{{\"playback\":{playback}}}")),
-                Ok(Message::Jump) => match welcome(&mut to_viewer, shared).await {
-                    Some(anew) => { seen = anew; continue }
-                    None => return,
-                },
-                Err(RecvError::Lagged(lost)) => match catch_up(&mut to_viewer, shared, seen, lost).await {
-                    Some(now) => { seen = now; continue }
-                    None => return,
-                },
+                Err(RecvError::Lagged(lost)) => {
+                    match catch_up(&mut to_viewer, shared, later.len() as u64 + lost).await {
+                        Some(now) => { later = now; continue }
+                        None => return,
+                    }
+                }
                 Err(RecvError::Closed) => return,
             },
             request = from_viewer.next() => match request {
@@ -681,43 +693,29 @@ async fn send(to_viewer: &mut ToViewer, message: ws::Message) -> Option<()> {
     timeout(PATIENCE, to_viewer.send(message)).await.ok()?.ok()
 }
 
-/// What a viewer has seen, and what comes later.
-struct Seen {
-    jumps: u64,
-    later: broadcast::Receiver<Message>,
-}
+/// Everything that comes later.
+type Later = broadcast::Receiver<Message>;
 
 /// Sends all that is kept to a viewer; `None` if the viewer has left.
-async fn welcome(to_viewer: &mut ToViewer, shared: &Shared) -> Option<Seen> {
-    let Begin { frames, events, state, playback, jumps, later } = shared.feed.begin();
-    let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":{playback}}}");
+async fn welcome(to_viewer: &mut ToViewer, shared: &Shared) -> Option<Later> {
+    let Begin { frames, events, state, later } = shared.feed.begin();
+    // Only the page of a saved session plays back.
+    let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":null}}");
     send(to_viewer, text(&first)).await?;
     for frame in frames {
         send(to_viewer, binary(&frame)).await?;
     }
-    Some(Seen { jumps, later })
+    Some(later)
 }
 
 /// Brings a viewer that was too slow up to date; `None` if it has left. It loses the frames that wait, too: sending them
 /// would only make it later.
-async fn catch_up(
-    to_viewer: &mut ToViewer,
-    shared: &Shared,
-    seen: Seen,
-    lost: u64,
-) -> Option<Seen> {
-    let lost = lost + seen.later.len() as u64;
+async fn catch_up(to_viewer: &mut ToViewer, shared: &Shared, lost: u64) -> Option<Later> {
     shared.counts.frames_lost.fetch_add(lost, Ordering::Relaxed);
-    let Begin { events, state, playback, jumps, later, .. } = shared.feed.begin();
-    if jumps != seen.jumps {
-        send(to_viewer, text(&format!("{{\"lost\":{lost}}}"))).await?;
-        return welcome(to_viewer, shared).await;
-    }
-    let now = format!(
-        "{{\"lost\":{lost},\"all_events\":{events},\"state\":{state},\"playback\":{playback}}}"
-    );
+    let Begin { events, state, later, .. } = shared.feed.begin();
+    let now = format!("{{\"lost\":{lost},\"all_events\":{events},\"state\":{state}}}");
     send(to_viewer, text(&now)).await?;
-    Some(Seen { jumps, later })
+    Some(later)
 }
 
 /// The answer to a refused request, which is counted.
