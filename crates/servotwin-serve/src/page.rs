@@ -19,6 +19,7 @@ use base64::write::EncoderStringWriter;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde_json::{Value, json};
+use servotwin_watch::sink::timeline::{CHARTS_SCRIPT, CHARTS_STYLE};
 use sha2::{Digest, Sha256};
 use std::io::Write;
 
@@ -38,9 +39,9 @@ pub(crate) const HTML: &str = include_str!("../page/index.html");
 pub(crate) const FLEET: &str = include_str!("../page/fleet.html");
 /// Styles and scripts of both.
 pub(crate) const PARTS: [Part; 6] = [
-    style("uplot.css", include_str!("../page/uplot.css")),
+    style("uplot.css", CHARTS_STYLE),
     style("page.css", include_str!("../page/page.css")),
-    script("uplot.js", include_str!("../page/uplot.js")),
+    script("uplot.js", CHARTS_SCRIPT),
     script("common.js", include_str!("../page/common.js")),
     script("page.js", include_str!("../page/page.js")),
     script("fleet.js", include_str!("../page/fleet.js")),

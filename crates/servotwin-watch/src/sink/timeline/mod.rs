@@ -1,5 +1,5 @@
 //! The watch as one HTML file for zooming and hovering: states, commands, residuals with bands, measurements, twin and
-//! features. It needs no network; the script is a few lines in the file.
+//! features. It needs no network: uPlot, which draws the charts, is in the file.
 //!
 //! Memory and file size do not grow with the length of the watch. Every signal is stored as minimum and maximum over at
 //! most `BUCKETS` equal parts of time; when these are full, neighbors are merged. No peak is lost, and a short watch
@@ -26,7 +26,14 @@ const BUCKETS: usize = 8192;
 /// The most changes of the finding, restarts and band changes that are kept.
 const CHANGES: usize = 1000;
 
+/// The library that draws the charts.
+pub const CHARTS_SCRIPT: &str = include_str!("../../../page/uplot.js");
+/// The styles of the charts.
+pub const CHARTS_STYLE: &str = include_str!("../../../page/uplot.css");
+
 const STYLE: &str = include_str!("timeline.css");
+/// Charts are finer than a screen, so that a print is sharp.
+const FINE: &str = "window.devicePixelRatio = Math.max(2, devicePixelRatio);";
 const SCRIPT: &str = include_str!("timeline.js");
 
 /// Gathers the data of the file.
@@ -90,7 +97,7 @@ impl Timeline {
         let mut html = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
+             <title>{title}</title>\n<style>\n{CHARTS_STYLE}\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
              <h1>{title}</h1>\n<p class=\"note\">{}</p>\n\
              <div id=\"tools\"></div>\n<div id=\"panels\" tabindex=\"0\"></div>\n\
              <noscript><p>The curves need JavaScript; the tables below do not.</p></noscript>\n",
@@ -103,7 +110,7 @@ impl Timeline {
         let _ = write!(
             html,
             "<script type=\"application/json\" id=\"data\">{data}</script>\n\
-             <script>\n{SCRIPT}</script>\n</main>\n</body>\n</html>\n"
+             <script>\n{FINE}\n{CHARTS_SCRIPT}</script>\n<script>\n{SCRIPT}</script>\n</main>\n</body>\n</html>\n"
         );
         html
     }
