@@ -12,13 +12,12 @@ use serde::Deserialize;
 use servotwin::nearest::UnknownName;
 use servotwin::system::System;
 use servotwin_model::program::FaultAt;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 /// The longest request, in bytes.
 pub(crate) const LONGEST: usize = 4096;
 
 /// The number of requests that may wait between two samples.
-const WAITING: usize = 64;
+pub(crate) const WAITING: usize = 64;
 
 /// A request of a viewer.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -99,29 +98,6 @@ impl Inject {
             since_s,
         })
     }
-}
-
-/// The requests of viewers to a flight.
-#[derive(Clone)]
-pub(crate) struct Requests(SyncSender<Request>);
-
-impl Requests {
-    /// Hands a request to the flight, without waiting.
-    ///
-    /// # Errors
-    /// [`Refused::TooMany`].
-    pub(crate) fn send(&self, request: Request) -> Result<(), Refused> {
-        match self.0.try_send(request) {
-            Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
-            Err(TrySendError::Full(_)) => Err(Refused::TooMany),
-        }
-    }
-}
-
-/// Requests to a flight, and the end of the line that the flight holds.
-pub(crate) fn requests() -> (Requests, Receiver<Request>) {
-    let (sender, receiver) = sync_channel(WAITING);
-    (Requests(sender), receiver)
 }
 
 #[cfg(test)]

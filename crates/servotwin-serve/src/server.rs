@@ -26,7 +26,7 @@
 
 use crate::feed::{Begin, Feed, LiveSource, Message, Newest, RunError};
 use crate::page::{FLEET, HTML, PARTS, saved_page};
-use crate::request::{LONGEST, Refused, Request, Requests, requests};
+use crate::request::{LONGEST, Refused, Request, WAITING};
 use crate::session::{SavedSession, SessionError};
 use crate::state::event;
 use axum::Router;
@@ -44,7 +44,7 @@ use futures_util::{SinkExt, StreamExt};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use servotwin::files::{FileError, write_atomically};
 use servotwin::leftovers::temporary_folder;
@@ -53,7 +53,7 @@ use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 use tokio::net::TcpListener;
@@ -188,27 +188,17 @@ struct Counts {
     refused_visits: AtomicU64,
 }
 
-#[derive(Serialize)]
-struct Counted {
-    viewers: u64,
-    viewers_so_far: u64,
-    frames_lost: u64,
-    refused_requests: u64,
-    refused_visits: u64,
-    newest: Option<Newest>,
-}
-
 impl Counts {
-    fn now(&self, feed: &Feed) -> Counted {
+    fn now(&self, feed: &Feed) -> Value {
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        Counted {
-            viewers: of(&self.viewers),
-            viewers_so_far: of(&self.viewers_so_far),
-            frames_lost: of(&self.frames_lost),
-            refused_requests: of(&self.refused_requests),
-            refused_visits: of(&self.refused_visits),
-            newest: feed.newest(),
-        }
+        json!({
+            "viewers": of(&self.viewers),
+            "viewers_so_far": of(&self.viewers_so_far),
+            "frames_lost": of(&self.frames_lost),
+            "refused_requests": of(&self.refused_requests),
+            "refused_visits": of(&self.refused_visits),
+            "newest": feed.newest(),
+        })
     }
 }
 
@@ -218,7 +208,7 @@ struct Shared {
     /// Its number in the fleet, from 1.
     number: usize,
     feed: Feed,
-    requests: Requests,
+    requests: SyncSender<Request>,
     about: Value,
     /// The page of a source that is complete.
     page: Option<Bytes>,
@@ -232,7 +222,7 @@ impl Shared {
         number: usize,
         source: &dyn LiveSource,
     ) -> (Arc<Self>, Receiver<Request>) {
-        let (requests, waiting) = requests();
+        let (requests, waiting) = sync_channel(WAITING);
         let mut about = source.about();
         about["formats"] = json!(SavedAs::BUILT);
         let shared = Shared {
@@ -532,7 +522,7 @@ async fn file(
         #[cfg(feature = "mcap")]
         "session.mcap" => session(shared, SavedAs::Mcap).await,
         "page.html" => session(shared, SavedAs::Page).await,
-        "counts" => typed("application/json", json!(shared.counts.now(&shared.feed)).to_string()),
+        "counts" => typed("application/json", shared.counts.now(&shared.feed).to_string()),
         _ => nothing_there(),
     }
 }
@@ -726,7 +716,11 @@ fn refusal(shared: &Shared, refused_here: &mut u64, refused: &Refused) -> ws::Me
 }
 
 fn take(words: &str, shared: &Shared) -> Result<(), Refused> {
-    shared.requests.send(Request::read(words)?)
+    // The flight does not wait for requests, and one that has ended needs none.
+    match shared.requests.try_send(Request::read(words)?) {
+        Err(TrySendError::Full(_)) => Err(Refused::TooMany),
+        Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
+    }
 }
 
 fn text(words: &str) -> ws::Message {
