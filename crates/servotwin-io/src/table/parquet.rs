@@ -1,8 +1,8 @@
 //! Tables as Apache Parquet files, whole or streamed.
 //!
-//! Columns are written as required (never null). The file's key-value metadata holds the table's metadata, and each
-//! column's unit under `unit:` and the column's name. An Arrow schema beside it holds `unit` and `description` as
-//! metadata of the fields, where pyarrow and Polars look for them. The bytes depend only on the table: there is no time
+//! Columns are written as required (never null). The file's key-value metadata holds the table's metadata. An Arrow
+//! schema beside it holds `unit` and `description` as metadata of the fields, where pyarrow and Polars look for them. The
+//! bytes depend only on the table: there is no time
 //! stamp and no version except our own format's. Compression is Snappy, in pure Rust.
 //!
 //! [`ParquetWriter`] appends rows and holds at most one row group in memory. [`ParquetReader`] returns them table by
@@ -63,9 +63,6 @@ const GROUP_ROWS: usize = 1 << 17;
 
 /// Maximum number of rows in a table of [`ParquetReader`].
 const BATCH_ROWS: usize = 1 << 16;
-
-/// Prefix of the metadata key of a column's unit; the column's name follows.
-const UNIT_PREFIX: &str = "unit:";
 
 /// Metadata key of the schema of writers with an Arrow layer.
 const ARROW_KEY: &str = "ARROW:schema";
@@ -191,16 +188,13 @@ impl ParquetWriter {
     }
 }
 
-/// The table's metadata and the units of its columns.
+/// The table's metadata, and a schema with units and descriptions if there are any.
 fn notes_of(table: &Table) -> Vec<KeyValue> {
     let own = table.metadata.iter().map(|(key, note)| KeyValue::new(key.clone(), note.clone()));
-    let measured = table.columns().iter().filter(|column| !column.unit.is_empty());
-    let units = measured
-        .map(|column| KeyValue::new(format!("{UNIT_PREFIX}{}", column.name), column.unit.clone()));
     let has_facts = |column: &Column| !(column.unit.is_empty() && column.description.is_empty());
     let schema = table.columns().iter().any(has_facts).then(|| arrow_schema::encode(table));
     let schema = schema.map(|schema| KeyValue::new(ARROW_KEY.to_owned(), schema));
-    own.chain(units).chain(schema).collect()
+    own.chain(schema).collect()
 }
 
 fn schema_of(table: &Table) -> Result<TypePtr, ParquetError> {
@@ -327,7 +321,7 @@ impl ParquetReader {
         };
         for field in chosen(&fields, choice)? {
             match field.source(&reader.metadata) {
-                Ok(source) => reader.add(source, &notes, field.facts.as_ref())?,
+                Ok(source) => reader.add(source, field.facts.as_ref())?,
                 Err(problem) if leaves_out => reader.left_out.push((field.name.clone(), problem)),
                 Err(problem) => return Err(content(problem)),
             }
@@ -336,20 +330,14 @@ impl ParquetReader {
             let names = fields.into_iter().map(|field| field.name);
             reader.unread = names.filter(|name| !is_wanted(name)).collect();
         }
-        let is_own = |key: &String| key == ARROW_KEY || key.starts_with(UNIT_PREFIX);
-        reader.schema.metadata = notes.into_iter().filter(|(key, _)| !is_own(key)).collect();
+        reader.schema.metadata = notes;
+        reader.schema.metadata.remove(ARROW_KEY);
         Ok(reader)
     }
 
     /// Adds a column to the schema.
-    fn add(
-        &mut self,
-        source: ColumnSource,
-        notes: &BTreeMap<String, String>,
-        facts: Option<&Facts>,
-    ) -> Result<(), TableError> {
-        let noted = notes.get(&format!("{UNIT_PREFIX}{}", source.name));
-        let unit = noted.or(facts.and_then(|facts| facts.unit.as_ref())).map(String::as_str);
+    fn add(&mut self, source: ColumnSource, facts: Option<&Facts>) -> Result<(), TableError> {
+        let unit = facts.and_then(|facts| facts.unit.as_deref());
         let unit = unit.unwrap_or(source.meaning.unit());
         let description = facts.and_then(|facts| facts.description.clone()).unwrap_or_default();
         let column = Column::new(&source.name, unit, Values::empty(source.kind));
