@@ -120,6 +120,12 @@ pub enum SinkError {
     /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Output(std::io::Error),
+    /// A sink takes nothing at the end.
+    #[error("it takes nothing at the end")]
+    Stuck,
+    /// The thread of a sink ended early.
+    #[error("its thread has ended")]
+    Thread,
     /// An output whose writer is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },

@@ -334,42 +334,6 @@ pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
     SourceError::Feature { what: what.to_owned(), feature }
 }
 
-/// A column that two topics of a broker send.
-#[derive(Debug)]
-pub struct MixedTopics {
-    /// The broker's address.
-    pub broker: String,
-    /// The name of the column.
-    pub column: String,
-    /// The two topics that send it.
-    pub topics: [String; 2],
-    /// The last levels of the first topic, which distinguish it from the second.
-    pub ending: String,
-    /// Whether the map names the time.
-    pub has_time: bool,
-}
-
-impl fmt::Display for MixedTopics {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let broker = &self.broker;
-        let [first, second] = &self.topics;
-        let (first, second, ending) = (plain(first), plain(second), plain(&self.ending));
-        let column = sanitize::text(&self.column);
-        match self.has_time {
-            true => write!(
-                out,
-                "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are \
-                 not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
-            ),
-            false => write!(
-                out,
-                "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name \
-                 the column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
-            ),
-        }
-    }
-}
-
 /// Why a source cannot be opened or read further.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
@@ -380,9 +344,9 @@ pub enum SourceError {
     /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },
-    /// Two topics of a broker send the same column.
+    /// Two topics of a broker send the same column: what may be done.
     #[error("{0}")]
-    Mixed(Box<MixedTopics>),
+    Mixed(String),
     /// A file is damaged or has an unsupported format.
     #[error("{address}: {cause}")]
     Unreadable { address: String, cause: String },
@@ -447,9 +411,4 @@ fn advice(column: &str, known: &[String]) -> String {
         Some(name) => format!("did you mean '{name}'?"),
         None => format!("it has: {}", sanitize::list(known)),
     }
-}
-
-/// A complete topic with control characters escaped.
-fn plain(topic: &str) -> String {
-    topic.chars().flat_map(char::escape_debug).collect()
 }
