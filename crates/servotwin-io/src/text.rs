@@ -35,6 +35,21 @@ pub fn number(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
+/// Bytes in base 64.
+pub fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for part in bytes.chunks(3) {
+        let byte = |place: usize| u32::from(part.get(place).copied().unwrap_or(0));
+        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for digit in 0..4 {
+            let index = (word >> (18 - 6 * digit)) & 63;
+            text.push(if digit <= part.len() { char::from(DIGITS[index as usize]) } else { '=' });
+        }
+    }
+    text
+}
+
 /// The key of an order in which numbers count as numbers: `flight_2` is before `flight_10`.
 pub fn natural_order(name: &str) -> (Vec<(String, u128)>, String) {
     let (mut parts, mut rest) = (vec![], name);
@@ -74,6 +89,15 @@ mod tests {
         let kept = all.chars().filter(|c| allowed(*c) && !['&', '<', '>', '"'].contains(c));
         assert_eq!(text.chars().count(), kept.count() + "&amp;&lt;&gt;&quot;".len());
         assert_eq!(escaped("bell\u{7}, A & B"), "bell, A &amp; B");
+    }
+
+    #[test]
+    fn base64_as_its_standard_says() {
+        let cases =
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("fooba", "Zm9vYmE=")];
+        for (bytes, text) in cases {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 "use strict";
-// Stands in for the server in a page that holds its session. It describes the flight and plays the messages of the
-// session, as the server's replay does. Nothing leaves the page: both ways to the server are replaced. The block keeps
+// Stands in for the feed of a server in a page that holds its session. It describes the flight and plays the messages of
+// the session. Nothing leaves the page: both ways to the server are replaced. The block keeps
 // these names apart from those of the page.
 {
   const SHOWN_AFTER_A_JUMP = 1200;
@@ -64,8 +64,7 @@
   globalThis.fetch = async (path) => {
     if (!path.startsWith("about")) throw new Error("a saved page has no server");
     const { about } = await savedSession;
-    // Whatever it was when it was saved, it is now a session that is replayed.
-    return { ok: true, json: async () => ({ ...about, kind: "session" }) };
+    return { ok: true, json: async () => about };
   };
 
   /** The WebSocket of the page: plays the session with speed, pause and jump. */

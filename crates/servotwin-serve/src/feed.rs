@@ -39,6 +39,12 @@ pub trait LiveSource: Sync {
     /// Everything that a viewer must know to show frames, and to inject faults.
     fn about(&self) -> Value;
 
+    /// The page of a source that is complete, which holds all of it with this description; `None` if viewers follow the
+    /// source.
+    fn page(&self, _about: &Value) -> Option<String> {
+        None
+    }
+
     /// Fills the feed until `stop` is set.
     ///
     /// # Errors
@@ -60,10 +66,6 @@ pub enum Message {
     Event(Arc<str>),
     /// The state of the diagnosis, as JSON.
     State(Arc<str>),
-    /// Speed, pause and length of a replay, as JSON.
-    Playback(Arc<str>),
-    /// The replay jumped: viewers begin anew with what is kept.
-    Jump,
 }
 
 /// Consecutive samples: the number of the first one (u64), how many there are and how many signals each has (u32),
@@ -187,38 +189,27 @@ fn unix_ms() -> f64 {
 }
 
 struct Kept {
-    /// The number of jumps so far.
-    jumps: u64,
     /// The frames, events and states of the present flight.
     session: Vec<Message>,
     session_texts: usize,
     events: VecDeque<Arc<str>>,
     state: Arc<str>,
-    playback: Arc<str>,
     newest: Option<Newest>,
 }
 
 impl Default for Kept {
     fn default() -> Self {
-        let [state, playback] = [(); 2].map(|()| Arc::from("null"));
         Kept {
-            jumps: 0,
             session: vec![],
             session_texts: 0,
             events: VecDeque::new(),
-            state,
-            playback,
+            state: Arc::from("null"),
             newest: None,
         }
     }
 }
 
 impl Kept {
-    /// What stays when a flight begins or a replay jumps.
-    fn begin_again(&self) -> Self {
-        Kept { jumps: self.jumps, playback: self.playback.clone(), ..Kept::default() }
-    }
-
     fn take(&mut self, message: Message) {
         match &message {
             Message::Frame(bytes) => {
@@ -232,8 +223,6 @@ impl Kept {
                 }
             }
             Message::State(state) => self.state = state.clone(),
-            Message::Playback(playback) => return self.playback = playback.clone(),
-            Message::Jump => return,
         }
         self.session_texts += 1;
         if self.session_texts <= MAX_SESSION_TEXTS {
@@ -262,10 +251,6 @@ pub(crate) struct Begin {
     pub events: String,
     /// The present state of the diagnosis, as JSON.
     pub state: Arc<str>,
-    /// Speed, pause and length of a replay, as JSON; `null` for a flight.
-    pub playback: Arc<str>,
-    /// The number of jumps so far: after another jump a viewer must begin anew.
-    pub jumps: u64,
     /// Everything that comes later.
     pub later: Receiver<Message>,
 }
@@ -306,15 +291,7 @@ impl Feed {
     pub(crate) fn begin_flight(&self) {
         let mut kept = self.kept();
         let events = std::mem::take(&mut kept.events);
-        *kept = Kept { events, ..kept.begin_again() };
-    }
-
-    /// Replaces all that is kept by these messages, and lets viewers begin anew.
-    pub(crate) fn jump(&self, messages: &[Message]) {
-        let mut kept = self.kept();
-        *kept = Kept { jumps: kept.jumps + 1, ..kept.begin_again() };
-        messages.iter().for_each(|message| kept.take(message.clone()));
-        let _ = self.sender.send(Message::Jump);
+        *kept = Kept { events, ..Kept::default() };
     }
 
     /// What there is, and everything later, without a gap.
@@ -331,8 +308,6 @@ impl Feed {
             frames,
             events: json_list(&kept.events),
             state: kept.state.clone(),
-            playback: kept.playback.clone(),
-            jumps: kept.jumps,
             later: self.sender.subscribe(),
         }
     }
@@ -438,19 +413,6 @@ mod tests {
         feed.event(&json!("one more"));
         assert_eq!(feed.session(), None);
         feed.begin_flight();
-        assert_eq!((feed.session(), feed.begin().jumps), (Some(vec![]), 0));
-    }
-
-    #[test]
-    fn after_a_jump_viewers_begin_with_what_was_before_it() {
-        let feed = Feed::default();
-        (0..3).for_each(|k| feed.frame(&frame(2 * k)));
-        let mut begin = feed.begin();
-        let earlier = [Message::Event("1".into()), Message::Frame(frame(0).bytes())];
-        feed.jump(&earlier);
-        assert_eq!(begin.later.try_recv(), Ok(Message::Jump));
-        let again = feed.begin();
-        assert_eq!((begin.jumps, again.jumps), (0, 1), "who missed the jump sees it in the count");
-        assert_eq!((again.events.as_str(), again.frames.len()), ("[1]", 1));
+        assert_eq!(feed.session(), Some(vec![]));
     }
 }

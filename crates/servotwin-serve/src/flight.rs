@@ -3,7 +3,7 @@
 
 use crate::feed::{Feed, Frames, LiveSource, RunError};
 use crate::injection::Injection;
-use crate::request::{Refused, Request};
+use crate::request::Request;
 use crate::signals::{ShownSample, Signals};
 use crate::state::{Act, KnownOutcome, SourceKind, State, about, event};
 use serde_json::{Value, json};
@@ -160,9 +160,6 @@ impl Flown<'_> {
                     self.injections.retain(|one| one.name != name);
                     self.event("remove", json!({ "fault": name }));
                     self.tell_state();
-                }
-                Ok(Request::Speed(_) | Request::Jump(_)) => {
-                    self.event("refused", json!({ "why": Refused::NotAReplay.to_string() }));
                 }
                 Err(TryRecvError::Empty | TryRecvError::Disconnected) => return None,
             }

@@ -9,9 +9,9 @@
 //! - `injection`: faults as they are injected by hand: a step, a ramp, or intermittent
 //! - [`signals`]: what a frame contains, with names, units and bands
 //! - `state`: what viewers receive besides samples
-//! - `session`: a flight as viewers saw it, as one file, and its replay
+//! - `session`: a flight as viewers saw it, as one file
 //! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
-//! - `page`: the page, and one file that holds it with a session
+//! - `page`: the page, and one file that holds it with a session and replays it
 //! - `request`: what a viewer may ask for
 //! - `server`: HTTP and WebSocket, and who may come in
 //!

@@ -304,7 +304,7 @@ struct Notices<'w> {
 }
 
 impl Sink for Notices<'_> {
-    fn sample(&mut self, _sample: &sink::Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, _sample: &Arc<sink::Sample>) -> Result<(), SinkError> {
         Ok(())
     }
 

@@ -18,7 +18,8 @@ use base64::prelude::BASE64_STANDARD;
 use base64::write::EncoderStringWriter;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use serde_json::json;
+use serde_json::{Value, json};
+use servotwin_watch::sink::timeline::{CHARTS_SCRIPT, CHARTS_STYLE};
 use sha2::{Digest, Sha256};
 use std::io::Write;
 
@@ -38,9 +39,9 @@ pub(crate) const HTML: &str = include_str!("../page/index.html");
 pub(crate) const FLEET: &str = include_str!("../page/fleet.html");
 /// Styles and scripts of both.
 pub(crate) const PARTS: [Part; 6] = [
-    style("uplot.css", include_str!("../page/uplot.css")),
+    style("uplot.css", CHARTS_STYLE),
     style("page.css", include_str!("../page/page.css")),
-    script("uplot.js", include_str!("../page/uplot.js")),
+    script("uplot.js", CHARTS_SCRIPT),
     script("common.js", include_str!("../page/common.js")),
     script("page.js", include_str!("../page/page.js")),
     script("fleet.js", include_str!("../page/fleet.js")),
@@ -68,6 +69,14 @@ impl Part {
 
 /// A page that holds a session and plays it without a server.
 pub fn saved_page(session: &SavedSession) -> String {
+    let mut about = session.about.clone();
+    // Whatever it was when it was saved, it is now a session that is replayed.
+    about["kind"] = json!("session");
+    page_of(&about, session)
+}
+
+/// The same with a description by which a server offers the session, too.
+pub(crate) fn page_of(about: &Value, session: &SavedSession) -> String {
     let mut html = HTML.to_owned();
     let mut policy = "default-src 'none'; base-uri 'none'; form-action 'none'; \
                       style-src 'unsafe-inline'; script-src"
@@ -86,7 +95,7 @@ pub fn saved_page(session: &SavedSession) -> String {
     let html = html.replacen(charset, &policy, 1);
     // Browsers run scripts in their order, and the stand-in must be there before the page asks for a server.
     let (head, scripts) = html.split_once("<script>").expect("the page has a script");
-    let data = packed(session);
+    let data = packed(about, session);
     let opened = "<script type=\"application/octet-stream\" id=\"session\">";
     [head, opened, &data, "</script>\n", &stand_in, "\n<script>", scripts].concat()
 }
@@ -99,7 +108,7 @@ fn inlined(script: &str, policy: &mut String) -> String {
 }
 
 /// The session as the file holds it: base64 of gzip. An hour has 60 MB of values, which are not copied as a whole.
-fn packed(session: &SavedSession) -> String {
+fn packed(about: &Value, session: &SavedSession) -> String {
     let (mut frames, mut texts, mut values) = (vec![], vec![], vec![]);
     for message in &session.messages {
         let text = match message {
@@ -110,12 +119,11 @@ fn packed(session: &SavedSession) -> String {
             }
             Message::Event(event) => format!("{{\"event\":{event}}}"),
             Message::State(state) => format!("{{\"state\":{state}}}"),
-            Message::Playback(_) | Message::Jump => continue,
         };
         texts.push(json!([frames.len(), text]));
     }
-    let header = json!({ "about": session.about, "frames": frames, "texts": texts }).to_string();
-    let width = session.about["signals"].as_array().map_or(0, Vec::len);
+    let header = json!({ "about": about, "frames": frames, "texts": texts }).to_string();
+    let width = about["signals"].as_array().map_or(0, Vec::len);
     let base64 = EncoderStringWriter::new(&BASE64_STANDARD);
     let mut gzip = GzEncoder::new(base64, Compression::default());
     let mut write = || {
@@ -137,7 +145,6 @@ fn values_of(signal: usize, values: &[f32], width: usize) -> Vec<u8> {
 mod tests {
     use super::*;
     use flate2::read::GzDecoder;
-    use serde_json::Value;
     use std::io::Read;
 
     const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror=alert(2)>";
@@ -183,7 +190,7 @@ mod tests {
     #[test]
     fn a_saved_page_holds_the_session_to_the_bit() {
         let session = session();
-        let (header, values) = header_and_values(&saved_page(&session));
+        let (header, values) = header_and_values(&page_of(&session.about, &session));
         assert_eq!((&header["about"], &header["frames"]), (&session.about, &json!([3, 2])));
         let texts = header["texts"].as_array().unwrap();
         assert_eq!(texts.iter().map(|text| text[0].clone()).collect::<Vec<_>>(), [0, 1, 2]);

@@ -5,8 +5,6 @@
 //! {"remove": "actuator_1.leakage_a.leakage"}
 //! {"restart": true}
 //! {"pause": true}
-//! {"speed": 4.0}
-//! {"jump": 12.5}
 //! ```
 
 use crate::injection::{InjectedOnset, Injection};
@@ -14,16 +12,12 @@ use serde::Deserialize;
 use servotwin::nearest::UnknownName;
 use servotwin::system::System;
 use servotwin_model::program::FaultAt;
-use std::ops::RangeInclusive;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
 /// The longest request, in bytes.
 pub(crate) const LONGEST: usize = 4096;
 
 /// The number of requests that may wait between two samples.
-const WAITING: usize = 64;
-/// Speeds of a replay, in parts of real time.
-pub(crate) const SPEEDS: RangeInclusive<f64> = 0.25..=16.0;
+pub(crate) const WAITING: usize = 64;
 
 /// A request of a viewer.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -37,10 +31,6 @@ pub enum Request {
     Restart(bool),
     /// Holds the flight, or lets it go on.
     Pause(bool),
-    /// Replays a session this many times as fast as it was flown.
-    Speed(f64),
-    /// Goes on with a replay at this time, s.
-    Jump(f64),
 }
 
 /// A fault to be injected.
@@ -70,15 +60,6 @@ pub(crate) enum Refused {
     /// An intensity outside of its range.
     #[error("the intensity is {0}: allowed are 0 to 1")]
     Intensity(f64),
-    /// A replay cannot be as slow or as fast.
-    #[error("the speed is {0}: allowed are {low} to {high}", low = SPEEDS.start(), high = SPEEDS.end())]
-    Speed(f64),
-    /// A flight in real time has one speed and no past.
-    #[error("only a replay has a speed and can jump")]
-    NotAReplay,
-    /// A session has flown already.
-    #[error("a replay takes no faults")]
-    Replayed,
     /// An actuator that is measured cannot be changed from here.
     #[error("what is measured takes no requests")]
     Measured,
@@ -119,29 +100,6 @@ impl Inject {
     }
 }
 
-/// The requests of viewers to a flight.
-#[derive(Clone)]
-pub(crate) struct Requests(SyncSender<Request>);
-
-impl Requests {
-    /// Hands a request to the flight, without waiting.
-    ///
-    /// # Errors
-    /// [`Refused::TooMany`].
-    pub(crate) fn send(&self, request: Request) -> Result<(), Refused> {
-        match self.0.try_send(request) {
-            Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
-            Err(TrySendError::Full(_)) => Err(Refused::TooMany),
-        }
-    }
-}
-
-/// Requests to a flight, and the end of the line that the flight holds.
-pub(crate) fn requests() -> (Requests, Receiver<Request>) {
-    let (sender, receiver) = sync_channel(WAITING);
-    (Requests(sender), receiver)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,7 +114,9 @@ mod tests {
 
     #[test]
     fn garbage_is_refused() {
-        for text in ["", "{", "[]", r#"{"inject": 1}"#, r#"{"fly": true}"#, "\u{0}"] {
+        for text in
+            ["", "{", "[]", r#"{"inject": 1}"#, r#"{"fly": true}"#, r#"{"speed": 4}"#, "\u{0}"]
+        {
             assert!(matches!(Request::read(text), Err(Refused::NotUnderstood(_))), "{text}");
         }
         assert_eq!(Request::read(&" ".repeat(LONGEST + 1)), Err(Refused::TooLong));

@@ -26,7 +26,7 @@
 
 use crate::feed::{Begin, Feed, LiveSource, Message, Newest, RunError};
 use crate::page::{FLEET, HTML, PARTS, saved_page};
-use crate::request::{LONGEST, Refused, Request, Requests, requests};
+use crate::request::{LONGEST, Refused, Request, WAITING};
 use crate::session::{SavedSession, SessionError};
 use crate::state::event;
 use axum::Router;
@@ -44,7 +44,7 @@ use futures_util::{SinkExt, StreamExt};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use servotwin::files::{FileError, write_atomically};
 use servotwin::leftovers::temporary_folder;
@@ -53,7 +53,7 @@ use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 use tokio::net::TcpListener;
@@ -75,6 +75,9 @@ const MAX_SAVING: usize = 2;
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The bytes of a file that are sent at once.
 const PIECE: usize = 1 << 16;
+
+/// The media type of a page.
+const PAGE: &str = "text/html; charset=utf-8";
 
 /// Why the page cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -185,27 +188,17 @@ struct Counts {
     refused_visits: AtomicU64,
 }
 
-#[derive(Serialize)]
-struct Counted {
-    viewers: u64,
-    viewers_so_far: u64,
-    frames_lost: u64,
-    refused_requests: u64,
-    refused_visits: u64,
-    newest: Option<Newest>,
-}
-
 impl Counts {
-    fn now(&self, feed: &Feed) -> Counted {
+    fn now(&self, feed: &Feed) -> Value {
         let of = |count: &AtomicU64| count.load(Ordering::Relaxed);
-        Counted {
-            viewers: of(&self.viewers),
-            viewers_so_far: of(&self.viewers_so_far),
-            frames_lost: of(&self.frames_lost),
-            refused_requests: of(&self.refused_requests),
-            refused_visits: of(&self.refused_visits),
-            newest: feed.newest(),
-        }
+        json!({
+            "viewers": of(&self.viewers),
+            "viewers_so_far": of(&self.viewers_so_far),
+            "frames_lost": of(&self.frames_lost),
+            "refused_requests": of(&self.refused_requests),
+            "refused_visits": of(&self.refused_visits),
+            "newest": feed.newest(),
+        })
     }
 }
 
@@ -215,8 +208,10 @@ struct Shared {
     /// Its number in the fleet, from 1.
     number: usize,
     feed: Feed,
-    requests: Requests,
+    requests: SyncSender<Request>,
     about: Value,
+    /// The page of a source that is complete.
+    page: Option<Bytes>,
     saving: Arc<Semaphore>,
     counts: Counts,
 }
@@ -227,7 +222,7 @@ impl Shared {
         number: usize,
         source: &dyn LiveSource,
     ) -> (Arc<Self>, Receiver<Request>) {
-        let (requests, waiting) = requests();
+        let (requests, waiting) = sync_channel(WAITING);
         let mut about = source.about();
         about["formats"] = json!(SavedAs::BUILT);
         let shared = Shared {
@@ -235,11 +230,21 @@ impl Shared {
             number,
             feed: Feed::default(),
             requests,
+            page: source.page(&about).map(Bytes::from),
             about,
             saving: saving.clone(),
             counts: Counts::default(),
         };
         (Arc::new(shared), waiting)
+    }
+
+    /// The page of the source.
+    fn page(&self) -> Response {
+        match &self.page {
+            // Its content security policy is in it.
+            Some(page) => ([(CONTENT_TYPE, PAGE)], page.clone()).into_response(),
+            None => typed(PAGE, HTML),
+        }
     }
 
     /// The row of a fleet: title, state and the time since the last frame, s.
@@ -427,7 +432,7 @@ async fn page(
     headers: HeaderMap,
 ) -> Response {
     match let_in(&shared, Asked::Page, &pass, &headers) {
-        Ok(()) => framed(&shared.access, typed("text/html; charset=utf-8", HTML)),
+        Ok(()) => framed(&shared.access, shared.page()),
         Err(refused) => *refused,
     }
 }
@@ -440,7 +445,7 @@ async fn fleet_page(
     headers: HeaderMap,
 ) -> Response {
     match let_in(&members[0], Asked::Page, &pass, &headers) {
-        Ok(()) => typed("text/html; charset=utf-8", FLEET),
+        Ok(()) => typed(PAGE, FLEET),
         Err(refused) => *refused,
     }
 }
@@ -517,7 +522,7 @@ async fn file(
         #[cfg(feature = "mcap")]
         "session.mcap" => session(shared, SavedAs::Mcap).await,
         "page.html" => session(shared, SavedAs::Page).await,
-        "counts" => typed("application/json", json!(shared.counts.now(&shared.feed)).to_string()),
+        "counts" => typed("application/json", shared.counts.now(&shared.feed).to_string()),
         _ => nothing_there(),
     }
 }
@@ -546,7 +551,7 @@ impl SavedAs {
             }
             #[cfg(feature = "mcap")]
             SavedAs::Mcap => ("application/octet-stream", "attachment; filename=\"session.mcap\""),
-            SavedAs::Page => ("text/html; charset=utf-8", "attachment; filename=\"session.html\""),
+            SavedAs::Page => (PAGE, "attachment; filename=\"session.html\""),
         };
         [(CONTENT_TYPE, kind), (CONTENT_DISPOSITION, name)]
     }
@@ -639,22 +644,19 @@ type ToViewer = SplitSink<WebSocket, ws::Message>;
 async fn view(socket: WebSocket, shared: &Shared) {
     let (mut to_viewer, mut from_viewer) = socket.split();
     let mut refused_here = 0;
-    let Some(mut seen) = welcome(&mut to_viewer, shared).await else { return };
+    let Some(mut later) = welcome(&mut to_viewer, shared).await else { return };
     loop {
         let message = tokio::select! {
-            message = seen.later.recv() => match message {
+            message = later.recv() => match message {
                 Ok(Message::Frame(bytes)) => binary(&bytes),
                 Ok(Message::Event(event)) => text(&format!("{{\"event\":{event}}}")),
                 Ok(Message::State(state)) => text(&format!("{{\"state\":{state}}}")),
-                Ok(Message::Playback(playback)) => text(&format!("{{\"playback\":{playback}}}")),
-                Ok(Message::Jump) => match welcome(&mut to_viewer, shared).await {
-                    Some(anew) => { seen = anew; continue }
-                    None => return,
-                },
-                Err(RecvError::Lagged(lost)) => match catch_up(&mut to_viewer, shared, seen, lost).await {
-                    Some(now) => { seen = now; continue }
-                    None => return,
-                },
+                Err(RecvError::Lagged(lost)) => {
+                    match catch_up(&mut to_viewer, shared, later.len() as u64 + lost).await {
+                        Some(now) => { later = now; continue }
+                        None => return,
+                    }
+                }
                 Err(RecvError::Closed) => return,
             },
             request = from_viewer.next() => match request {
@@ -681,43 +683,29 @@ async fn send(to_viewer: &mut ToViewer, message: ws::Message) -> Option<()> {
     timeout(PATIENCE, to_viewer.send(message)).await.ok()?.ok()
 }
 
-/// What a viewer has seen, and what comes later.
-struct Seen {
-    jumps: u64,
-    later: broadcast::Receiver<Message>,
-}
+/// Everything that comes later.
+type Later = broadcast::Receiver<Message>;
 
 /// Sends all that is kept to a viewer; `None` if the viewer has left.
-async fn welcome(to_viewer: &mut ToViewer, shared: &Shared) -> Option<Seen> {
-    let Begin { frames, events, state, playback, jumps, later } = shared.feed.begin();
-    let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":{playback}}}");
+async fn welcome(to_viewer: &mut ToViewer, shared: &Shared) -> Option<Later> {
+    let Begin { frames, events, state, later } = shared.feed.begin();
+    // Only the page of a saved session plays back.
+    let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":null}}");
     send(to_viewer, text(&first)).await?;
     for frame in frames {
         send(to_viewer, binary(&frame)).await?;
     }
-    Some(Seen { jumps, later })
+    Some(later)
 }
 
 /// Brings a viewer that was too slow up to date; `None` if it has left. It loses the frames that wait, too: sending them
 /// would only make it later.
-async fn catch_up(
-    to_viewer: &mut ToViewer,
-    shared: &Shared,
-    seen: Seen,
-    lost: u64,
-) -> Option<Seen> {
-    let lost = lost + seen.later.len() as u64;
+async fn catch_up(to_viewer: &mut ToViewer, shared: &Shared, lost: u64) -> Option<Later> {
     shared.counts.frames_lost.fetch_add(lost, Ordering::Relaxed);
-    let Begin { events, state, playback, jumps, later, .. } = shared.feed.begin();
-    if jumps != seen.jumps {
-        send(to_viewer, text(&format!("{{\"lost\":{lost}}}"))).await?;
-        return welcome(to_viewer, shared).await;
-    }
-    let now = format!(
-        "{{\"lost\":{lost},\"all_events\":{events},\"state\":{state},\"playback\":{playback}}}"
-    );
+    let Begin { events, state, later, .. } = shared.feed.begin();
+    let now = format!("{{\"lost\":{lost},\"all_events\":{events},\"state\":{state}}}");
     send(to_viewer, text(&now)).await?;
-    Some(Seen { jumps, later })
+    Some(later)
 }
 
 /// The answer to a refused request, which is counted.
@@ -728,7 +716,11 @@ fn refusal(shared: &Shared, refused_here: &mut u64, refused: &Refused) -> ws::Me
 }
 
 fn take(words: &str, shared: &Shared) -> Result<(), Refused> {
-    shared.requests.send(Request::read(words)?)
+    // The flight does not wait for requests, and one that has ended needs none.
+    match shared.requests.try_send(Request::read(words)?) {
+        Err(TrySendError::Full(_)) => Err(Refused::TooMany),
+        Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
+    }
 }
 
 fn text(words: &str) -> ws::Message {

@@ -1,24 +1,25 @@
-//! A session: everything that viewers of one flight were sent, in this order, as one table. A replay sends the same
-//! bytes again.
+//! A session: everything that viewers of one flight were sent, in this order, as one table. The page that replays it
+//! shows the same bytes again.
 
 use crate::feed::{Feed, Frame, LiveSource, Message, RunError};
-use crate::request::{Refused, Request, SPEEDS};
+use crate::page::page_of;
+use crate::request::Request;
 use serde::de::IgnoredAny;
-use serde_json::{Value, json};
+use serde_json::Value;
 use servotwin::files::FileError;
 use servotwin::table::{Column, Table, TableError, parquet};
 #[cfg(feature = "mcap")]
-use servotwin_watch::sink::mcap::recording::{Note, Recording, Topic};
+use servotwin_watch::sink::mcap::recording::{Recording, Topic};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// The metadata key of the description of the flight.
 const ABOUT: &str = "servotwin:about";
 /// The column of events and states: at the first sample of a frame one JSON object a line, as sent before that frame.
 const MESSAGES: &str = "messages";
-/// The time after which a replay that is paused or at its end looks for requests again.
+/// The time after which a session that is shown looks whether it must end.
 const PAUSED: Duration = Duration::from_millis(20);
 
 /// Why a file cannot be replayed, or a session not be saved.
@@ -70,25 +71,23 @@ impl SavedSession {
         let groups = Groups::of(&self.about);
         let mut recording = Recording::create(path, &groups.topics)?;
         let (period_s, width) = (period_s(&self.about), groups.width);
-        let mut time_s = 0.0;
-        let mut samples = 0;
+        let (mut time_s, mut samples) = (0.0, 0);
+        let json = |text: &str| serde_json::from_str(text).unwrap_or_default();
         for message in &self.messages {
             match message {
-                Message::Event(text) => {
-                    recording.note(&Note { topic: "/events", time_s, text: text.to_string() })?;
-                }
-                Message::State(text) => {
-                    recording.note(&Note { topic: "/states", time_s, text: text.to_string() })?;
-                }
+                Message::Event(text) => recording.note("/events", time_s, &json(text))?,
+                Message::State(text) => recording.note("/states", time_s, &json(text))?,
                 Message::Frame(bytes) => {
                     let values: Vec<f64> = Frame::values_in(bytes).map(f64::from).collect();
                     for sample in values.chunks_exact(width) {
                         time_s = f64::from(samples) * period_s;
-                        recording.sample(time_s, &groups.split(sample))?;
+                        for (topic, places) in groups.places.iter().enumerate() {
+                            let own: Vec<f64> = places.iter().map(|&at| sample[at]).collect();
+                            recording.numbers(topic, time_s, &own)?;
+                        }
                         samples += 1;
                     }
                 }
-                Message::Playback(_) | Message::Jump => {}
             }
         }
         Ok(recording.finish()?)
@@ -113,7 +112,6 @@ impl SavedSession {
                     messages.push(std::mem::take(&mut waiting).join("\n"));
                     messages.resize(signals[0].len(), String::new());
                 }
-                Message::Playback(_) | Message::Jump => {}
             }
         }
         let period_s = period_s(&self.about);
@@ -162,22 +160,6 @@ impl SavedSession {
         }
         Ok(SavedSession { about, messages })
     }
-
-    /// The duration of a message when it is replayed at the speed of the flight, s.
-    fn duration_s(&self, message: &Message) -> f64 {
-        let Message::Frame(bytes) = message else { return 0.0 };
-        Frame::samples_in(bytes) as f64 * period_s(&self.about)
-    }
-
-    /// The number of messages before a time, s.
-    fn messages_before(&self, time_s: f64) -> usize {
-        let mut end_s = 0.0;
-        let is_before = |message: &&Message| {
-            end_s += self.duration_s(message);
-            end_s <= time_s
-        };
-        self.messages.iter().take_while(is_before).count()
-    }
 }
 
 /// The topics of the signals, one for each part of the page.
@@ -210,12 +192,6 @@ impl Groups {
         }
         groups
     }
-
-    /// The values of a sample, topic by topic.
-    fn split(&self, sample: &[f64]) -> Vec<Vec<f64>> {
-        let of = |places: &Vec<usize>| places.iter().map(|&place| sample[place]).collect();
-        self.places.iter().map(of).collect()
-    }
 }
 
 fn ids(about: &Value) -> Vec<&str> {
@@ -241,98 +217,30 @@ impl LiveSource for SavedSession {
         self.about.clone()
     }
 
+    fn page(&self, about: &Value) -> Option<String> {
+        Some(page_of(about, self))
+    }
+
+    /// Publishes the whole session at once: the page of each viewer plays its own copy.
     fn run(
         &self,
         feed: &Feed,
         requests: &Receiver<Request>,
         stop: &AtomicBool,
     ) -> Result<(), RunError> {
-        let mut player = Player::new(self, feed);
-        player.tell(None);
-        let mut next = Instant::now();
+        self.messages.iter().for_each(|message| feed.publish(message.clone()));
         while !stop.load(Ordering::Relaxed) {
-            requests.try_iter().for_each(|request| player.take(request));
-            let Some(duration_s) = player.play_one() else {
-                std::thread::sleep(PAUSED);
-                next = Instant::now();
-                continue;
-            };
-            next += Duration::from_secs_f64(duration_s / player.speed);
-            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+            requests.try_iter().for_each(drop);
+            std::thread::sleep(PAUSED);
         }
         Ok(())
-    }
-}
-
-/// A replay under way.
-struct Player<'s> {
-    session: &'s SavedSession,
-    feed: &'s Feed,
-    /// The place of the next message.
-    at: usize,
-    /// In parts of real time.
-    speed: f64,
-    is_paused: bool,
-    duration_s: f64,
-}
-
-impl<'s> Player<'s> {
-    /// At the beginning of a session, in real time.
-    fn new(session: &'s SavedSession, feed: &'s Feed) -> Self {
-        let duration_s = session.messages.iter().map(|message| session.duration_s(message)).sum();
-        Player { session, feed, at: 0, speed: 1.0, is_paused: false, duration_s }
-    }
-
-    fn tell(&self, refused: Option<&Refused>) {
-        let playback = json!({
-            "speed": self.speed, "is_paused": self.is_paused, "duration_s": self.duration_s,
-            "refused": refused.map(Refused::to_string),
-        });
-        self.feed.publish(Message::Playback(playback.to_string().into()));
-    }
-
-    fn take(&mut self, request: Request) {
-        let refused = match request {
-            Request::Speed(speed) if !SPEEDS.contains(&speed) => Some(Refused::Speed(speed)),
-            Request::Inject(_) | Request::Remove(_) => Some(Refused::Replayed),
-            Request::Speed(speed) => {
-                self.speed = speed;
-                None
-            }
-            Request::Pause(is_paused) => {
-                self.is_paused = is_paused;
-                None
-            }
-            Request::Jump(time_s) => {
-                self.jump(time_s);
-                None
-            }
-            Request::Restart(_) => {
-                self.jump(0.0);
-                None
-            }
-        };
-        self.tell(refused.as_ref());
-    }
-
-    fn jump(&mut self, time_s: f64) {
-        self.at = self.session.messages_before(time_s);
-        self.feed.jump(&self.session.messages[..self.at]);
-    }
-
-    /// Sends the next message and returns its duration, s; `None` while paused and at the end.
-    fn play_one(&mut self) -> Option<f64> {
-        let message = self.session.messages.get(self.at).filter(|_| !self.is_paused)?;
-        self.at += 1;
-        self.feed.publish(message.clone());
-        Some(self.session.duration_s(message))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::request::requests;
+    use serde_json::json;
 
     /// Ten samples of one signal, of which one is missing, in frames of five.
     fn session() -> SavedSession {
@@ -389,43 +297,6 @@ mod tests {
         let spoiled = Table::from_columns(columns).unwrap().with_metadata(ABOUT, about);
         assert!(refusal(spoiled).ends_with("row 1: {\"event\":"));
         std::fs::remove_file(&path).unwrap();
-    }
-
-    #[test]
-    fn a_jump_sends_all_that_was_before_and_plays_on_from_there() {
-        let (session, feed) = (session(), Feed::default());
-        let mut player = Player::new(&session, &feed);
-        assert_eq!(player.duration_s, 0.1);
-        player.take(Request::Jump(0.05));
-        assert_eq!(feed.session(), Some(session.messages[..4].to_vec()));
-        assert_eq!(player.play_one(), Some(0.05));
-        assert_eq!(player.play_one(), None);
-        assert_eq!(feed.session().map(|messages| messages.len()), Some(5));
-        player.take(Request::Restart(true));
-        player.take(Request::Pause(true));
-        let begin = session.messages[..2].to_vec();
-        assert_eq!((player.play_one(), feed.session()), (None, Some(begin)));
-    }
-
-    #[test]
-    fn a_replay_refuses_faults_and_impossible_speeds() {
-        let (session, feed) = (session(), Feed::default());
-        let (sender, receiver) = requests();
-        for request in [r#"{"speed": 17}"#, r#"{"speed": 4}"#, r#"{"remove": "a.b.c"}"#] {
-            sender.send(Request::read(request).unwrap()).unwrap();
-        }
-        let mut player = Player::new(&session, &feed);
-        let answers = receiver.try_iter().map(|request| {
-            player.take(request);
-            let said: Value = serde_json::from_str(&feed.begin().playback).unwrap();
-            (said["speed"].as_f64(), said["refused"].as_str().map(str::to_owned))
-        });
-        let speed = "the speed is 17: allowed are 0.25 to 16".to_owned();
-        let faults = "a replay takes no faults".to_owned();
-        assert_eq!(
-            answers.collect::<Vec<_>>(),
-            [(Some(1.0), Some(speed)), (Some(4.0), None), (Some(4.0), Some(faults))]
-        );
     }
 
     #[cfg(feature = "mcap")]

@@ -1,38 +1,37 @@
 //! Writes checkpoints of a live source on a separate thread, so that a slow or full disk never delays the diagnosis.
 
-use super::checkpoint::Checkpoint;
+use super::checkpoint::{Checkpoint, CheckpointError};
 use super::watchdog::SinkLoss;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 
-/// A thread that writes successive checkpoints to the same file. It stops after the first failed write.
+/// A thread that writes successive checkpoints to the same file. It ends at the first failed write.
 pub(super) struct CheckpointWriter {
     path: PathBuf,
     /// `None` after the last checkpoint was queued.
     queue: Option<SyncSender<Box<Checkpoint>>>,
-    failure: Arc<Mutex<Option<String>>>,
+    /// `None` after it has ended.
+    thread: Option<JoinHandle<Result<(), CheckpointError>>>,
+    failure: Option<String>,
     is_failure_told: bool,
     /// Checkpoints skipped because the previous one was still being written.
     skipped: u64,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl CheckpointWriter {
     /// Starts the thread.
     pub(crate) fn new(path: &Path) -> Self {
-        let (queue, checkpoints) = sync_channel(1);
-        let failure = Arc::new(Mutex::new(None));
-        let (target, thread_shared) = (path.to_owned(), failure.clone());
-        let thread = thread::spawn(move || write_all(&target, &checkpoints, &thread_shared));
+        let (queue, checkpoints) = sync_channel::<Box<Checkpoint>>(1);
+        let (path, target) = (path.to_owned(), path.to_owned());
+        let write = move || checkpoints.iter().try_for_each(|one| one.write(&target));
         CheckpointWriter {
-            path: path.into(),
+            path,
             queue: Some(queue),
-            failure,
+            thread: Some(thread::spawn(write)),
+            failure: None,
             is_failure_told: false,
             skipped: 0,
-            thread: Some(thread),
         }
     }
 
@@ -48,42 +47,34 @@ impl CheckpointWriter {
     /// Writes the last checkpoint, and waits until it is written.
     pub(crate) fn finish(&mut self, checkpoint: Checkpoint) {
         if let Some(queue) = self.queue.take() {
-            // If the thread has ended, it has already recorded the reason.
+            // If the thread has ended, it gives the reason below.
             let _ = queue.send(Box::new(checkpoint));
         }
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.join();
+    }
+
+    /// Waits for the end of the thread.
+    fn join(&mut self) {
+        let Some(thread) = self.thread.take() else { return };
+        self.failure = match thread.join() {
+            Ok(written) => written.err().map(|error| error.to_string()),
+            Err(_) => Some("its thread has ended".into()),
+        };
     }
 
     /// Why checkpoints are no longer written; returned once.
     pub(crate) fn failure(&mut self) -> Option<(String, String)> {
-        let reason = self.reason().filter(|_| !self.is_failure_told)?;
+        if self.thread.as_ref().is_some_and(JoinHandle::is_finished) {
+            self.join();
+        }
+        let reason = self.failure.clone().filter(|_| !self.is_failure_told)?;
         self.is_failure_told = true;
         Some((self.path.display().to_string(), reason))
     }
 
     /// The number of skipped checkpoints, with the reason of a failure.
     pub(crate) fn loss(&self) -> SinkLoss {
-        let sink = self.path.display().to_string();
-        SinkLoss { sink, lost: self.skipped, failure: self.reason(), is_file: true }
-    }
-
-    fn reason(&self) -> Option<String> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-}
-
-fn write_all(
-    path: &Path,
-    checkpoints: &Receiver<Box<Checkpoint>>,
-    failure: &Mutex<Option<String>>,
-) {
-    for checkpoint in checkpoints {
-        if let Err(error) = checkpoint.write(path) {
-            let mut kept = failure.lock().unwrap_or_else(PoisonError::into_inner);
-            *kept = Some(error.to_string());
-            return;
-        }
+        let (sink, failure) = (self.path.display().to_string(), self.failure.clone());
+        SinkLoss { sink, lost: self.skipped, failure, is_file: true }
     }
 }

@@ -3,117 +3,76 @@
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A kind of irregularity in the incoming data, and how it was handled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Irregularity {
-    /// Bytes that are not text.
-    Noise,
-    /// A line longer than the limit.
-    TooLong,
-    /// The stream ended within a line.
-    CutShort,
-    /// A number of cells that differs from the header.
-    WrongColumns,
-    /// A line before the column names are known.
-    NoHeader,
-    /// Not a JSON object, or an unreadable one.
-    BadObject,
-    /// No time, or a time that is not a number.
-    NoTime,
-    /// A value that is not a finite number.
-    BadValue,
-    /// A number that its sensor cannot produce.
-    Impossible,
-    /// An older sample that arrived after a newer one and was sorted in.
-    Reordered,
-    /// A sample whose values are all known already.
-    Doubled,
-    /// A sample with the time of another, and other values.
-    CoarseTime,
-    /// A sample that arrived after its period was passed on.
-    Late,
-    /// A sample whose time no other sample confirms.
-    Outlier,
-    /// A sample between two periods: the log is faster than the diagnosis.
-    Surplus,
-    /// A period without any sample.
-    Gap,
-    /// The clock jumped back and stayed there; the diagnosis restarts.
-    ClockBack,
-    /// The clock jumped forward beyond the longest gap and stayed there; the diagnosis restarts.
-    ClockForward,
-    /// The connection was lost.
-    Disconnected,
-    /// A lost connection was restored.
-    Reconnected,
-    /// A retained message, which the broker had stored earlier.
-    Retained,
-    /// A datagram from a sender other than the accepted one.
-    ForeignSender,
-    /// A datagram dropped because the buffer was full: the diagnosis did not keep up.
-    Overflow,
+/// Declares the kinds, one per row: variant, name in JSON, and what was found and done.
+macro_rules! irregularities {
+    ($($kind:ident = $name:literal: $words:literal,)*) => {
+        /// A kind of irregularity in the incoming data, and how it was handled.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Irregularity {
+            $(#[doc = $words] $kind,)*
+        }
+
+        impl Irregularity {
+            /// All kinds, in the order of reports.
+            pub(crate) const ALL: &[Irregularity] = &[$(Irregularity::$kind),*];
+
+            /// The name in JSON, and a description of what was found and done.
+            pub fn words(self) -> (&'static str, &'static str) {
+                match self {
+                    $(Irregularity::$kind => ($name, $words),)*
+                }
+            }
+        }
+    };
 }
 
-impl Irregularity {
-    /// All kinds, in the order of reports.
-    pub(crate) const ALL: [Irregularity; 23] = [
-        Irregularity::Noise,
-        Irregularity::TooLong,
-        Irregularity::CutShort,
-        Irregularity::WrongColumns,
-        Irregularity::NoHeader,
-        Irregularity::BadObject,
-        Irregularity::NoTime,
-        Irregularity::BadValue,
-        Irregularity::Impossible,
-        Irregularity::Reordered,
-        Irregularity::Doubled,
-        Irregularity::CoarseTime,
-        Irregularity::Late,
-        Irregularity::Outlier,
-        Irregularity::Surplus,
-        Irregularity::Gap,
-        Irregularity::ClockBack,
-        Irregularity::ClockForward,
-        Irregularity::Disconnected,
-        Irregularity::Reconnected,
-        Irregularity::Retained,
-        Irregularity::ForeignSender,
-        Irregularity::Overflow,
-    ];
+irregularities! {
+    Noise = "noise": "bytes that are no text: dropped",
+    TooLong = "too_long": "line too long: dropped",
+    CutShort = "cut_short": "the stream ends within a line: dropped",
+    WrongColumns = "wrong_columns": "wrong number of columns: dropped",
+    NoHeader = "no_header": "before the names of the columns: dropped",
+    BadObject = "bad_object": "no JSON object: dropped",
+    NoTime = "no_time": "no time: dropped",
+    BadValue = "bad_value": "value that is no finite number: missing",
+    Impossible = "impossible": "value that its sensor cannot show: missing",
+    Reordered = "reordered": "out of order: put in order",
+    Doubled = "doubled": "sent twice: dropped",
+    CoarseTime = "coarse_time": "time of another sample, other values: dropped",
+    Late = "late": "too late: dropped",
+    Outlier = "outlier": "impossible time: dropped",
+    Surplus = "surplus": "between two periods: left out",
+    Gap = "gap": "period without a sample: all values missing",
+    ClockBack = "clock_back": "clock set back: begun anew",
+    ClockForward = "clock_forward": "clock set forward: begun anew",
+    Disconnected = "disconnected": "connection lost",
+    Reconnected = "reconnected": "connection made again",
+    Retained = "retained": "kept by the broker from before: no sample",
+    ForeignSender = "foreign_sender": "from another sender: dropped",
+    Overflow = "overflow": "came faster than it was diagnosed: dropped",
+}
 
-    /// The name in JSON, and a description of what was found and done.
-    pub fn words(self) -> (&'static str, &'static str) {
-        match self {
-            Irregularity::Noise => ("noise", "bytes that are no text: dropped"),
-            Irregularity::TooLong => ("too_long", "line too long: dropped"),
-            Irregularity::CutShort => ("cut_short", "the stream ends within a line: dropped"),
-            Irregularity::WrongColumns => ("wrong_columns", "wrong number of columns: dropped"),
-            Irregularity::NoHeader => ("no_header", "before the names of the columns: dropped"),
-            Irregularity::BadObject => ("bad_object", "no JSON object: dropped"),
-            Irregularity::NoTime => ("no_time", "no time: dropped"),
-            Irregularity::BadValue => ("bad_value", "value that is no finite number: missing"),
-            Irregularity::Impossible => {
-                ("impossible", "value that its sensor cannot show: missing")
-            }
-            Irregularity::Reordered => ("reordered", "out of order: put in order"),
-            Irregularity::Doubled => ("doubled", "sent twice: dropped"),
-            Irregularity::CoarseTime => {
-                ("coarse_time", "time of another sample, other values: dropped")
-            }
-            Irregularity::Late => ("late", "too late: dropped"),
-            Irregularity::Outlier => ("outlier", "impossible time: dropped"),
-            Irregularity::Surplus => ("surplus", "between two periods: left out"),
-            Irregularity::Gap => ("gap", "period without a sample: all values missing"),
-            Irregularity::ClockBack => ("clock_back", "clock set back: begun anew"),
-            Irregularity::ClockForward => ("clock_forward", "clock set forward: begun anew"),
-            Irregularity::Disconnected => ("disconnected", "connection lost"),
-            Irregularity::Reconnected => ("reconnected", "connection made again"),
-            Irregularity::Retained => ("retained", "kept by the broker from before: no sample"),
-            Irregularity::ForeignSender => ("foreign_sender", "from another sender: dropped"),
-            Irregularity::Overflow => ("overflow", "came faster than it was diagnosed: dropped"),
-        }
+/// Input that is not a row.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flaw {
+    /// What it is.
+    pub kind: Irregularity,
+    /// How many lines, rows, datagrams or messages it stands for.
+    pub count: u64,
+    /// What is known of the first; empty if the kind is enough.
+    pub detail: String,
+}
+
+impl Flaw {
+    /// A single flaw.
+    pub fn new(kind: Irregularity, detail: impl Into<String>) -> Self {
+        Flaw { kind, count: 1, detail: detail.into() }
+    }
+}
+
+impl From<Irregularity> for Flaw {
+    fn from(kind: Irregularity) -> Self {
+        Flaw::new(kind, "")
     }
 }
 
@@ -204,17 +163,11 @@ impl WatchCounts {
         tally.count += 1;
     }
 
-    /// Counts several occurrences of a kind.
-    pub(crate) fn note_many(
-        &mut self,
-        kind: Irregularity,
-        place: u64,
-        count: u64,
-        detail: &dyn fmt::Display,
-    ) {
-        if count > 0 {
-            self.note_with(kind, place, detail);
-            self.tallies[kind as usize].count += count - 1;
+    /// Counts what is no row.
+    pub(crate) fn note_flaw(&mut self, place: u64, flaw: &Flaw) {
+        if flaw.count > 0 {
+            self.note_with(flaw.kind, place, &flaw.detail);
+            self.tallies[flaw.kind as usize].count += flaw.count - 1;
         }
     }
 
@@ -225,7 +178,7 @@ impl WatchCounts {
 
     /// All kinds that occurred, in the order of `Irregularity::ALL`.
     pub fn met(&self) -> impl Iterator<Item = (Irregularity, &Tally)> {
-        Irregularity::ALL.into_iter().map(|kind| (kind, self.of(kind))).filter(|(_, t)| t.count > 0)
+        Irregularity::ALL.iter().map(|kind| (*kind, self.of(*kind))).filter(|(_, t)| t.count > 0)
     }
 
     /// Where a kind occurred first: `line 17: 5 cells, 12 are needed`.
@@ -238,15 +191,6 @@ impl WatchCounts {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn kinds_stand_at_their_places_and_have_names_of_their_own() {
-        for (place, kind) in Irregularity::ALL.into_iter().enumerate() {
-            assert_eq!(kind as usize, place);
-            let name = serde_json::to_value(kind).unwrap();
-            assert_eq!(name, kind.words().0);
-        }
-    }
 
     #[test]
     fn the_first_place_is_kept() {

@@ -68,33 +68,30 @@ pub fn plan(
     if guess.sensors.len() == study.system.sensors.len() {
         return Err(foreign(log, columns, study, is_study_named));
     }
-    require_no_counter(log, &guess, study)?;
-    let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
-    let map = map.map_err(IntakeError::Map)?;
-    let (warnings, notes) = guess.remarks();
-    require(log, columns, &map, study)?;
-    Ok(LogPlan { map, warnings, notes })
+    let plan = mapped(log, &guess, study)?;
+    require(log, columns, &plan.map, study)?;
+    Ok(plan)
 }
 
-/// Checks that the times of a guessed map do not count rows at a rate that nobody knows.
+/// The map of a guess.
 ///
 /// # Errors
-/// They do.
-pub(crate) fn require_no_counter(
-    log: &str,
-    guess: &Guess,
-    study: &Study,
-) -> Result<(), IntakeError> {
-    let Some(name) = &guess.counter else { return Ok(()) };
-    Err(refused(
-        log,
-        format!(
-            "'{}' counts rows or milliseconds and has no unit: below [time] of a map file, which --make-map writes, \
-             rate_hz = {} instead of column counts rows, and unit = \"ms\" reads milliseconds",
-            sanitize::text(name),
-            moment::rounded(1.0 / study.sample_period_s)
-        ),
-    ))
+/// Its times count rows at a rate that nobody knows, or a unit is not known.
+pub(crate) fn mapped(log: &str, guess: &Guess, study: &Study) -> Result<LogPlan, IntakeError> {
+    if let Some(name) = &guess.counter {
+        return Err(refused(
+            log,
+            format!(
+                "'{}' counts rows or milliseconds and has no unit: below [time] of a map file, which --make-map writes, \
+                 rate_hz = {} instead of column counts rows, and unit = \"ms\" reads milliseconds",
+                sanitize::text(name),
+                moment::rounded(1.0 / study.sample_period_s)
+            ),
+        ));
+    }
+    let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
+    let (warnings, notes) = guess.remarks();
+    Ok(LogPlan { map: map.map_err(IntakeError::Map)?, warnings, notes })
 }
 
 /// Checks that a map has the study's command, and that its columns have one time. Without the command, the twin would

@@ -6,7 +6,7 @@
 
 use super::counts::{Irregularity, WatchCounts};
 use super::cut::Cut;
-use super::guard::{self, IntakeError};
+use super::guard::{self, IntakeError, LogPlan};
 use super::map::{Map, Trust, guess};
 use super::plausibility::coarse_in_words;
 use super::sequencer::Stamped;
@@ -36,13 +36,6 @@ pub struct Whole {
     pub warnings: Vec<String>,
 }
 
-/// Whether a file may be a log, judged by its extension.
-pub fn is_log(path: &Path) -> bool {
-    let known = ["csv", "tsv", "parquet", "mcap", "jsonl", "ndjson", "mf4", "mdf", "mat"];
-    let extension = path.extension().and_then(|extension| extension.to_str());
-    extension.is_some_and(|own| known.iter().any(|known| own.eq_ignore_ascii_case(known)))
-}
-
 /// Reads a span of a log with a map. Without a map, columns are found by their names.
 ///
 /// # Errors
@@ -57,7 +50,7 @@ pub fn read(
     match map {
         Some(map) => read_mapped(&address, map, span, study, vec![]),
         None => {
-            let (map, warnings) = guessed(&address, study)?;
+            let LogPlan { map, warnings, .. } = guessed(&address, study)?;
             read_mapped(&address, &map, span, study, warnings)
         }
     }
@@ -100,8 +93,8 @@ fn read_mapped(
     }
 }
 
-/// A map guessed from the column names, and what may be wrong with it.
-fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), IntakeError> {
+/// A map guessed from the column names.
+fn guessed(address: &Address, study: &Study) -> Result<LogPlan, IntakeError> {
     let guess = guess(&address.columns()?, study, Trust::Certain);
     if guess.sensors.len() == study.system.sensors.len() {
         return Err(IntakeError::Record(RecordError::no_sensor(&study.system)));
@@ -109,10 +102,7 @@ fn guessed(address: &Address, study: &Study) -> Result<(Map, Vec<String>), Intak
     if !guess.time {
         return Err(IntakeError::Record(RecordError::NoTime));
     }
-    guard::require_no_counter(&address.to_string(), &guess, study)?;
-    let map = Map::parse(&guess.text, "the columns as they were found", &study.system);
-    let (warnings, _) = guess.remarks();
-    Ok((map.map_err(IntakeError::Map)?, warnings))
+    guard::mapped(&address.to_string(), &guess, study)
 }
 
 /// Reads all samples, ordered by time.
@@ -135,7 +125,7 @@ fn samples(
                     false => counts.note(Irregularity::NoTime, row.place),
                 }
             }
-            Read::Flawed(flaw) => counts.note_with(flaw.kind(), row.place, &flaw),
+            Read::Flawed(flaw) => counts.note_flaw(row.place, &flaw),
             Read::Nothing | Read::Pause | Read::Reconnected => continue,
             Read::Disconnected { .. } | Read::Dropped(_) => continue,
             Read::End => break,
@@ -158,13 +148,8 @@ fn put(samples: &mut Vec<Stamped>, sample: Stamped, map: &Map, counts: &mut Watc
     if let Some(place) = behind
         && samples[place].time_s == sample.time_s
     {
-        let (mut is_new, kind) = (false, samples[place].kind_of_other(&sample));
-        for (value, &other) in samples[place].values.iter_mut().zip(&sample.values) {
-            if value.is_nan() && !other.is_nan() {
-                (*value, is_new) = (other, true);
-            }
-        }
-        if !is_new {
+        let kind = samples[place].kind_of_other(&sample);
+        if !samples[place].fill_from(&sample) {
             counts.note(kind, sample.place);
         }
         return;

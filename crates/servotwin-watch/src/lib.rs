@@ -42,7 +42,7 @@ use source::{LogRow, Read, Source, SourceError};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use watchdog::{
-    Notice, Silences, SinkLoss, WatchEvent, Watchdog, WatchdogAlert, WatchdogRules, wall_time,
+    Alert, Channel, Notice, Silences, SinkLoss, WatchEvent, Watchdog, WatchdogRules, wall_time,
 };
 
 /// Why watching ended early.
@@ -105,7 +105,7 @@ pub struct Watch<'w> {
     checkpoint_writer: Option<CheckpointWriter>,
     /// `Some` for a live source whose silence is reported.
     watchdog: Option<Watchdog>,
-    alerts: Vec<WatchdogAlert>,
+    alerts: Vec<Alert>,
     period_s: f64,
     progress: Progress,
     /// Evidence from the rows read since this watch began.
@@ -193,8 +193,9 @@ impl<'w> Watch<'w> {
             let hold = Duration::try_from_secs_f64(self.map.hold_s(channel));
             has_column.then_some(hold.unwrap_or(Duration::ZERO))
         };
-        let allowances = (0..self.map.width()).map(allowance).collect();
-        self.watchdog = Some(Watchdog::new(rules, allowances, Instant::now()));
+        let channel = |number: usize| Channel::new(self.map.id(number), allowance(number));
+        let channels = (0..self.map.width()).map(channel).collect();
+        self.watchdog = Some(Watchdog::new(rules, channels, Instant::now()));
     }
 
     /// How often the watchdog reported that no data came.
@@ -342,7 +343,7 @@ impl<'w> Watch<'w> {
             }
             Read::Flawed(flaw) => {
                 progress.begin(row.place);
-                progress.counts.note_with(flaw.kind(), row.place, &flaw);
+                progress.counts.note_flaw(row.place, &flaw);
             }
             Read::Disconnected { cause } => {
                 progress.counts.note_with(Irregularity::Disconnected, progress.place, &cause);
@@ -354,14 +355,9 @@ impl<'w> Watch<'w> {
                 progress.counts.note(Irregularity::Reconnected, progress.place);
                 self.report(WatchEvent::Reconnected, None)?;
             }
-            Read::Dropped(dropped) => {
-                progress.counts.frames += dropped.count;
-                progress.counts.note_many(
-                    dropped.kind,
-                    dropped.place,
-                    dropped.count,
-                    &dropped.detail,
-                );
+            Read::Dropped(flaw) => {
+                progress.counts.frames += flaw.count;
+                progress.counts.note_flaw(row.place, &flaw);
             }
             Read::Pause => {
                 progress.sequencer.flush();
@@ -418,7 +414,10 @@ impl<'w> Watch<'w> {
                 finding.clone_from(observation.finding);
                 *changes += 1;
             }
-            let sample = Sample { time_s: now_s, place, inputs, measured, observation, changed };
+            if self.sinks.is_empty() {
+                continue;
+            }
+            let sample = Sample::new((now_s, place), inputs, measured, &observation, changed);
             for sink in &mut self.sinks {
                 sink.sample(&sample)?;
             }
@@ -428,12 +427,14 @@ impl<'w> Watch<'w> {
 
     /// Checks the wall clock and the sinks, and reports alerts and failures.
     fn check_clock_and_sinks(&mut self) -> Result<(), WatchError> {
-        if let Some(watchdog) = &mut self.watchdog {
-            watchdog.check(Instant::now(), &mut self.alerts);
+        let watchdog = self.watchdog.as_mut();
+        let is_beat = watchdog.is_some_and(|dog| dog.check(Instant::now(), &mut self.alerts));
+        for (event, lasts) in std::mem::take(&mut self.alerts) {
+            self.report(event, Some(lasts))?;
         }
-        for alert in std::mem::take(&mut self.alerts) {
-            let (event, lasts) = self.event(alert);
-            self.report(event, lasts)?;
+        if is_beat {
+            let WatchCounts { frames, samples, .. } = self.progress.counts;
+            self.report(WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)?;
         }
         for event in std::mem::take(&mut self.implausible) {
             self.report(event, None)?;
@@ -446,25 +447,6 @@ impl<'w> Watch<'w> {
             self.report(WatchEvent::SinkFailed { sink, reason }, None)?;
         }
         Ok(())
-    }
-
-    /// The event for a watchdog alert, and its duration.
-    fn event(&self, alert: WatchdogAlert) -> (WatchEvent, Option<Duration>) {
-        let channel = |channel: usize| self.map.id(channel).to_owned();
-        match alert {
-            WatchdogAlert::Source(lasts) => (WatchEvent::NoData, Some(lasts)),
-            WatchdogAlert::SourceAgain(lasted) => (WatchEvent::DataAgain, Some(lasted)),
-            WatchdogAlert::Channel(number, lasts) => {
-                (WatchEvent::ChannelNoData { channel: channel(number) }, Some(lasts))
-            }
-            WatchdogAlert::ChannelAgain(number, lasted) => {
-                (WatchEvent::ChannelDataAgain { channel: channel(number) }, Some(lasted))
-            }
-            WatchdogAlert::Beat => {
-                let WatchCounts { frames, samples, .. } = self.progress.counts;
-                (WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)
-            }
-        }
     }
 
     /// Sends a notice to all sinks.

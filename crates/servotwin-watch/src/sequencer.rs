@@ -61,6 +61,17 @@ pub struct Stamped {
 }
 
 impl Stamped {
+    /// Takes the values that are missing here from another sample; `false` if it has none of them.
+    pub(crate) fn fill_from(&mut self, other: &Stamped) -> bool {
+        let mut is_filled = false;
+        for (value, from) in self.values.iter_mut().zip(&other.values) {
+            if value.is_nan() && !from.is_nan() {
+                (*value, is_filled) = (*from, true);
+            }
+        }
+        is_filled
+    }
+
     /// What another sample is that adds nothing to this one.
     pub(crate) fn kind_of_other(&self, other: &Stamped) -> Irregularity {
         let is_known = |(own, other): (&f64, &f64)| own == other || other.is_nan();
@@ -292,13 +303,7 @@ impl Sequencer {
         if distance(&other) < distance(slot) {
             std::mem::swap(slot, &mut other);
         }
-        let mut filled = false;
-        for (value, from) in slot.values.iter_mut().zip(&other.values) {
-            if value.is_nan() && !from.is_nan() {
-                (*value, filled) = (*from, true);
-            }
-        }
-        if !filled {
+        if !slot.fill_from(&other) {
             counts.note(kind, place);
         }
     }

@@ -196,34 +196,35 @@ impl Silence {
     }
 }
 
-/// An alert of the watchdog.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum WatchdogAlert {
-    /// The source has been silent for this long.
-    Source(Duration),
-    /// The source sends again after a silence of this length.
-    SourceAgain(Duration),
-    /// A channel has been silent for this long.
-    Channel(usize, Duration),
-    /// A channel sends again after a silence of this length.
-    ChannelAgain(usize, Duration),
-    /// A heartbeat is due.
-    Beat,
-}
-
 /// Counts how long the source and its columns have been silent.
 #[derive(Debug, Clone)]
 pub(super) struct Watchdog {
     rules: WatchdogRules,
     source: Silence,
-    /// How much longer each channel may be silent than the source; `None` without a column.
-    allowances: Vec<Option<Duration>>,
-    channels: Vec<Silence>,
+    channels: Vec<Channel>,
     last_check: Instant,
     since_beat: Duration,
     /// The reported silences: their number, and the total duration of those that are over.
     pub silences: Silences,
 }
+
+/// An input or a sensor.
+#[derive(Debug, Clone)]
+pub(super) struct Channel {
+    id: String,
+    /// How much longer it may be silent than the source; `None` without a column.
+    allowance: Option<Duration>,
+    silence: Silence,
+}
+
+impl Channel {
+    pub(super) fn new(id: &str, allowance: Option<Duration>) -> Self {
+        Channel { id: id.to_owned(), allowance, silence: Silence::default() }
+    }
+}
+
+/// What the watchdog reports, and how long the silence lasts or lasted.
+pub(super) type Alert = (WatchEvent, Duration);
 
 /// The silences of a live watch.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -238,15 +239,10 @@ pub struct Silences {
 
 impl Watchdog {
     /// Starts the clock.
-    pub(crate) fn new(
-        rules: WatchdogRules,
-        allowances: Vec<Option<Duration>>,
-        now: Instant,
-    ) -> Self {
-        let channels = vec![Silence::default(); allowances.len()];
+    pub(crate) fn new(rules: WatchdogRules, channels: Vec<Channel>, now: Instant) -> Self {
         let (source, since_beat) = (Silence::default(), Duration::ZERO);
         let silences = Silences::default();
-        Watchdog { rules, source, allowances, channels, last_check: now, since_beat, silences }
+        Watchdog { rules, source, channels, last_check: now, since_beat, silences }
     }
 
     /// Whether the source counts as silent.
@@ -260,48 +256,49 @@ impl Watchdog {
     }
 
     /// Takes the values of a period; NaN means missing. Appends the ended silences to `found`.
-    pub(crate) fn note_data(&mut self, values: &[f64], found: &mut Vec<WatchdogAlert>) {
+    pub(crate) fn note_data(&mut self, values: &[f64], found: &mut Vec<Alert>) {
         if values.iter().all(|value| value.is_nan()) {
             return;
         }
         if let Some(lasted) = self.source.end() {
             self.silences.source_s += lasted.as_secs_f64();
-            found.push(WatchdogAlert::SourceAgain(lasted));
+            found.push((WatchEvent::DataAgain, lasted));
         }
-        for (channel, (silence, value)) in self.channels.iter_mut().zip(values).enumerate() {
+        for (channel, value) in self.channels.iter_mut().zip(values) {
             if !value.is_nan()
-                && let Some(lasted) = silence.end()
+                && let Some(lasted) = channel.silence.end()
             {
-                found.push(WatchdogAlert::ChannelAgain(channel, lasted));
+                found.push((WatchEvent::ChannelDataAgain { channel: channel.id.clone() }, lasted));
             }
         }
     }
 
-    /// Checks the wall clock. Appends due alerts to `found`.
-    pub(crate) fn check(&mut self, now: Instant, found: &mut Vec<WatchdogAlert>) {
+    /// Checks the wall clock, and returns whether a heartbeat is due. Appends new silences to `found`.
+    pub(crate) fn check(&mut self, now: Instant, found: &mut Vec<Alert>) -> bool {
         let passed = now.saturating_duration_since(self.last_check);
         self.last_check = now;
         let counted = passed.min(LONGEST_CHECK);
         let limit = self.rules.no_data_after;
         if self.source.add(counted, limit) {
             self.silences.source += 1;
-            found.push(WatchdogAlert::Source(self.source.lasts));
+            found.push((WatchEvent::NoData, self.source.lasts));
         }
         // If nothing arrives at all, no column is to blame.
         if self.source.lasts < limit.min(LONGEST_CHECK) {
-            for (channel, silence) in self.channels.iter_mut().enumerate() {
-                let Some(allowance) = self.allowances[channel] else { continue };
+            for Channel { id, allowance, silence } in &mut self.channels {
+                let Some(allowance) = *allowance else { continue };
                 if silence.add(counted, limit.saturating_add(allowance)) {
                     self.silences.channels += 1;
-                    found.push(WatchdogAlert::Channel(channel, silence.lasts));
+                    found.push((WatchEvent::ChannelNoData { channel: id.clone() }, silence.lasts));
                 }
             }
         }
         self.since_beat += passed;
-        if self.rules.heartbeat.is_some_and(|every| self.since_beat >= every) {
+        let is_due = self.rules.heartbeat.is_some_and(|every| self.since_beat >= every);
+        if is_due {
             self.since_beat = Duration::ZERO;
-            found.push(WatchdogAlert::Beat);
         }
+        is_due
     }
 }
 
@@ -311,24 +308,27 @@ mod tests {
 
     const NAN: f64 = f64::NAN;
 
-    /// Checks every 0.2 s; each check has a period with values, or none.
+    /// Checks every 0.2 s; each check has a period with values, or none. Returns the alerts, and the number of
+    /// heartbeats.
     fn alerts(
         checks: impl IntoIterator<Item = Option<[f64; 2]>>,
         heartbeat_s: u64,
-    ) -> Vec<WatchdogAlert> {
+    ) -> (Vec<Alert>, usize) {
         let heartbeat = Some(Duration::from_secs(heartbeat_s)).filter(|beat| !beat.is_zero());
         let rules = WatchdogRules { heartbeat, ..WatchdogRules::default() };
         let begin = Instant::now();
-        let allowances = vec![Some(Duration::ZERO), Some(Duration::from_secs(1))];
-        let mut watchdog = Watchdog::new(rules, allowances, begin);
-        let mut found = vec![];
+        let channels = [("a", 0), ("b", 1)]
+            .map(|(id, allowance_s)| Channel::new(id, Some(Duration::from_secs(allowance_s))));
+        let mut watchdog = Watchdog::new(rules, channels.to_vec(), begin);
+        let (mut found, mut beats) = (vec![], 0);
         for (k, values) in checks.into_iter().enumerate() {
             if let Some(values) = values {
                 watchdog.note_data(&values, &mut found);
             }
-            watchdog.check(begin + Duration::from_millis(200) * (k as u32 + 1), &mut found);
+            let now = begin + Duration::from_millis(200) * (k as u32 + 1);
+            beats += usize::from(watchdog.check(now, &mut found));
         }
-        found
+        (found, beats)
     }
 
     fn times(count: usize, values: Option<[f64; 2]>) -> impl Iterator<Item = Option<[f64; 2]>> {
@@ -340,16 +340,12 @@ mod tests {
         let whole = Some([1.0, 2.0]);
         let checks = times(5, whole).chain(times(30, None)).chain(times(5, whole));
         let second = Duration::from_secs(1);
-        assert_eq!(
-            alerts(checks, 0),
-            [
-                WatchdogAlert::Source(2 * second),
-                WatchdogAlert::SourceAgain(Duration::from_millis(6200))
-            ]
-        );
+        let silent = (WatchEvent::NoData, 2 * second);
+        let again = (WatchEvent::DataAgain, Duration::from_millis(6200));
+        assert_eq!(alerts(checks, 0).0, [silent.clone(), again]);
         // A source that never sends, and one that sends periods without a value.
-        assert_eq!(alerts(times(30, None), 0), [WatchdogAlert::Source(2 * second)]);
-        assert_eq!(alerts(times(30, Some([NAN; 2])), 0), [WatchdogAlert::Source(2 * second)]);
+        assert_eq!(alerts(times(30, None), 0).0, std::slice::from_ref(&silent));
+        assert_eq!(alerts(times(30, Some([NAN; 2])), 0).0, [silent]);
     }
 
     #[test]
@@ -357,24 +353,21 @@ mod tests {
         let [whole, first, second] = [[1.0, 2.0], [1.0, NAN], [NAN, 2.0]].map(Some);
         let checks = times(5, whole).chain(times(20, first)).chain(times(3, whole));
         // A value held for a second is reported missing a second later.
-        let found = alerts(checks, 0);
-        let [WatchdogAlert::Channel(1, after), WatchdogAlert::ChannelAgain(1, _)] = found[..]
-        else {
-            panic!("{found:?}");
-        };
-        assert_eq!(after, Duration::from_secs(3));
-        let found = alerts(times(5, whole).chain(times(11, second)), 0);
-        assert_eq!(found, [WatchdogAlert::Channel(0, Duration::from_secs(2))]);
+        let found = alerts(checks, 0).0;
+        let [(silent, after), (again, _)] = &found[..] else { panic!("{found:?}") };
+        assert_eq!(*silent, WatchEvent::ChannelNoData { channel: "b".into() });
+        assert_eq!(*again, WatchEvent::ChannelDataAgain { channel: "b".into() });
+        assert_eq!(*after, Duration::from_secs(3));
+        let found = alerts(times(5, whole).chain(times(11, second)), 0).0;
+        let silent = WatchEvent::ChannelNoData { channel: "a".into() };
+        assert_eq!(found, [(silent, Duration::from_secs(2))]);
     }
 
     #[test]
     fn heartbeats_come_with_data_and_without() {
-        let count = |found: Vec<WatchdogAlert>| {
-            found.iter().filter(|alert| **alert == WatchdogAlert::Beat).count()
-        };
-        assert_eq!(count(alerts(times(100, Some([1.0; 2])), 5)), 4);
-        assert_eq!(count(alerts(times(100, None), 5)), 4);
-        assert_eq!(count(alerts(times(100, None), 0)), 0);
+        assert_eq!(alerts(times(100, Some([1.0; 2])), 5).1, 4);
+        assert_eq!(alerts(times(100, None), 5).1, 4);
+        assert_eq!(alerts(times(100, None), 0).1, 0);
     }
 
     #[test]
@@ -382,9 +375,8 @@ mod tests {
         let begin = Instant::now();
         let mut watchdog = Watchdog::new(WatchdogRules::default(), vec![], begin);
         let mut found = vec![];
-        watchdog.check(begin + Duration::from_secs(3600), &mut found);
-        assert_eq!(found, [WatchdogAlert::Beat]);
-        assert!(!watchdog.is_silent());
+        assert!(watchdog.check(begin + Duration::from_secs(3600), &mut found));
+        assert!(found.is_empty() && !watchdog.is_silent());
     }
 
     #[test]

@@ -116,9 +116,9 @@ pub fn watch_table(
 struct Changes(Vec<(f64, Finding)>);
 
 impl Sink for Changes {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         if sample.changed {
-            self.0.push((sample.time_s, sample.observation.finding.clone()));
+            self.0.push((sample.time_s, sample.finding.clone()));
         }
         Ok(())
     }

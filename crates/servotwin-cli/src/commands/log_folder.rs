@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use servotwin::files::{FileError, kind_in_words};
 use servotwin::text::natural_order;
-use servotwin_watch::intake;
+use servotwin_watch::source;
 use std::path::{Path, PathBuf};
 
 /// The logs of a folder in the order of their names, in which numbers count as numbers, and the entries with such a name
@@ -30,7 +30,7 @@ impl LogFolder {
         let mut found = LogFolder::default();
         for entry in std::fs::read_dir(folder).map_err(wrong)? {
             let path = entry.map_err(wrong)?.path();
-            if intake::is_log(&path) {
+            if source::is_log(&path) {
                 found.take(path);
             }
         }
@@ -38,9 +38,7 @@ impl LogFolder {
         found.skipped.sort();
         match (found.paths.is_empty(), found.sentence()) {
             (false, _) => Ok(found),
-            (true, None) => {
-                Err(none("the folder has no logs (.csv, .parquet, .mcap or .jsonl)".into()))
-            }
+            (true, None) => Err(none(format!("the folder has no logs ({})", source::extensions()))),
             (true, Some(skipped)) => Err(none(format!("the folder has no logs: {skipped}"))),
         }
     }

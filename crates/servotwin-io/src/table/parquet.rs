@@ -1,8 +1,8 @@
 //! Tables as Apache Parquet files, whole or streamed.
 //!
-//! Columns are written as required (never null). The file's key-value metadata holds the table's metadata, and each
-//! column's unit under `unit:` and the column's name. An Arrow schema beside it holds `unit` and `description` as
-//! metadata of the fields, where pyarrow and Polars look for them. The bytes depend only on the table: there is no time
+//! Columns are written as required (never null). The file's key-value metadata holds the table's metadata. An Arrow
+//! schema beside it holds `unit` and `description` as metadata of the fields, where pyarrow and Polars look for them. The
+//! bytes depend only on the table: there is no time
 //! stamp and no version except our own format's. Compression is Snappy, in pure Rust.
 //!
 //! [`ParquetWriter`] appends rows and holds at most one row group in memory. [`ParquetReader`] returns them table by
@@ -63,9 +63,6 @@ const GROUP_ROWS: usize = 1 << 17;
 
 /// Maximum number of rows in a table of [`ParquetReader`].
 const BATCH_ROWS: usize = 1 << 16;
-
-/// Prefix of the metadata key of a column's unit; the column's name follows.
-const UNIT_PREFIX: &str = "unit:";
 
 /// Metadata key of the schema of writers with an Arrow layer.
 const ARROW_KEY: &str = "ARROW:schema";
@@ -191,16 +188,13 @@ impl ParquetWriter {
     }
 }
 
-/// The table's metadata and the units of its columns.
+/// The table's metadata, and a schema with units and descriptions if there are any.
 fn notes_of(table: &Table) -> Vec<KeyValue> {
     let own = table.metadata.iter().map(|(key, note)| KeyValue::new(key.clone(), note.clone()));
-    let measured = table.columns().iter().filter(|column| !column.unit.is_empty());
-    let units = measured
-        .map(|column| KeyValue::new(format!("{UNIT_PREFIX}{}", column.name), column.unit.clone()));
     let has_facts = |column: &Column| !(column.unit.is_empty() && column.description.is_empty());
     let schema = table.columns().iter().any(has_facts).then(|| arrow_schema::encode(table));
     let schema = schema.map(|schema| KeyValue::new(ARROW_KEY.to_owned(), schema));
-    own.chain(units).chain(schema).collect()
+    own.chain(schema).collect()
 }
 
 fn schema_of(table: &Table) -> Result<TypePtr, ParquetError> {
@@ -325,32 +319,25 @@ impl ParquetReader {
             rows_left: 0,
             rows_read: 0,
         };
-        let facts = notes.get(ARROW_KEY).map(|schema| arrow::facts(schema)).unwrap_or_default();
         for field in chosen(&fields, choice)? {
             match field.source(&reader.metadata) {
-                Ok(source) => reader.add(source, &notes, &facts)?,
+                Ok(source) => reader.add(source, field.facts.as_ref())?,
                 Err(problem) if leaves_out => reader.left_out.push((field.name.clone(), problem)),
                 Err(problem) => return Err(content(problem)),
             }
         }
         if let Choice::Usable(is_wanted) = choice {
-            reader.unread = fields.names.into_iter().filter(|name| !is_wanted(name)).collect();
+            let names = fields.into_iter().map(|field| field.name);
+            reader.unread = names.filter(|name| !is_wanted(name)).collect();
         }
-        let is_own = |key: &String| key == ARROW_KEY || key.starts_with(UNIT_PREFIX);
-        reader.schema.metadata = notes.into_iter().filter(|(key, _)| !is_own(key)).collect();
+        reader.schema.metadata = notes;
+        reader.schema.metadata.remove(ARROW_KEY);
         Ok(reader)
     }
 
     /// Adds a column to the schema.
-    fn add(
-        &mut self,
-        source: ColumnSource,
-        notes: &BTreeMap<String, String>,
-        facts: &HashMap<String, Facts>,
-    ) -> Result<(), TableError> {
-        let facts = facts.get(&source.name);
-        let noted = notes.get(&format!("{UNIT_PREFIX}{}", source.name));
-        let unit = noted.or(facts.and_then(|facts| facts.unit.as_ref())).map(String::as_str);
+    fn add(&mut self, source: ColumnSource, facts: Option<&Facts>) -> Result<(), TableError> {
+        let unit = facts.and_then(|facts| facts.unit.as_deref());
         let unit = unit.unwrap_or(source.meaning.unit());
         let description = facts.and_then(|facts| facts.description.clone()).unwrap_or_default();
         let column = Column::new(&source.name, unit, Values::empty(source.kind));
@@ -556,48 +543,42 @@ fn notes_in(metadata: &ParquetMetaData) -> BTreeMap<String, String> {
 }
 
 /// A top-level field of a file.
-struct Field<'f> {
+struct Field {
     /// Its name in the table.
     name: String,
-    field: &'f Type,
+    stored: TypePtr,
     /// Its index among the stored columns; `None` for a group.
     place: Option<usize>,
-    /// The durations of the Arrow schema.
-    durations: &'f HashMap<String, i64>,
-}
-
-/// The fields of a file, with the information of its writer's metadata.
-struct Fields {
-    fields: Vec<TypePtr>,
-    names: Vec<String>,
-    places: HashMap<String, usize>,
-    durations: HashMap<String, i64>,
+    facts: Option<Facts>,
 }
 
 fn fields_of(
     metadata: &ParquetMetaData,
     notes: &BTreeMap<String, String>,
-) -> Result<Fields, ContentError> {
-    let fields = metadata.file_metadata().schema().get_fields().to_vec();
-    let durations = notes.get(ARROW_KEY).map(|schema| arrow::durations(schema));
-    let durations = durations.unwrap_or_default();
-    let has_index = notes.get(PANDAS_KEY).is_some_and(|note| has_unnamed_index(note));
+) -> Result<Vec<Field>, ContentError> {
+    let file = metadata.file_metadata();
+    let mut facts = notes.get(ARROW_KEY).map(|schema| arrow::facts(schema)).unwrap_or_default();
+    let columns = file.schema_descr().columns().iter().enumerate();
+    let simple = columns.filter(|(_, column)| column.path().parts().len() == 1);
+    let places: HashMap<&str, usize> = simple.map(|(place, c)| (c.name(), place)).collect();
+    let stored = file.schema().get_fields();
+    let has_index = notes.get(PANDAS_KEY).is_some_and(|note| has_unnamed_index(note))
+        && !stored.iter().any(|field| field.name() == TIME);
     let mut known = BTreeSet::new();
-    let mut names = Vec::with_capacity(fields.len());
-    let has_time = fields.iter().any(|field| field.name() == TIME);
-    for field in &fields {
-        let is_index = has_index && !has_time && field.name() == UNNAMED_INDEX;
-        let is_time = || kind_of(field, &durations).is_ok_and(|(_, meaning)| meaning.is_time());
-        let name = if is_index && is_time() { TIME } else { field.name() };
-        if !known.insert(name) {
-            return Err(ContentError::DuplicateColumn { column: name.to_owned() });
+    let field = |stored: &TypePtr| {
+        let facts = facts.remove(stored.name());
+        let is_time = || kind_of(stored, facts.as_ref()).is_ok_and(|(_, kind)| kind.is_time());
+        let is_index = has_index && stored.name() == UNNAMED_INDEX && is_time();
+        let name = if is_index { TIME } else { stored.name() }.to_owned();
+        match known.insert(name.clone()) {
+            true => {
+                let place = places.get(stored.name()).copied();
+                Ok(Field { name, stored: stored.clone(), place, facts })
+            }
+            false => Err(ContentError::DuplicateColumn { column: name }),
         }
-        names.push(name.to_owned());
-    }
-    let stored = metadata.file_metadata().schema_descr().columns().iter().enumerate();
-    let simple = stored.filter(|(_, column)| column.path().parts().len() == 1);
-    let places = simple.map(|(place, column)| (column.name().to_owned(), place)).collect();
-    Ok(Fields { fields, names, places, durations })
+    };
+    stored.iter().map(field).collect()
 }
 
 /// Whether the pandas metadata names an unnamed index.
@@ -607,42 +588,26 @@ fn has_unnamed_index(note: &str) -> bool {
     columns.is_some_and(|columns| columns.iter().any(|column| column == UNNAMED_INDEX))
 }
 
-impl Fields {
-    fn get(&self, index: usize) -> Field<'_> {
-        let field = &self.fields[index];
-        Field {
-            name: self.names[index].clone(),
-            field,
-            place: self.places.get(field.name()).copied(),
-            durations: &self.durations,
-        }
-    }
-}
-
 /// Selects the fields to read.
-fn chosen<'a>(fields: &'a Fields, choice: Choice) -> Result<Vec<Field<'a>>, TableError> {
-    let all = 0..fields.names.len();
+fn chosen<'f>(fields: &'f [Field], choice: Choice) -> Result<Vec<&'f Field>, TableError> {
     Ok(match choice {
-        Choice::All => all.map(|index| fields.get(index)).collect(),
-        Choice::Usable(is_wanted) => {
-            all.filter(|&index| is_wanted(&fields.names[index])).map(|i| fields.get(i)).collect()
-        }
+        Choice::All => fields.iter().collect(),
+        Choice::Usable(is_wanted) => fields.iter().filter(|field| is_wanted(&field.name)).collect(),
         Choice::Named(names) => {
-            let known: HashMap<&str, usize> =
-                fields.names.iter().map(String::as_str).zip(all).collect();
-            let find = |name: &&str| match known.get(name) {
-                Some(&index) => Ok(fields.get(index)),
-                None => Err(unknown_column(name, fields.names.iter().map(String::as_str))),
+            let known = || fields.iter().map(|field| field.name.as_str());
+            let places: HashMap<&str, &Field> = known().zip(fields).collect();
+            let find = |name: &&str| {
+                places.get(name).copied().ok_or_else(|| unknown_column(name, known()))
             };
             names.iter().map(find).collect::<Result<_, _>>()?
         }
     })
 }
 
-impl Field<'_> {
+impl Field {
     /// Describes how to read the field.
     fn source(&self, file: &ParquetMetaData) -> Result<ColumnSource, ContentError> {
-        let (kind, meaning) = kind_of(self.field, self.durations)?;
+        let (kind, meaning) = kind_of(&self.stored, self.facts.as_ref())?;
         let place = self.place.ok_or(ContentError::Unreadable)?;
         let chunks: Vec<&ColumnChunkMetaData> =
             file.row_groups().iter().filter_map(|group| group.columns().get(place)).collect();

@@ -1,6 +1,6 @@
 //! The separator of a table.
 
-use servotwin_io::table::csv::dialect::Dialect;
+use servotwin_io::table::csv::dialect::separator_of;
 
 #[test]
 fn separators_are_found() {
@@ -16,6 +16,6 @@ fn separators_are_found() {
         ("", b','),
     ];
     for (text, separator) in cases {
-        assert_eq!(Dialect::of(text.as_bytes()).separator, separator, "{text:?}");
+        assert_eq!(separator_of(text.as_bytes()), separator, "{text:?}");
     }
 }

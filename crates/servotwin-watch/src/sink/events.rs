@@ -9,6 +9,7 @@ use servotwin_io::moment;
 use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A change of the finding as a line of JSON.
 #[derive(Debug, Serialize)]
@@ -83,13 +84,13 @@ impl Events<File> {
 }
 
 impl<W: Write> Sink for Events<W> {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         if !sample.changed {
             return Ok(());
         }
         let (time_s, place) = (sample.time_s, sample.place);
         let date = moment::date_of(time_s);
-        let event = Event { time_s, date, place, finding: sample.observation.finding };
+        let event = Event { time_s, date, place, finding: &sample.finding };
         self.line(&event)
     }
 

@@ -9,7 +9,7 @@ pub mod timeline;
 
 use super::source::feature_needed_text;
 use super::watchdog::{Notice, SinkLoss};
-use servotwin::observer::Observation;
+use servotwin::observer::{Finding, Observation};
 use servotwin::shown::Shown;
 use servotwin::system::{Sensor, System};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -17,22 +17,55 @@ use servotwin_io::files::FileError;
 use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
 use std::path::Path;
+use std::sync::Arc;
 
 /// One period with its measurements and the observer's results.
-#[derive(Debug, Clone, Copy)]
-pub struct Sample<'s> {
+#[derive(Debug, Clone)]
+pub struct Sample {
     /// The time, s.
     pub time_s: f64,
     /// The line, row, datagram or message it came from; 0 if none did.
     pub place: u64,
     /// The external inputs, SI.
-    pub inputs: &'s [f64],
+    pub inputs: Vec<f64>,
     /// The measured sensor values, SI.
-    pub measured: &'s [f64],
-    /// The observer's result.
-    pub observation: Observation<'s>,
+    pub measured: Vec<f64>,
+    /// The twin's value of each sensor, SI.
+    pub twin: Vec<f64>,
+    /// The residual of each sensor as a share of its scale.
+    pub residuals: Vec<f64>,
+    /// The half width of the band of each residual.
+    pub bands: Vec<f64>,
+    /// The observer's features.
+    pub features: Vec<f64>,
+    /// The finding.
+    pub finding: Finding,
     /// Whether the finding differs from that of the last sample.
     pub changed: bool,
+}
+
+impl Sample {
+    /// A period at a time, s, shared by all sinks, with its place, inputs and measurements, and what an observer found in it.
+    pub fn new(
+        (time_s, place): (f64, u64),
+        inputs: &[f64],
+        measured: &[f64],
+        observation: &Observation,
+        changed: bool,
+    ) -> Arc<Self> {
+        Arc::new(Sample {
+            time_s,
+            place,
+            inputs: inputs.to_vec(),
+            measured: measured.to_vec(),
+            twin: observation.twin.to_vec(),
+            residuals: observation.residuals.to_vec(),
+            bands: observation.bands.to_vec(),
+            features: observation.features.to_vec(),
+            finding: observation.finding.clone(),
+            changed,
+        })
+    }
 }
 
 /// Receives every sample.
@@ -40,7 +73,7 @@ pub trait Sink {
     /// Takes a sample.
     ///
     /// The sample cannot be written.
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError>;
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError>;
 
     /// Writes out buffered data.
     ///
@@ -87,6 +120,12 @@ pub enum SinkError {
     /// Standard output cannot be written.
     #[error("standard output: {0}")]
     Output(std::io::Error),
+    /// A sink takes nothing at the end.
+    #[error("it takes nothing at the end")]
+    Stuck,
+    /// The thread of a sink ended early.
+    #[error("its thread has ended")]
+    Thread,
     /// An output whose writer is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },

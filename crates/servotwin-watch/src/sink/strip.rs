@@ -5,6 +5,7 @@ use crate::watchdog::Notice;
 use servotwin::observer::{DiagnosisState, Finding};
 use servotwin_io::moment;
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// The maximum number of parts while the strip grows; the shown strip has at least half as many.
 const PARTS: usize = 128;
@@ -59,8 +60,8 @@ fn severest(one: DiagnosisState, other: DiagnosisState) -> DiagnosisState {
 }
 
 impl Sink for Strip {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
-        let finding = sample.observation.finding;
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
+        let finding = &sample.finding;
         if self.parts.is_empty() {
             (self.begin_s, self.width) = (sample.time_s, 1);
         }

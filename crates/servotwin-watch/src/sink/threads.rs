@@ -8,7 +8,6 @@
 
 use super::{Sample, Sink, SinkError};
 use crate::watchdog::{Notice, SinkLoss, WatchEvent};
-use servotwin::observer::{Finding, Observation};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -57,58 +56,8 @@ pub enum SinkKind {
     Terminal,
 }
 
-/// A sample that owns its data.
-#[derive(Debug, Clone)]
-struct OwnedSample {
-    time_s: f64,
-    place: u64,
-    inputs: Vec<f64>,
-    measured: Vec<f64>,
-    twin: Vec<f64>,
-    residuals: Vec<f64>,
-    bands: Vec<f64>,
-    features: Vec<f64>,
-    finding: Finding,
-    changed: bool,
-}
-
-impl OwnedSample {
-    fn new(sample: &Sample) -> Self {
-        let observation = &sample.observation;
-        OwnedSample {
-            time_s: sample.time_s,
-            place: sample.place,
-            inputs: sample.inputs.to_vec(),
-            measured: sample.measured.to_vec(),
-            twin: observation.twin.to_vec(),
-            residuals: observation.residuals.to_vec(),
-            bands: observation.bands.to_vec(),
-            features: observation.features.to_vec(),
-            finding: observation.finding.clone(),
-            changed: sample.changed,
-        }
-    }
-
-    fn borrow(&self) -> Sample<'_> {
-        Sample {
-            time_s: self.time_s,
-            place: self.place,
-            inputs: &self.inputs,
-            measured: &self.measured,
-            observation: Observation {
-                twin: &self.twin,
-                residuals: &self.residuals,
-                bands: &self.bands,
-                features: &self.features,
-                finding: &self.finding,
-            },
-            changed: self.changed,
-        }
-    }
-}
-
 enum Message {
-    Sample(Arc<OwnedSample>),
+    Sample(Arc<Sample>),
     Notice(Arc<Notice>),
     /// Answered once all earlier messages were written.
     Flush(SyncSender<()>),
@@ -124,26 +73,8 @@ struct Shared {
     /// The watch ended with an error: outputs are not completed.
     is_cancelled: AtomicBool,
     has_failed: AtomicBool,
-    fault: Mutex<Option<Fault>>,
-}
-
-/// Why a sink receives nothing any more.
-enum Fault {
-    Error(SinkError),
-    /// At the end it takes nothing.
-    Stuck,
-    /// Its thread ended early.
-    Thread,
-}
-
-impl Fault {
-    fn words(&self) -> String {
-        match self {
-            Fault::Error(error) => error.to_string(),
-            Fault::Stuck => "it takes nothing at the end".into(),
-            Fault::Thread => "its thread has ended".into(),
-        }
-    }
+    /// Why the sink receives nothing any more.
+    fault: Mutex<Option<SinkError>>,
 }
 
 impl Shared {
@@ -151,13 +82,13 @@ impl Shared {
         self.lost.fetch_add(count, Ordering::Relaxed);
     }
 
-    fn fail(&self, fault: Fault) {
+    fn fail(&self, fault: SinkError) {
         let mut kept = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
         kept.get_or_insert(fault);
         self.has_failed.store(true, Ordering::Release);
     }
 
-    fn with_fault<T>(&self, read: impl FnOnce(&mut Option<Fault>) -> T) -> Option<T> {
+    fn with_fault<T>(&self, read: impl FnOnce(&mut Option<SinkError>) -> T) -> Option<T> {
         let has_failed = self.has_failed.load(Ordering::Acquire);
         has_failed.then(|| read(&mut self.fault.lock().unwrap_or_else(PoisonError::into_inner)))
     }
@@ -220,13 +151,7 @@ impl SinkThreads {
         if self.goes_on {
             return Ok(());
         }
-        let error = |fault: &mut Option<Fault>| match fault.take() {
-            Some(Fault::Error(error)) => Err(error),
-            other => {
-                *fault = other;
-                Ok(())
-            }
-        };
+        let error = |fault: &mut Option<SinkError>| fault.take().map_or(Ok(()), Err);
         self.threads.iter().try_for_each(|thread| thread.shared.with_fault(error).unwrap_or(Ok(())))
     }
 }
@@ -262,7 +187,7 @@ impl SinkThread {
             shared.waiting.fetch_sub(1, Ordering::Relaxed);
             shared.lose(1);
             if let TrySendError::Disconnected(_) = error {
-                shared.fail(Fault::Thread);
+                shared.fail(SinkError::Thread);
             }
         }
     }
@@ -282,19 +207,16 @@ impl SinkThread {
         self.shared.is_abandoned.store(true, Ordering::Relaxed);
         if !has_ended(GRACE) {
             self.shared.lose(self.shared.waiting.load(Ordering::Relaxed) as u64);
-            self.shared.fail(Fault::Stuck);
+            self.shared.fail(SinkError::Stuck);
         }
     }
 }
 
 impl Sink for SinkThreads {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         let wants = |thread: &&SinkThread| sample.changed || !thread.rules.only_changes;
-        if self.threads.iter().any(|thread| wants(&thread)) {
-            let owned = Arc::new(OwnedSample::new(sample));
-            for thread in self.threads.iter().filter(wants) {
-                thread.offer(Message::Sample(owned.clone()), sample.changed);
-            }
+        for thread in self.threads.iter().filter(wants) {
+            thread.offer(Message::Sample(sample.clone()), sample.changed);
         }
         self.check()
     }
@@ -327,7 +249,7 @@ impl Sink for SinkThreads {
     fn failures(&mut self) -> Vec<(String, String)> {
         let mut failed = vec![];
         for thread in self.threads.iter_mut().filter(|thread| !thread.is_failure_told) {
-            let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
+            let words = |fault: &mut Option<SinkError>| fault.as_ref().map(SinkError::to_string);
             if let Some(Some(reason)) = thread.shared.with_fault(words) {
                 thread.is_failure_told = true;
                 failed.push((thread.rules.name.clone(), reason));
@@ -338,7 +260,7 @@ impl Sink for SinkThreads {
 
     fn losses(&self) -> Vec<SinkLoss> {
         let loss = |thread: &SinkThread| {
-            let words = |fault: &mut Option<Fault>| fault.as_ref().map(Fault::words);
+            let words = |fault: &mut Option<SinkError>| fault.as_ref().map(SinkError::to_string);
             let (sink, is_file) = (thread.rules.name.clone(), thread.rules.kind == SinkKind::File);
             let lost = thread.shared.lost.load(Ordering::Relaxed);
             SinkLoss { sink, lost, failure: thread.shared.with_fault(words).flatten(), is_file }
@@ -364,7 +286,7 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
         if let Err(error) = given {
             sink = None;
             shared.lose(1);
-            shared.fail(Fault::Error(error));
+            shared.fail(error);
         }
         shared.waiting.fetch_sub(1, Ordering::Relaxed);
         if let Message::Flush(answer) = message {
@@ -373,13 +295,13 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
     }
     let ended = sink.filter(|_| !shared.is_cancelled.load(Ordering::Relaxed)).map(Sink::close);
     if let Some(Err(error)) = ended {
-        shared.fail(Fault::Error(error));
+        shared.fail(error);
     }
 }
 
 fn give(sink: &mut dyn Sink, message: &Message) -> Result<(), SinkError> {
     match message {
-        Message::Sample(sample) => sink.sample(&sample.borrow()),
+        Message::Sample(sample) => sink.sample(sample),
         Message::Notice(notice) => sink.notice(notice),
         Message::Flush(_) => sink.flush(),
     }

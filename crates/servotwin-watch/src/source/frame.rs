@@ -8,72 +8,16 @@
 
 use super::object::{Leaves, walk, without_special_numbers};
 use super::{Bad, LogRow, Read, Wanted};
+use crate::counts::{Flaw, Irregularity};
 use serde_json::Value;
 use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
-use servotwin_io::table::csv::dialect::Dialect;
-use servotwin_io::table::csv::encoding::{self, Encoding};
+use servotwin_io::table::csv::dialect::separator_of;
+use servotwin_io::table::csv::encoding;
 use servotwin_io::table::csv::growing::{Numbers, is_missing};
 use servotwin_io::table::json_lines;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::fmt;
-
-/// Why bytes are not a row.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Flaw {
-    /// They are not text.
-    Noise,
-    /// There are too many bytes.
-    TooLong,
-    /// The text ends too early.
-    CutShort,
-    /// The number of cells is wrong.
-    WrongColumns {
-        /// The number of cells in the line.
-        found: usize,
-        /// The number of cells in the header.
-        needed: usize,
-    },
-    /// The columns have no names yet.
-    NoHeader,
-    /// Not JSON, or not an object.
-    BadObject {
-        /// The parser's message.
-        cause: String,
-    },
-    /// The time is missing or not a number.
-    NoTime {
-        /// The text of the cell.
-        text: String,
-    },
-    /// A retained message, which the broker had stored earlier.
-    Retained {
-        /// Its topic.
-        topic: String,
-    },
-    /// The cells contain words but no number.
-    NoNumber,
-}
-
-impl fmt::Display for Flaw {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Flaw::WrongColumns { found, needed } => {
-                write!(out, "{found} cells, {needed} are needed")
-            }
-            Flaw::BadObject { cause } => write!(out, "{cause}"),
-            Flaw::NoTime { text } if text.is_empty() => Ok(()),
-            Flaw::NoTime { text } => match moment::refusal(text) {
-                Some(reason) => write!(out, "'{text}': {reason}"),
-                None => write!(out, "'{text}'"),
-            },
-            Flaw::Retained { topic } => write!(out, "topic {}", sanitize::text(topic)),
-            Flaw::NoNumber => write!(out, "no number in the row, which is dropped"),
-            _ => Ok(()),
-        }
-    }
-}
 
 /// Parses lines into rows.
 pub struct Frames {
@@ -115,7 +59,7 @@ impl Frames {
             return Read::Nothing;
         }
         if text.iter().any(|&byte| byte < b' ' && byte != b'\t') {
-            return Read::Flawed(Flaw::Noise);
+            return Read::Flawed(Irregularity::Noise.into());
         }
         if let Some(names) = behind_mark(text) {
             let _ = self.header.is_none() && self.find_header(names);
@@ -151,15 +95,16 @@ impl Frames {
         });
         if let Some(twice) = filler.twice {
             let key = sanitize::text(&self.wanted.names[twice]);
-            return Err(Flaw::BadObject { cause: format!("the key '{key}' is there twice") });
+            let cause = format!("the key '{key}' is there twice");
+            return Err(Flaw::new(Irregularity::BadObject, cause));
         }
-        parsed.map_err(|error| match error.is_eof() {
-            true => Flaw::CutShort,
-            false if text.starts_with(b"{") && error.to_string().starts_with("trailing char") => {
-                let cause = format!("several objects on one line ({error}): one a line is needed");
-                Flaw::BadObject { cause }
+        parsed.map_err(|error| match (error.is_eof(), error.to_string()) {
+            (true, _) => Irregularity::CutShort.into(),
+            (_, cause) if text.starts_with(b"{") && cause.starts_with("trailing char") => {
+                let cause = format!("several objects on one line ({cause}): one a line is needed");
+                Flaw::new(Irregularity::BadObject, cause)
             }
-            false => Flaw::BadObject { cause: error.to_string() },
+            (_, cause) => Flaw::new(Irregularity::BadObject, cause),
         })
     }
 
@@ -189,7 +134,11 @@ impl Frames {
             self.set_header(separator(line), &self.wanted.columns.clone());
         }
         let Some(header) = &self.header else {
-            return if self.find_header(line) { Ok(Read::Nothing) } else { Err(Flaw::NoHeader) };
+            return if self.find_header(line) {
+                Ok(Read::Nothing)
+            } else {
+                Err(Irregularity::NoHeader.into())
+            };
         };
         let mut cells: Vec<&[u8]> = Cells::of(line, header.separator).collect();
         // Separators at the ends of rows, which a header may lack.
@@ -199,7 +148,8 @@ impl Frames {
             cells.pop();
         }
         if !(header.named..=header.cells).contains(&cells.len()) {
-            return Err(Flaw::WrongColumns { found: cells.len(), needed: header.named });
+            let seen = format!("{} cells, {} are needed", cells.len(), header.named);
+            return Err(Flaw::new(Irregularity::WrongColumns, seen));
         }
         if self.is_header(&cells) {
             return Ok(Read::Nothing);
@@ -213,7 +163,7 @@ impl Frames {
             let value = numbers.real(text).or_else(words);
             row.values[place] = match value.filter(|value| value.is_finite()) {
                 Some(value) => value,
-                None if is_time => return Err(Flaw::NoTime { text: shown(bytes) }),
+                None if is_time => return Err(no_time(&shown(bytes))),
                 None => {
                     if !is_missing(bytes) {
                         row.note_bad(Bad { column: place, text: shown(bytes) });
@@ -225,7 +175,10 @@ impl Frames {
         self.wanted.continue_time(row, self.clock.get_mut());
         // For example a row of units below a header without a time.
         match row.bad > 0 && row.values.iter().all(|value| value.is_nan()) {
-            true => Err(Flaw::NoNumber),
+            true => {
+                let what = "no number in the row, which is dropped";
+                Err(Flaw::new(Irregularity::BadValue, what))
+            }
             false => Ok(Read::Row),
         }
     }
@@ -251,12 +204,20 @@ impl Frames {
     }
 }
 
+/// The flaw of a cell that is no time, with the reason if it is a date that is refused.
+fn no_time(text: &str) -> Flaw {
+    let detail = match moment::refusal(text) {
+        _ if text.is_empty() => String::new(),
+        Some(reason) => format!("'{text}': {reason}"),
+        None => format!("'{text}'"),
+    };
+    Flaw::new(Irregularity::NoTime, detail)
+}
+
 /// A row, unless it lacks a required time.
 pub(super) fn with_time(wanted: &Wanted, row: &LogRow) -> Read {
     match wanted.time {
-        Some(time) if row.values[time].is_nan() => {
-            Read::Flawed(Flaw::NoTime { text: String::new() })
-        }
+        Some(time) if row.values[time].is_nan() => Read::Flawed(Irregularity::NoTime.into()),
         _ => Read::Row,
     }
 }
@@ -345,7 +306,7 @@ fn separator(line: &[u8]) -> u8 {
     let has = |marks: &[u8]| text.iter().any(|byte| marks.contains(byte));
     match !has(b",;\t") && has(b" ") {
         true => b' ',
-        false => Dialect::of(line).separator,
+        false => separator_of(line),
     }
 }
 
@@ -355,9 +316,7 @@ pub(super) fn texts(line: &[u8], separator: u8) -> Vec<String> {
 }
 
 fn decoded(cell: &[u8]) -> String {
-    let text = encoding::text(cell, Encoding::Utf8);
-    let text = text.or_else(|| encoding::text(cell, Encoding::Latin1)).unwrap_or_default();
-    text.trim().replace("\"\"", "\"")
+    encoding::text(cell).trim().replace("\"\"", "\"")
 }
 
 /// The text of a cell, sanitized for a message.

@@ -1,7 +1,7 @@
 //! Groups of columns with separate times: the rows of a recording whose channels have several rates.
 
-use super::frame::Flaw;
 use super::{LogRow, Read, Source, SourceError, Wanted};
+use crate::counts::Irregularity;
 
 /// Columns with common times.
 #[derive(Debug)]
@@ -91,7 +91,7 @@ impl Source for Groups {
         row.values[time] = time_s;
         Ok(match time_s.is_finite() {
             true => Read::Row,
-            false => Read::Flawed(Flaw::NoTime { text: String::new() }),
+            false => Read::Flawed(Irregularity::NoTime.into()),
         })
     }
 
@@ -134,7 +134,7 @@ mod tests {
                 other => found.push(format!("{other:?}")),
             }
         }
-        let flaw = format!("{:?}", Read::Flawed(Flaw::NoTime { text: String::new() }));
+        let flaw = format!("{:?}", Read::Flawed(Irregularity::NoTime.into()));
         assert_eq!(found, ["0 1 NaN", "1 2 7", "1.5 NaN 8", "2 3 NaN", &flaw]);
         assert_eq!((source.share(), row.place), (Some(1.0), 5));
     }

@@ -1,8 +1,9 @@
 //! Reads a text file (CSV or JSON lines) line by line. Only one line is in memory, whatever the file's size.
 
-use super::frame::{self, Flaw, Frames};
+use super::frame::{self, Frames};
 use super::survey::{self, LogColumn, Objects, Sheet};
 use super::{LogRow, Read, Source, SourceError, Wanted};
+use crate::counts::Irregularity;
 use servotwin_io::files::FileError;
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::encoding;
@@ -29,21 +30,18 @@ pub(crate) struct Lines {
     size: u64,
 }
 
-impl Lines {
-    /// Opens a file that must have the wanted columns.
-    pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
-        require(path, open(path)?, wanted)?;
-        let size = std::fs::metadata(path).map_or(0, |data| data.len());
-        Ok(Lines {
-            path: path.into(),
-            reader: open(path)?,
-            frames: Frames::new(wanted),
-            line: vec![],
-            place: 0,
-            read: 0,
-            size,
-        })
-    }
+/// Opens a file that must have the wanted columns.
+pub(super) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+    require(path, text_of(path)?, wanted)?;
+    Ok(Box::new(Lines {
+        path: path.into(),
+        reader: text_of(path)?,
+        frames: Frames::new(wanted),
+        line: vec![],
+        place: 0,
+        read: 0,
+        size: std::fs::metadata(path).map_or(0, |data| data.len()),
+    }))
 }
 
 impl Source for Lines {
@@ -55,7 +53,7 @@ impl Source for Lines {
         row.place = self.place;
         Ok(match found {
             Line::None => Read::End,
-            Line::TooLong => Read::Flawed(Flaw::TooLong),
+            Line::TooLong => Read::Flawed(Irregularity::TooLong.into()),
             // The last line of a file may lack a line end.
             Line::Whole | Line::Unended => self.frames.read(&self.line, row),
         })
@@ -89,21 +87,21 @@ fn require(
     if heads.iter().any(|line| frame::object(line).is_some()) {
         let known = objects(path, &|found| found.has_all(wanted))?;
         let known: Vec<String> = known.into_iter().map(|column| column.name).collect();
-        return SourceError::lacking(&address, wanted, &known).map_or(Ok(()), Err);
+        return wanted.require(&address, &known);
     }
     let names = heads.iter().filter_map(|line| frame::marked_columns(line));
-    if names.into_iter().any(|names| SourceError::lacking(&address, wanted, &names).is_none()) {
+    if names.into_iter().any(|names| wanted.require(&address, &names).is_ok()) {
         return Ok(());
     }
     let known = find_header(&lines).map(|line| frame::header(&lines[line]).1);
-    let lacking = known.and_then(|names| SourceError::lacking(&address, wanted, &names));
+    let lacking = known.and_then(|names| wanted.require(&address, &names).err());
     Err(lacking.unwrap_or_else(|| no_header(address, &lines)))
 }
 
 /// The columns of a file. A line of units may follow the header of cells. For objects, the keys of all lines are
 /// gathered.
 pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
-    let lines = first_lines(path, open(path)?, BEGINNING)?;
+    let lines = first_lines(path, text_of(path)?, BEGINNING)?;
     let heads = &lines[..lines.len().min(PREAMBLE)];
     let none = || no_header(path.display().to_string(), &lines);
     if heads.iter().any(|line| frame::object(line).is_some()) {
@@ -165,7 +163,7 @@ pub(super) fn no_header(address: String, lines: &[Vec<u8>]) -> SourceError {
 
 /// The columns of the objects in a file, read until there are `enough`.
 fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColumn>, SourceError> {
-    let (mut reader, mut line, mut found) = (open(path)?, vec![], Objects::default());
+    let (mut reader, mut line, mut found) = (text_of(path)?, vec![], Objects::default());
     loop {
         let next = next_line(&mut *reader, &mut line);
         match next.map_err(|cause| FileError::from_io(path, cause))? {
@@ -184,7 +182,7 @@ fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColu
     Ok(found.finish())
 }
 
-fn open(path: &Path) -> Result<Box<dyn BufRead + Send>, SourceError> {
+fn text_of(path: &Path) -> Result<Box<dyn BufRead + Send>, SourceError> {
     Ok(encoding::open(path)?.0)
 }
 

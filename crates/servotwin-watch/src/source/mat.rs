@@ -44,9 +44,7 @@ pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, Sour
     let mut reader = Reader { wanted: Some(wanted), found: vec![] };
     reader.file(path)?;
     let names: Vec<String> = reader.found.iter().map(|column| column.name.clone()).collect();
-    if let Some(error) = SourceError::lacking(&address, wanted, &names) {
-        return Err(error);
-    }
+    wanted.require(&address, &names)?;
     let (mut times, mut all) = (None, vec![]);
     let mut first: Option<(String, usize)> = None;
     for (place, name) in wanted.names.iter().enumerate() {

@@ -7,10 +7,11 @@
 //! messages are read one by one. In any other file (written topic by topic, or merged), the wanted numbers are read
 //! into memory and sorted.
 
-use super::frame::{Flaw, Frames};
+use super::frame::Frames;
 use super::object::Leaves;
 use super::survey::{LogColumn, Objects};
 use super::{Bad, LogRow, Read, Source, SourceError, Wanted};
+use crate::counts::{Flaw, Irregularity};
 use ::mcap::McapError;
 use ::mcap::read::ChunkReader;
 use ::mcap::records::{ChunkHeader, Record};
@@ -45,9 +46,7 @@ struct InOrder {
 pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let Survey { columns, is_in_order } = survey(path, Some(wanted))?;
     let known: Vec<String> = columns.into_iter().map(|column| column.name).collect();
-    if let Some(error) = SourceError::lacking(&path.display().to_string(), wanted, &known) {
-        return Err(error);
-    }
+    wanted.require(&path.display().to_string(), &known)?;
     if !is_in_order {
         return Ok(Box::new(Sorted::open(path, wanted)?));
     }
@@ -354,8 +353,10 @@ impl Messages {
                 // After this error, record boundaries are unknown.
                 self.ended = true;
                 let flaw = match error {
-                    McapError::UnexpectedEof | McapError::UnexpectedEoc => Flaw::CutShort,
-                    error => Flaw::BadObject { cause: error.to_string() },
+                    McapError::UnexpectedEof | McapError::UnexpectedEoc => {
+                        Irregularity::CutShort.into()
+                    }
+                    error => Flaw::new(Irregularity::BadObject, error.to_string()),
                 };
                 self.waiting.push_back(Next::Flawed(flaw));
             }
@@ -364,7 +365,7 @@ impl Messages {
     }
 
     fn chunk(&mut self, header: ChunkHeader, data: &[u8]) -> Result<(), Flaw> {
-        let flaw = |cause: &dyn ToString| Flaw::BadObject { cause: cause.to_string() };
+        let flaw = |cause: &dyn ToString| Flaw::new(Irregularity::BadObject, cause.to_string());
         let content = unpacked(&header, data).map_err(|cause| flaw(&cause))?;
         let size = content.len() as u64;
         let plain = ChunkHeader { compression: String::new(), compressed_size: size, ..header };

@@ -4,10 +4,12 @@
 //! Unreadable input is a [`Flaw`] and never ends the stream. Only a file or connection that cannot be opened is an
 //! error.
 
+mod formats;
 pub mod frame;
 #[cfg(any(feature = "mf4", feature = "mat"))]
 mod groups;
 mod lines;
+mod live;
 #[cfg(feature = "mat")]
 mod mat;
 #[cfg(feature = "mcap")]
@@ -22,7 +24,7 @@ mod survey;
 pub mod table;
 pub mod udp;
 
-use super::counts::Irregularity;
+use super::counts::Flaw;
 use crate::span::CutError;
 use servotwin_io::files::FileError;
 use servotwin_io::moment::Clock;
@@ -31,10 +33,10 @@ use servotwin_io::sanitize;
 use servotwin_io::table::TableError;
 use std::fmt;
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-pub use frame::Flaw;
+pub use formats::{extensions, is_log};
 pub use survey::{LogColumn, is_time_name};
 
 /// The unit of a date as text.
@@ -156,23 +158,10 @@ pub enum Read {
     },
     /// The lost connection is restored.
     Reconnected,
-    /// Input was dropped.
-    Dropped(Dropped),
+    /// Input that the source has dropped before it was read; it is no row, and takes no time.
+    Dropped(Flaw),
     /// The source has ended.
     End,
-}
-
-/// Input that a source dropped.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Dropped {
-    /// The reason for dropping it.
-    pub kind: Irregularity,
-    /// How many were dropped since the last report.
-    pub count: u64,
-    /// The place of the first.
-    pub place: u64,
-    /// Details of the first.
-    pub detail: String,
 }
 
 /// Returns the rows of a log or stream.
@@ -205,7 +194,7 @@ pub trait Source: Send {
 /// The address of a source.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Address {
-    /// A .parquet, .mcap, .mf4 or .mat file, or any other name for CSV or lines of JSON objects.
+    /// A file; its first bytes or its extension give its format.
     File(PathBuf),
     /// Lines of standard input.
     Stdin,
@@ -287,19 +276,11 @@ impl Address {
     /// The source cannot be opened, or a file lacks a column.
     pub fn open(&self, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
         Ok(match self {
-            Address::File(path) if has_extension(path, "parquet") => {
-                Box::new(table::TableRows::open(path, wanted)?)
-            }
-            Address::File(path) if is_mdf(path) => open_mf4(path, wanted)?,
-            Address::File(path) if has_extension(path, "mat") => open_mat(path, wanted)?,
-            Address::File(path) if has_extension(path, "mcap") => open_mcap(path, wanted)?,
-            Address::File(path) => Box::new(lines::Lines::open(path, wanted)?),
-            Address::Stdin => Box::new(stdin::Stdin::new(std::io::stdin(), wanted)),
-            Address::Udp(address, allowed) => {
-                Box::new(udp::Udp::open(*address, allowed.clone(), wanted)?)
-            }
+            Address::File(path) => (formats::reader_of(path)?.open)(path, wanted)?,
+            Address::Stdin => stdin::open(std::io::stdin(), wanted),
+            Address::Udp(address, allowed) => udp::open(*address, allowed.clone(), wanted)?,
             #[cfg(feature = "mqtt")]
-            Address::Mqtt(subscription) => Box::new(mqtt::Mqtt::open(subscription, wanted)?),
+            Address::Mqtt(subscription) => mqtt::open(subscription, wanted)?,
         })
     }
 
@@ -310,11 +291,7 @@ impl Address {
     /// The source cannot be opened, or has no header.
     pub fn columns(&self) -> Result<Vec<LogColumn>, SourceError> {
         let names = match self {
-            Address::File(path) if has_extension(path, "parquet") => return table::columns(path),
-            Address::File(path) if has_extension(path, "mcap") => return mcap_columns(path),
-            Address::File(path) if is_mdf(path) => return mf4_columns(path),
-            Address::File(path) if has_extension(path, "mat") => return mat_columns(path),
-            Address::File(path) => return lines::columns(path),
+            Address::File(path) => return (formats::reader_of(path)?.columns)(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
             Address::Udp(address, allowed) => udp::columns(*address, allowed)?,
             #[cfg(feature = "mqtt")]
@@ -357,79 +334,6 @@ pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
     SourceError::Feature { what: what.to_owned(), feature }
 }
 
-/// Defines how files of an optional format are opened, and the error if the format is disabled.
-macro_rules! optional_kind {
-    ($feature:literal, $module:ident, $open:ident, $columns:ident) => {
-        #[cfg(feature = $feature)]
-        fn $open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-            $module::open(path, wanted)
-        }
-
-        #[cfg(not(feature = $feature))]
-        fn $open(path: &Path, _: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-            Err(feature_needed(&path.display().to_string(), $feature))
-        }
-
-        #[cfg(feature = $feature)]
-        fn $columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
-            $module::columns(path)
-        }
-
-        #[cfg(not(feature = $feature))]
-        fn $columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
-            Err(feature_needed(&path.display().to_string(), $feature))
-        }
-    };
-}
-
-optional_kind!("mcap", mcap, open_mcap, mcap_columns);
-optional_kind!("mf4", mf4, open_mf4, mf4_columns);
-optional_kind!("mat", mat, open_mat, mat_columns);
-
-fn is_mdf(path: &Path) -> bool {
-    has_extension(path, "mf4") || has_extension(path, "mdf")
-}
-
-fn has_extension(path: &Path, wanted: &str) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
-}
-
-/// A column that two topics of a broker send.
-#[derive(Debug)]
-pub struct MixedTopics {
-    /// The broker's address.
-    pub broker: String,
-    /// The name of the column.
-    pub column: String,
-    /// The two topics that send it.
-    pub topics: [String; 2],
-    /// The last levels of the first topic, which distinguish it from the second.
-    pub ending: String,
-    /// Whether the map names the time.
-    pub has_time: bool,
-}
-
-impl fmt::Display for MixedTopics {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let broker = &self.broker;
-        let [first, second] = &self.topics;
-        let (first, second, ending) = (plain(first), plain(second), plain(&self.ending));
-        let column = sanitize::text(&self.column);
-        match self.has_time {
-            true => write!(
-                out,
-                "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are \
-                 not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
-            ),
-            false => write!(
-                out,
-                "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name \
-                 the column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
-            ),
-        }
-    }
-}
-
 /// Why a source cannot be opened or read further.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
@@ -440,9 +344,9 @@ pub enum SourceError {
     /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },
-    /// Two topics of a broker send the same column.
+    /// Two topics of a broker send the same column: what may be done.
     #[error("{0}")]
-    Mixed(Box<MixedTopics>),
+    Mixed(String),
     /// A file is damaged or has an unsupported format.
     #[error("{address}: {cause}")]
     Unreadable { address: String, cause: String },
@@ -483,17 +387,21 @@ impl SourceError {
     fn unreadable(address: &str, cause: &str) -> Self {
         SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
     }
+}
 
-    /// The error for wanted columns that the log lacks; `None` if it has all.
-    pub(super) fn lacking(address: &str, wanted: &Wanted, known: &[String]) -> Option<Self> {
-        let columns = wanted.names.iter().filter(|name| !known.contains(name));
+impl Wanted {
+    /// Checks that a log has all of these columns.
+    ///
+    /// # Errors
+    /// [`SourceError::Lacking`].
+    pub(super) fn require(&self, address: &str, known: &[String]) -> Result<(), SourceError> {
+        let columns = self.names.iter().filter(|name| !known.contains(name));
         let columns: Vec<String> = columns.cloned().collect();
-        let error = || SourceError::Lacking {
-            address: address.to_owned(),
-            known: known.to_vec(),
-            columns: columns.clone(),
-        };
-        (!columns.is_empty()).then(error)
+        let (address, known) = (address.to_owned(), known.to_vec());
+        match columns.is_empty() {
+            true => Ok(()),
+            false => Err(SourceError::Lacking { address, columns, known }),
+        }
     }
 }
 
@@ -502,27 +410,5 @@ fn advice(column: &str, known: &[String]) -> String {
     match nearest(column, known.iter().map(String::as_str)) {
         Some(name) => format!("did you mean '{name}'?"),
         None => format!("it has: {}", sanitize::list(known)),
-    }
-}
-
-/// A complete topic with control characters escaped.
-fn plain(topic: &str) -> String {
-    topic.chars().flat_map(char::escape_debug).collect()
-}
-
-impl Flaw {
-    /// The kind under which it is counted.
-    pub(crate) fn kind(&self) -> Irregularity {
-        match self {
-            Flaw::Noise => Irregularity::Noise,
-            Flaw::TooLong => Irregularity::TooLong,
-            Flaw::CutShort => Irregularity::CutShort,
-            Flaw::WrongColumns { .. } => Irregularity::WrongColumns,
-            Flaw::NoHeader => Irregularity::NoHeader,
-            Flaw::BadObject { .. } => Irregularity::BadObject,
-            Flaw::NoTime { .. } => Irregularity::NoTime,
-            Flaw::Retained { .. } => Irregularity::Retained,
-            Flaw::NoNumber => Irregularity::BadValue,
-        }
     }
 }

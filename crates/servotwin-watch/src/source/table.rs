@@ -9,6 +9,19 @@ use servotwin_io::table::parquet::ParquetReader;
 use servotwin_io::table::{Column, ColumnKind, Table, TableError, Values};
 use std::path::Path;
 
+/// Opens a Parquet file that must have the wanted columns.
+///
+/// # Errors
+/// The file cannot be read, or lacks a column.
+pub(super) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+    let known = ParquetReader::open(path)?;
+    require(&path.display().to_string(), known.schema(), wanted)?;
+    let names: Vec<&str> = wanted.names.iter().map(String::as_str).collect();
+    let reader = ParquetReader::open_columns(path, &names)?;
+    let rows = reader.row_count();
+    Ok(Box::new(TableRows::new(Box::new(reader), rows, wanted)))
+}
+
 /// The rows of a table, of which only the wanted columns are read.
 pub struct TableRows {
     batches: Box<dyn Iterator<Item = Result<Table, TableError>> + Send>,
@@ -22,19 +35,6 @@ pub struct TableRows {
 }
 
 impl TableRows {
-    /// Opens a Parquet file that must have the wanted columns.
-    ///
-    /// # Errors
-    /// The file cannot be read, or lacks a column.
-    pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
-        let known = ParquetReader::open(path)?;
-        require(&path.display().to_string(), known.schema(), wanted)?;
-        let names: Vec<&str> = wanted.names.iter().map(String::as_str).collect();
-        let reader = ParquetReader::open_columns(path, &names)?;
-        let rows = reader.row_count();
-        Ok(Self::new(Box::new(reader), rows, wanted))
-    }
-
     /// Reads a table in memory that must have the wanted columns; `name` is what messages call it.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ impl TableRows {
 
 fn require(address: &str, table: &Table, wanted: &Wanted) -> Result<(), SourceError> {
     let known: Vec<String> = table.names().map(String::from).collect();
-    SourceError::lacking(address, wanted, &known).map_or(Ok(()), Err)
+    wanted.require(address, &known)
 }
 
 impl Source for TableRows {

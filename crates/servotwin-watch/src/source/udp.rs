@@ -4,14 +4,15 @@
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};
-use super::{Dropped, Irregularity, LogRow, PAUSE, Read, Source, SourceError, Wanted};
+use super::live::{LineReader, Live, News};
+use super::{LogRow, PAUSE, Read, Source, SourceError, Wanted};
+use crate::counts::{Flaw, Irregularity};
 use socket2::SockRef;
-use std::collections::VecDeque;
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -117,59 +118,56 @@ impl Senders {
     }
 }
 
-/// A received datagram.
-struct Datagram {
-    place: u64,
+/// Where a datagram comes from, and its room in the queue.
+struct Origin {
     sender: SocketAddr,
-    bytes: Vec<u8>,
+    _room: Room,
 }
 
-/// State shared by the receiving thread and the reader.
-struct Shared {
-    senders: Mutex<Senders>,
-    waiting_bytes: AtomicUsize,
-    /// The datagrams dropped since the last report.
-    dropped: Mutex<Vec<Dropped>>,
-    is_over: AtomicBool,
+/// The bytes that a waiting datagram takes from those of all.
+struct Room {
+    waiting_bytes: Arc<AtomicUsize>,
+    bytes: usize,
 }
 
-impl Shared {
-    fn senders(&self) -> MutexGuard<'_, Senders> {
-        self.senders.lock().unwrap_or_else(PoisonError::into_inner)
+impl Drop for Room {
+    fn drop(&mut self) {
+        self.waiting_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
     }
+}
 
-    fn dropped(&self) -> MutexGuard<'_, Vec<Dropped>> {
-        self.dropped.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+/// Reads datagrams, and locks onto the sender of the first row.
+struct Datagrams {
+    frames: Frames,
+    senders: Arc<Mutex<Senders>>,
+}
 
-    fn drop_one(&self, kind: Irregularity, place: u64, sender: SocketAddr) {
-        let mut dropped = self.dropped();
-        match dropped.iter_mut().find(|known| known.kind == kind) {
-            Some(known) => known.count += 1,
-            None => {
-                let detail = canonical(sender).to_string();
-                dropped.push(Dropped { kind, count: 1, place, detail });
-            }
+impl LineReader<Origin> for Datagrams {
+    fn read(
+        &mut self,
+        origin: &Origin,
+        line: &[u8],
+        row: &mut LogRow,
+    ) -> Result<Read, SourceError> {
+        // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
+        let read = self.frames.read(line, row);
+        if read == Read::Row {
+            locked(&self.senders).lock(origin.sender, Instant::now());
         }
+        Ok(read)
     }
 
-    /// The next pending report; each call returns one kind.
-    fn take_dropped(&self) -> Option<Dropped> {
-        self.dropped().pop()
+    fn zone_s(&self) -> Option<f64> {
+        self.frames.zone_s()
     }
+}
+
+fn locked(senders: &Mutex<Senders>) -> MutexGuard<'_, Senders> {
+    senders.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A UDP source.
-pub(crate) struct Udp {
-    address: SocketAddr,
-    datagrams: Receiver<io::Result<Datagram>>,
-    shared: Arc<Shared>,
-    frames: Frames,
-    /// The unread lines of the current datagram.
-    lines: VecDeque<Vec<u8>>,
-    place: u64,
-    sender: SocketAddr,
-}
+type Udp = Live<Origin, Datagrams>;
 
 fn failed(address: SocketAddr, cause: &io::Error) -> SourceError {
     SourceError::Connection { address: format!("udp://{address}"), cause: cause.to_string() }
@@ -183,107 +181,83 @@ fn bind(address: SocketAddr) -> Result<UdpSocket, SourceError> {
     Ok(socket)
 }
 
-impl Udp {
-    /// Listens at an address.
-    pub(crate) fn open(
-        address: SocketAddr,
-        allowed: Allowed,
-        wanted: &Wanted,
-    ) -> Result<Self, SourceError> {
-        let socket = bind(address)?;
-        let address = socket.local_addr().map_err(|cause| failed(address, &cause))?;
-        let (queue, datagrams) = sync_channel(WAITING);
-        let shared = Arc::new(Shared {
-            senders: Mutex::new(Senders { allowed, locked: None }),
-            waiting_bytes: AtomicUsize::new(0),
-            dropped: Mutex::new(vec![]),
-            is_over: AtomicBool::new(false),
-        });
-        let of_thread = shared.clone();
-        thread::spawn(move || receive(&socket, &queue, &of_thread));
-        let (frames, lines) = (Frames::new(wanted), VecDeque::new());
-        Ok(Udp { address, datagrams, shared, frames, lines, place: 0, sender: address })
-    }
-
-    /// Splits the next datagram into lines; `false` if none arrives within [`PAUSE`].
-    fn next_datagram(&mut self) -> Result<bool, SourceError> {
-        let datagram = match self.datagrams.recv_timeout(PAUSE) {
-            Ok(received) => received.map_err(|cause| failed(self.address, &cause))?,
-            Err(RecvTimeoutError::Timeout) => return Ok(false),
-            Err(RecvTimeoutError::Disconnected) => {
-                return Err(failed(self.address, &io::ErrorKind::BrokenPipe.into()));
-            }
-        };
-        let Datagram { place, sender, bytes } = datagram;
-        self.shared.waiting_bytes.fetch_sub(bytes.len(), Ordering::Relaxed);
-        (self.place, self.sender) = (place, sender);
-        let text = bytes.strip_suffix(b"\n").unwrap_or(&bytes);
-        self.lines.extend(text.split(|&byte| byte == b'\n').map(<[u8]>::to_vec));
-        Ok(true)
-    }
+/// Listens at an address.
+pub(super) fn open(
+    address: SocketAddr,
+    allowed: Allowed,
+    wanted: &Wanted,
+) -> Result<Box<dyn Source>, SourceError> {
+    Ok(Box::new(start(bind(address)?, address, allowed, wanted)))
 }
 
-impl Drop for Udp {
-    fn drop(&mut self) {
-        self.shared.is_over.store(true, Ordering::Relaxed);
-    }
+fn start(socket: UdpSocket, address: SocketAddr, allowed: Allowed, wanted: &Wanted) -> Udp {
+    let (queue, news) = sync_channel(WAITING);
+    let senders = Arc::new(Mutex::new(Senders { allowed, locked: None }));
+    let of_thread = Arc::downgrade(&senders);
+    thread::spawn(move || receive(&socket, &queue, &of_thread));
+    let reader = Datagrams { frames: Frames::new(wanted), senders };
+    Live::new(format!("udp://{address}"), "datagram", news, reader)
 }
 
-/// Receives datagrams until the reader is dropped.
-fn receive(socket: &UdpSocket, queue: &SyncSender<io::Result<Datagram>>, shared: &Shared) {
+/// Receives datagrams until the reader, who owns the senders, is dropped.
+fn receive(socket: &UdpSocket, queue: &SyncSender<News<Origin>>, senders: &Weak<Mutex<Senders>>) {
     let mut buffer = vec![0; LARGEST];
-    let mut place = 0;
-    while !shared.is_over.load(Ordering::Relaxed) {
-        let (length, sender) = match socket.recv_from(&mut buffer) {
-            Ok(received) => received,
-            Err(error) if is_pause(&error) => continue,
+    let waiting_bytes = Arc::new(AtomicUsize::new(0));
+    let mut dropped = Drops { flaws: vec![], last: Instant::now() };
+    while let Some(senders) = senders.upgrade() {
+        let received = socket.recv_from(&mut buffer);
+        let now = Instant::now();
+        match received {
+            Ok((_, sender)) if !locked(&senders).takes(sender, now) => {
+                dropped.add(Irregularity::ForeignSender, sender);
+            }
+            Ok((bytes, sender)) => {
+                dropped.report(queue);
+                let before = waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
+                let room = Room { waiting_bytes: waiting_bytes.clone(), bytes };
+                let news = News::Lines(Origin { sender, _room: room }, buffer[..bytes].to_vec());
+                if before + bytes > WAITING_BYTES || queue.try_send(news).is_err() {
+                    dropped.add(Irregularity::Overflow, sender);
+                }
+            }
+            Err(error) if is_pause(&error) => {}
             Err(error) => {
                 // A dropped reader does not need the error.
-                let _ = queue.send(Err(error));
+                let _ = queue.send(News::Failed(error.to_string()));
                 return;
             }
-        };
-        place += 1;
-        if !shared.senders().takes(sender, Instant::now()) {
-            shared.drop_one(Irregularity::ForeignSender, place, sender);
-            continue;
         }
-        let waiting = shared.waiting_bytes.fetch_add(length, Ordering::Relaxed);
-        let datagram = Datagram { place, sender, bytes: buffer[..length].to_vec() };
-        if waiting + length > WAITING_BYTES || queue.try_send(Ok(datagram)).is_err() {
-            shared.waiting_bytes.fetch_sub(length, Ordering::Relaxed);
-            shared.drop_one(Irregularity::Overflow, place, sender);
+        if now.saturating_duration_since(dropped.last) >= PAUSE {
+            dropped.report(queue);
         }
     }
 }
 
-impl Source for Udp {
-    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
-        if self.lines.is_empty() {
-            if let Some(dropped) = self.shared.take_dropped() {
-                return Ok(Read::Dropped(dropped));
-            }
-            if !self.next_datagram()? {
-                row.place = self.place;
-                return Ok(Read::Pause);
-            }
+/// The datagrams dropped since the last report, one flaw of each kind: a flood of them does not fill the queue.
+struct Drops {
+    flaws: Vec<Flaw>,
+    last: Instant,
+}
+
+impl Drops {
+    fn add(&mut self, kind: Irregularity, sender: SocketAddr) {
+        match self.flaws.iter_mut().find(|known| known.kind == kind) {
+            Some(known) => known.count += 1,
+            None => self.flaws.push(Flaw::new(kind, canonical(sender).to_string())),
         }
-        row.place = self.place;
-        // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
-        let Some(line) = self.lines.pop_front() else { return Ok(Read::Nothing) };
-        let read = self.frames.read(&line, row);
-        if read == Read::Row {
-            self.shared.senders().lock(self.sender, Instant::now());
-        }
-        Ok(read)
     }
 
-    fn counted(&self) -> &'static str {
-        "datagram"
-    }
-
-    fn is_live(&self) -> bool {
-        true
+    /// Reports what fits into the queue.
+    fn report(&mut self, queue: &SyncSender<News<Origin>>) {
+        self.last = Instant::now();
+        while let Some(flaw) = self.flaws.pop() {
+            if let Err(TrySendError::Full(News::Other(Read::Dropped(flaw)))) =
+                queue.try_send(News::Other(Read::Dropped(flaw)))
+            {
+                self.flaws.push(flaw);
+                return;
+            }
+        }
     }
 }
 
@@ -318,7 +292,6 @@ pub(crate) fn columns(address: SocketAddr, allowed: &Allowed) -> Result<Vec<Stri
 
 #[cfg(test)]
 mod tests {
-    use super::super::Flaw;
     use super::*;
 
     fn wanted() -> Wanted {
@@ -327,16 +300,18 @@ mod tests {
         Wanted { names, columns, time: Some(0), ..Wanted::default() }
     }
 
-    fn open(allowed: Allowed) -> Udp {
-        Udp::open("127.0.0.1:0".parse().unwrap(), allowed, &wanted()).unwrap()
+    fn open(allowed: Allowed) -> (Udp, SocketAddr) {
+        let socket = bind("127.0.0.1:0".parse().unwrap()).unwrap();
+        let address = socket.local_addr().unwrap();
+        (start(socket, address, allowed, &wanted()), address)
     }
 
     #[test]
     fn datagrams_of_lines_and_noise() {
-        let mut source = open(Allowed::First);
+        let (mut source, address) = open(Allowed::First);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         for datagram in [&b"1,2\n2,3\n"[..], b"\x00\xff\x01", b"", b"{\"t\": 3, \"p\": 4}"] {
-            sender.send_to(datagram, source.address).unwrap();
+            sender.send_to(datagram, address).unwrap();
         }
         let (mut row, mut found) = (LogRow::default(), vec![]);
         while found.len() < 5 {
@@ -349,7 +324,7 @@ mod tests {
         let expected = [
             (Read::Row, 1, vec![1.0, 2.0]),
             (Read::Row, 1, vec![2.0, 3.0]),
-            (Read::Flawed(Flaw::Noise), 2, vec![]),
+            (Read::Flawed(Irregularity::Noise.into()), 2, vec![]),
             (Read::Nothing, 3, vec![]),
             (Read::Row, 4, vec![3.0, 4.0]),
         ];
@@ -370,37 +345,37 @@ mod tests {
 
     #[test]
     fn a_second_sender_is_counted_and_not_mixed_in() {
-        let mut source = open(Allowed::First);
+        let (mut source, address) = open(Allowed::First);
         let [own, other] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
         // Noise does not lock the source to its sender.
-        other.send_to(b"\x00\x01", source.address).unwrap();
-        assert_eq!(next(&mut source).0, Read::Flawed(Flaw::Noise));
-        own.send_to(b"1,2", source.address).unwrap();
+        other.send_to(b"\x00\x01", address).unwrap();
+        assert_eq!(next(&mut source).0, Read::Flawed(Irregularity::Noise.into()));
+        own.send_to(b"1,2", address).unwrap();
         assert_eq!(next(&mut source).0, Read::Row);
-        other.send_to(b"1,9", source.address).unwrap();
-        own.send_to(b"2,3", source.address).unwrap();
+        other.send_to(b"1,9", address).unwrap();
+        own.send_to(b"2,3", address).unwrap();
         let mut found = [next(&mut source), next(&mut source)];
         found.sort_by_key(|(read, _)| *read != Read::Row);
         assert_eq!((&found[0].0, &found[0].1.values[..]), (&Read::Row, &[2.0, 3.0][..]));
         let detail = other.local_addr().unwrap().to_string();
         let kind = Irregularity::ForeignSender;
-        assert_eq!(found[1].0, Read::Dropped(Dropped { kind, count: 1, place: 3, detail }));
+        assert_eq!((&found[1].0, found[1].1.place), (&Read::Dropped(Flaw::new(kind, detail)), 3));
     }
 
     #[test]
     fn only_senders_that_are_named_are_heard() {
         let [own, other] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
-        let address = own.local_addr().unwrap();
+        let own_address = own.local_addr().unwrap();
         for (texts, expected) in [
-            (vec![address.to_string()], [true, false]),
-            (vec!["10.9.8.7".into(), address.to_string()], [true, false]),
+            (vec![own_address.to_string()], [true, false]),
+            (vec!["10.9.8.7".into(), own_address.to_string()], [true, false]),
             (vec!["127.0.0.1".into()], [true, true]),
             (vec!["any".into()], [true, true]),
             (vec!["10.9.8.7".into()], [false, false]),
         ] {
-            let mut source = open(Allowed::parse(&texts).unwrap());
+            let (mut source, address) = open(Allowed::parse(&texts).unwrap());
             for (sender, is_heard) in [&own, &other].into_iter().zip(expected) {
-                sender.send_to(b"1,2", source.address).unwrap();
+                sender.send_to(b"1,2", address).unwrap();
                 let (read, _) = next(&mut source);
                 assert_eq!(read == Read::Row, is_heard, "{texts:?}: {read:?}");
             }
@@ -426,22 +401,22 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_into_the_queue_is_counted() {
-        let mut source = open(Allowed::Any);
+        let (mut source, address) = open(Allowed::Any);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let big = vec![b'#'; 60_000];
-        // Nobody reads until the queue overflows. Datagrams that the operating system drops are not counted.
-        let mut sent = 0;
-        while source.shared.dropped().is_empty() {
-            sender.send_to(&big, source.address).unwrap();
-            sent += 1;
-            assert!(sent < 1_000_000, "nothing is dropped");
+        // Nobody reads meanwhile. Datagrams that the operating system drops are not counted.
+        for _ in 0..20 * WAITING_BYTES / big.len() {
+            sender.send_to(&big, address).unwrap();
         }
-        let (read, _) = next(&mut source);
-        assert!(
-            matches!(&read, Read::Dropped(Dropped { kind: Irregularity::Overflow, count, .. }) if *count >= 1),
-            "{read:?}"
-        );
-        let waiting = source.shared.waiting_bytes.load(Ordering::Relaxed);
-        assert!(waiting <= WAITING_BYTES + big.len(), "{waiting}");
+        let mut row = LogRow::default();
+        let (mut waiting, mut dropped) = (0, 0);
+        loop {
+            match source.read(&mut row).unwrap() {
+                Read::Pause => break,
+                Read::Dropped(flaw) => dropped += flaw.count,
+                _ => waiting += big.len(),
+            }
+        }
+        assert!(dropped > 0 && waiting <= WAITING_BYTES, "{dropped} dropped, {waiting} waiting");
     }
 }

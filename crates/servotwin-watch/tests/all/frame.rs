@@ -1,6 +1,7 @@
 //! One line as a row.
 
-use servotwin_watch::source::frame::{Flaw, Frames, columns};
+use servotwin_watch::counts::{Flaw, Irregularity};
+use servotwin_watch::source::frame::{Frames, columns};
 use servotwin_watch::source::{LogRow, Read, Wanted};
 
 fn wanted(names: &[&str]) -> Wanted {
@@ -17,7 +18,10 @@ fn read(frames: &mut Frames, line: &str) -> (Read, Vec<f64>, u64) {
 #[test]
 fn cells_are_found_by_their_names() {
     let mut frames = Frames::new(&wanted(&["t", "p [bar]"]));
-    assert_eq!(read(&mut frames, "measured on a Friday").0, Read::Flawed(Flaw::NoHeader));
+    assert_eq!(
+        read(&mut frames, "measured on a Friday").0,
+        Read::Flawed(Irregularity::NoHeader.into())
+    );
     assert_eq!(read(&mut frames, "# note").0, Read::Nothing);
     assert_eq!(read(&mut frames, "\"p [bar]\";x;t\r").0, Read::Nothing);
     assert_eq!(read(&mut frames, "1,5;;2\r"), (Read::Row, vec![2.0, 1.5], 0));
@@ -27,11 +31,11 @@ fn cells_are_found_by_their_names() {
     assert_eq!((found, values[0], bad), (Read::Row, 4.0, 1));
     assert!(values[1].is_nan());
     assert_eq!(read(&mut frames, ";;4").2, 0, "missing is no mistake");
-    let short = Flaw::WrongColumns { found: 2, needed: 3 };
+    let short = Flaw::new(Irregularity::WrongColumns, "2 cells, 3 are needed");
     assert_eq!(read(&mut frames, "1;2").0, Read::Flawed(short));
-    let no_time = Flaw::NoTime { text: "x".into() };
+    let no_time = Flaw::new(Irregularity::NoTime, "'x'");
     assert_eq!(read(&mut frames, "1;2;x").0, Read::Flawed(no_time));
-    assert_eq!(read(&mut frames, "1;\u{0};3").0, Read::Flawed(Flaw::Noise));
+    assert_eq!(read(&mut frames, "1;\u{0};3").0, Read::Flawed(Irregularity::Noise.into()));
 }
 
 #[test]
@@ -59,7 +63,7 @@ fn an_object_with_a_key_twice_is_refused() {
         r#"{"t": 1, "m.p": NaN, "m": {"p": 2}, "m": {"p": 3}}"#,
     ] {
         let Read::Flawed(flaw) = read(&mut frames, line).0 else { panic!("{line}") };
-        assert_eq!(flaw.to_string(), "the key 'm.p' is there twice");
+        assert_eq!(flaw.detail, "the key 'm.p' is there twice");
     }
     let line = r#"{"t": 1, "x": 1, "x": 2, "m": {"p": 2}}"#;
     assert_eq!(read(&mut frames, line), (Read::Row, vec![1.0, 2.0], 0), "of no interest");
@@ -73,9 +77,10 @@ fn objects_are_read_with_what_is_in_them() {
     let (found, values, bad) = read(&mut frames, r#"{"t": 1, "m": {"p": NaN}, "v": {}}"#);
     assert_eq!((found, bad), (Read::Row, 0));
     assert!(values[1].is_nan() && values[2].is_nan());
-    assert_eq!(read(&mut frames, r#"{"t": 1, "m""#).0, Read::Flawed(Flaw::CutShort));
-    assert!(matches!(read(&mut frames, r#"{"t": 1}}"#).0, Read::Flawed(Flaw::BadObject { .. })));
-    assert!(matches!(read(&mut frames, "{}").0, Read::Flawed(Flaw::NoTime { .. })));
+    assert_eq!(read(&mut frames, r#"{"t": 1, "m""#).0, Read::Flawed(Irregularity::CutShort.into()));
+    let Read::Flawed(flaw) = read(&mut frames, r#"{"t": 1}}"#).0 else { panic!() };
+    assert_eq!(flaw.kind, Irregularity::BadObject);
+    assert_eq!(read(&mut frames, "{}").0, Read::Flawed(Irregularity::NoTime.into()));
 }
 
 #[test]
@@ -109,7 +114,8 @@ fn words_for_on_and_off_are_numbers_of_an_input_from_0_to_1_and_bad_elsewhere() 
 fn a_row_of_units_is_no_sample_even_without_a_time() {
     let mut frames = Frames::new(&Wanted { time: None, ..wanted(&["p", "x"]) });
     read(&mut frames, "p;x;n");
-    assert_eq!(read(&mut frames, "bar;mm;-").0, Read::Flawed(Flaw::NoNumber));
+    let Read::Flawed(flaw) = read(&mut frames, "bar;mm;-").0 else { panic!() };
+    assert_eq!(flaw.kind, Irregularity::BadValue);
     assert_eq!(read(&mut frames, "1;;-").0, Read::Row);
 }
 
@@ -135,8 +141,10 @@ fn headers_behind_a_mark_quotes_blanks_and_separators_at_the_ends_are_read() {
         assert_eq!(read(&mut frames, line).0 == Read::Row, is_row, "{line}");
     }
     let several = read(&mut frames, r#"[{"t": 1}, {"t": 2}]"#).0;
-    let Read::Flawed(Flaw::BadObject { cause }) = several else { panic!("{several:?}") };
-    assert!(cause.contains("one a line"), "{cause}");
+    let Read::Flawed(Flaw { kind: Irregularity::BadObject, detail, .. }) = several else {
+        panic!("{several:?}")
+    };
+    assert!(detail.contains("one a line"), "{detail}");
 }
 
 #[test]
@@ -148,7 +156,7 @@ fn columns_of_one_name_have_numbers() {
     assert_eq!(read(&mut frames, "t,p,p").0, Read::Nothing, "the header again");
     assert_eq!(
         read(&mut Frames::new(&wanted(&["t", "p"])), "t,p,p").0,
-        Read::Flawed(Flaw::NoHeader)
+        Read::Flawed(Irregularity::NoHeader.into())
     );
 }
 

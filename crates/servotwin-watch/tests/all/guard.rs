@@ -117,7 +117,7 @@ impl Source for Live {
 struct Reported(Vec<String>);
 
 impl Sink for Reported {
-    fn sample(&mut self, _: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, _: &Arc<Sample>) -> Result<(), SinkError> {
         Ok(())
     }
 

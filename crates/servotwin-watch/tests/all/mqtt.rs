@@ -1,6 +1,7 @@
 //! MQTT: a broker of the test's own, which does what it is told and may fall silent, and mosquitto.
 
-use servotwin_watch::source::{Address, Flaw, LogRow, Read, Source, SourceError, Wanted};
+use servotwin_watch::counts::{Flaw, Irregularity};
+use servotwin_watch::source::{Address, LogRow, Read, Source, SourceError, Wanted};
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
@@ -194,7 +195,7 @@ fn a_message_of_more_than_a_mebibyte_is_counted_and_the_connection_stays() {
     let messages = [("a", false, long), ("a", false, "{\"t\": 1, \"p\": 2}")];
     let (port, _hold) = broker(vec![session(&messages, Then::AnswerPings)]);
     let mut source = open(&format!("mqtt://127.0.0.1:{port}/a"), &["t", "p"]).unwrap();
-    let expected = [(Read::Flawed(Flaw::TooLong), vec![]), row(1.0, 2.0)];
+    let expected = [(Read::Flawed(Irregularity::TooLong.into()), vec![]), row(1.0, 2.0)];
     assert_eq!(reads(&mut *source, 2), expected);
 }
 
@@ -207,7 +208,7 @@ fn a_retained_message_is_no_sample_and_two_units_are_not_mixed() {
     ];
     let (port, _hold) = broker(vec![session(&messages, Then::AnswerPings)]);
     let mut source = open(&format!("mqtt://127.0.0.1:{port}/rig/+"), &["t", "p"]).unwrap();
-    let retained = Read::Flawed(Flaw::Retained { topic: "rig/old".into() });
+    let retained = Read::Flawed(Flaw::new(Irregularity::Retained, "topic rig/old"));
     assert_eq!(reads(&mut *source, 2), [(retained, vec![]), row(1.0, 2.0)]);
     let mut row = LogRow::default();
     let error = loop {
@@ -402,7 +403,7 @@ fn val_mosquitto_retained_messages_are_no_samples_and_units_are_not_mixed() {
     let broker = Mosquitto::start("units", "");
     broker.publish("rig/one", 1, true, &["{\"t\": -32400, \"p\": 0}".into()]);
     let mut source = open(&format!("mqtt://127.0.0.1:{}/rig/+", broker.port), &["t", "p"]).unwrap();
-    let retained = Read::Flawed(Flaw::Retained { topic: "rig/one".into() });
+    let retained = Read::Flawed(Flaw::new(Irregularity::Retained, "topic rig/one"));
     assert_eq!(reads(&mut *source, 1), [(retained, vec![])]);
     broker.publish("rig/one", 1, false, &payloads(0, 1));
     assert_eq!(reads(&mut *source, 2), expected(0, 1));

@@ -26,6 +26,7 @@ use servotwin_watch::watchdog::{Notice, Silences, SinkLoss, WatchEvent, without_
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
+use std::sync::Arc;
 
 /// All outputs of a watch.
 pub(crate) struct Outputs {
@@ -130,8 +131,8 @@ pub(crate) struct Shown {
 }
 
 impl Sink for Shown {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
-        let state = sample.observation.finding.state;
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
+        let state = sample.finding.state;
         if !state.is_judgement() && !self.unjudged.contains(&state) {
             self.unjudged.push(state);
         }
@@ -162,11 +163,11 @@ impl Terminal {
 }
 
 impl Sink for Terminal {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         if self.bar.is_hidden() {
             return Ok(());
         }
-        let finding = sample.observation.finding;
+        let finding = &sample.finding;
         if sample.changed {
             let words = finding.words();
             let words = sanitize::printable(&words);

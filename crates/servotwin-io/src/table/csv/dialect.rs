@@ -1,51 +1,23 @@
 //! The separator between cells, detected from the header and the first row.
 
-use super::encoding::Encoding;
-
-/// The cell separator of a text.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Dialect {
-    /// The byte between two cells.
-    pub separator: u8,
-}
-
-impl Dialect {
-    /// Detects the separator from the beginning of a text, among comma, semicolon and tab. One with equal counts in the
-    /// header and the first row takes precedence, then the most frequent one in the header. In a tie the tab comes
-    /// first, then the semicolon: a comma may be part of a name or a number.
-    pub fn of(beginning: &[u8]) -> Self {
-        let mut lines = Lines { rest: beginning };
-        let (header, row) = (lines.next_line(), lines.next_line());
-        let count = |line: &Option<Vec<u8>>, separator: u8| {
-            line.as_ref().map_or(0, |line| line.iter().filter(|byte| **byte == separator).count())
-        };
-        let mut best = (false, 0, b',');
-        for separator in [b',', b';', b'\t'] {
-            let found = count(&header, separator);
-            let fits = row.is_none() || count(&row, separator) == found;
-            if found > 0 && (fits, found) >= (best.0, best.1) {
-                best = (fits, found, separator);
-            }
+/// Detects the separator from the beginning of a text, among comma, semicolon and tab. One with equal counts in the
+/// header and the first row takes precedence, then the most frequent one in the header. In a tie the tab comes first,
+/// then the semicolon: a comma may be part of a name or a number.
+pub fn separator_of(beginning: &[u8]) -> u8 {
+    let mut lines = Lines { rest: beginning };
+    let (header, row) = (lines.next_line(), lines.next_line());
+    let count = |line: &Option<Vec<u8>>, separator: u8| {
+        line.as_ref().map_or(0, |line| line.iter().filter(|byte| **byte == separator).count())
+    };
+    let mut best = (false, 0, b',');
+    for separator in [b',', b';', b'\t'] {
+        let found = count(&header, separator);
+        let fits = row.is_none() || count(&row, separator) == found;
+        if found > 0 && (fits, found) >= (best.0, best.1) {
+            best = (fits, found, separator);
         }
-        Dialect { separator: best.2 }
     }
-
-    /// A description of the dialect if it differs from this toolkit's.
-    pub(crate) fn in_words(self, encoding: Encoding, decimal_comma: bool) -> Option<String> {
-        let separator = match self.separator {
-            b';' => Some("semicolons between cells"),
-            b'\t' => Some("tabs between cells"),
-            _ => None,
-        };
-        let encoding = match encoding {
-            Encoding::Utf8 => None,
-            Encoding::Utf16 => Some("UTF-16"),
-            Encoding::Latin1 => Some("Latin-1"),
-        };
-        let comma = decimal_comma.then_some("decimal commas");
-        let parts: Vec<&str> = [separator, comma, encoding].into_iter().flatten().collect();
-        (!parts.is_empty()).then(|| parts.join(", "))
-    }
+    best.2
 }
 
 /// Lines without their quoted parts.

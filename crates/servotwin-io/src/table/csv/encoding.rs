@@ -1,25 +1,16 @@
 //! Text encodings: UTF-8, UTF-16 with or without a byte order mark, or else Latin-1 as Windows writes it.
 
 use crate::files::{self, FileError};
+use std::borrow::Cow;
 use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::Path;
 
 /// Buffer size, bytes; the separator is detected in the first buffer.
 const BUFFER: usize = 1 << 20;
 
-/// The encoding of a text file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Encoding {
-    /// UTF-8, as this toolkit writes.
-    Utf8,
-    /// UTF-16, converted to UTF-8 when the file is opened.
-    Utf16,
-    /// One byte for each character: Windows-1252, which includes Latin-1.
-    Latin1,
-}
-
-/// Opens a file at its first character. UTF-16 files are read whole and converted to UTF-8.
-pub fn open(path: &Path) -> Result<(Box<dyn BufRead + Send>, Encoding), FileError> {
+/// Opens a file at its first character, and reports whether it is UTF-16; such a file is read whole and converted to
+/// UTF-8.
+pub fn open(path: &Path) -> Result<(Box<dyn BufRead + Send>, bool), FileError> {
     let failed = |cause| FileError::from_io(path, cause);
     let mut reader = BufReader::with_capacity(BUFFER, files::open(path)?);
     let beginning = reader.fill_buf().map_err(failed)?;
@@ -34,7 +25,7 @@ pub fn open(path: &Path) -> Result<(Box<dyn BufRead + Send>, Encoding), FileErro
     };
     reader.consume(skip);
     let Some(big_endian) = big_endian else {
-        return Ok((Box::new(reader), Encoding::Utf8));
+        return Ok((Box::new(reader), false));
     };
     let mut bytes = vec![];
     reader.read_to_end(&mut bytes).map_err(failed)?;
@@ -45,14 +36,14 @@ pub fn open(path: &Path) -> Result<(Box<dyn BufRead + Send>, Encoding), FileErro
     let units = bytes.as_chunks().0.iter().map(unit);
     let text: String =
         char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect();
-    Ok((Box::new(Cursor::new(text.into_bytes())), Encoding::Utf16))
+    Ok((Box::new(Cursor::new(text.into_bytes())), true))
 }
 
-/// Decodes bytes; `None` if they are invalid in the encoding.
-pub fn text(bytes: &[u8], encoding: Encoding) -> Option<String> {
-    match encoding {
-        Encoding::Latin1 => Some(bytes.iter().map(|&byte| latin1(byte)).collect()),
-        _ => std::str::from_utf8(bytes).ok().map(str::to_owned),
+/// Decodes bytes: UTF-8, or else Windows-1252, which includes Latin-1.
+pub fn text(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => bytes.iter().map(|&byte| latin1(byte)).collect::<String>().into(),
     }
 }
 

@@ -14,14 +14,6 @@ pub(crate) enum Growing {
     Values(Values),
 }
 
-/// Why a cell does not fit.
-pub(crate) enum Refused {
-    /// It is not UTF-8.
-    NoUtf8,
-    /// The column holds values of this kind.
-    Contradiction(ColumnKind),
-}
-
 /// The number format. The first number with a point or a comma sets the decimal mark. With commas between cells, a comma
 /// in a quoted number is that of groups if it can be: `"6,726"`, but not `"0,726"`. Groups of three digits are read where
 /// they can mean nothing else: `14,538,574.25`, `14 538 574`.
@@ -111,57 +103,43 @@ impl Growing {
         }
     }
 
-    /// Adds a cell. `decode` converts bytes to text.
+    /// Adds a cell.
+    ///
+    /// # Errors
+    /// The column holds values of another kind.
     pub(crate) fn push(
         &mut self,
-        cell: &[u8],
+        text: &str,
         quoted: bool,
         numbers: &mut Numbers,
-        decode: &dyn Fn(&[u8]) -> Option<String>,
-    ) -> Result<(), Refused> {
-        if let Growing::Values(Values::Text(texts)) = self {
-            texts.push(decode(cell).ok_or(Refused::NoUtf8)?);
-            return Ok(());
-        }
-        let Some(text) = std::str::from_utf8(cell).ok().map(str::trim) else {
-            let text = decode(cell).ok_or(Refused::NoUtf8)?;
-            return self.push_text(text);
-        };
-        // Includes surrounding blanks.
-        let whole = || decode(cell).unwrap_or_default();
+    ) -> Result<(), ColumnKind> {
+        let bare = text.trim();
         match self {
-            Growing::Unknown(_) if quoted => self.push_text(whole()),
-            Growing::Unknown(words) if is_missing(cell) => {
-                words.push(whole());
-                Ok(())
+            Growing::Values(Values::Text(texts)) => texts.push(text.to_owned()),
+            Growing::Values(values) if quoted => return Err(values.kind()),
+            Growing::Values(values) => return push_value(values, bare, numbers),
+            Growing::Unknown(words) if !quoted && is_missing(bare.as_bytes()) => {
+                words.push(text.to_owned());
             }
             Growing::Unknown(words) => {
                 let before = words.len();
-                let values = match text {
-                    _ if text.parse::<i64>().is_ok() && before == 0 => Values::Integer(vec![]),
-                    _ if numbers.real(text).is_some() => Values::Float(vec![f64::NAN; before]),
-                    _ if flag(text).is_some() && before == 0 => Values::Flag(vec![]),
-                    _ => return self.push_text(whole()),
+                let values = match bare {
+                    _ if quoted => None,
+                    _ if before == 0 && bare.parse::<i64>().is_ok() => {
+                        Some(Values::Integer(vec![]))
+                    }
+                    _ if numbers.real(bare).is_some() => {
+                        Some(Values::Float(vec![f64::NAN; before]))
+                    }
+                    _ if before == 0 && flag(bare).is_some() => Some(Values::Flag(vec![])),
+                    _ => None,
                 };
-                *self = Growing::Values(values);
-                self.push(cell, quoted, numbers, decode)
+                let words = std::mem::take(words);
+                *self = Growing::Values(values.unwrap_or(Values::Text(words)));
+                return self.push(text, quoted, numbers);
             }
-            Growing::Values(values) if quoted => Err(Refused::Contradiction(values.kind())),
-            Growing::Values(values) => push_value(values, text, numbers),
         }
-    }
-
-    /// Adds a text to a column that becomes text.
-    fn push_text(&mut self, text: String) -> Result<(), Refused> {
-        match self {
-            Growing::Unknown(words) => {
-                let mut texts = std::mem::take(words);
-                texts.push(text);
-                *self = Growing::Values(Values::Text(texts));
-                Ok(())
-            }
-            Growing::Values(values) => Err(Refused::Contradiction(values.kind())),
-        }
+        Ok(())
     }
 
     /// The values of the whole column; a column without any value has missing numbers.
@@ -179,26 +157,26 @@ pub fn is_missing(cell: &[u8]) -> bool {
     text.is_empty() || MISSING.iter().any(|word| word.as_bytes() == text)
 }
 
-fn push_value(values: &mut Values, text: &str, numbers: &mut Numbers) -> Result<(), Refused> {
+fn push_value(values: &mut Values, text: &str, numbers: &mut Numbers) -> Result<(), ColumnKind> {
     let is_missing = |text: &str| is_missing(text.as_bytes());
     match values {
         Values::Float(reals) => match numbers.real(text) {
             Some(value) => reals.push(value),
             None if is_missing(text) => reals.push(f64::NAN),
-            None => return Err(Refused::Contradiction(ColumnKind::Float)),
+            None => return Err(ColumnKind::Float),
         },
         Values::Integer(whole) => match text.parse() {
             Ok(value) => whole.push(value),
             Err(_) => {
                 let value = numbers.real(text).or_else(|| is_missing(text).then_some(f64::NAN));
-                let value = value.ok_or(Refused::Contradiction(ColumnKind::Float))?;
+                let value = value.ok_or(ColumnKind::Float)?;
                 let mut reals: Vec<f64> = whole.iter().map(|value| *value as f64).collect();
                 reals.push(value);
                 *values = Values::Float(reals);
             }
         },
         Values::Flag(flags) => {
-            flags.push(flag(text).ok_or(Refused::Contradiction(ColumnKind::Flag))?);
+            flags.push(flag(text).ok_or(ColumnKind::Flag)?);
         }
         Values::Unsigned(_) | Values::Text(_) => {}
     }

@@ -19,15 +19,15 @@ pub mod growing;
 mod records;
 pub mod texts;
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::io::{self, BufRead, Write};
 use std::path::Path;
 
 use super::{Column, ColumnKind, ContentError, Format, Origin, Table, TableError, Values};
 use crate::files::{FileError, write_atomically};
-use dialect::Dialect;
-use encoding::Encoding;
-use growing::{Growing, Numbers, Refused};
+use dialect::separator_of;
+use growing::{Growing, Numbers};
 use records::Records;
 
 /// The format's entry in [`ALL`](super::ALL).
@@ -35,12 +35,14 @@ pub(crate) const FORMAT: Format = Format { name: "CSV", extension: "csv", read, 
 
 /// Reads a CSV file.
 pub(crate) fn read(path: &Path) -> Result<Table, TableError> {
-    let unreadable = |cause| TableError::File(FileError::from_io(path, cause));
-    let open = || Ok(encoding::open(path)?);
-    read_again(open, unreadable, &|problem| TableError::Content {
-        path: path.to_path_buf(),
-        problem,
-    })
+    // Columns that are text although their first cells look different; every attempt except the last finds one.
+    let mut texts = BTreeSet::new();
+    loop {
+        match attempt(path, &texts) {
+            Err(Stop::Text(place)) => _ = texts.insert(place),
+            read => return read.map_err(|stop| stop.in_file(path)),
+        }
+    }
 }
 
 /// Writes a CSV file atomically.
@@ -104,37 +106,35 @@ fn is_formula(text: &str) -> bool {
 }
 
 /// A text without the apostrophe that [`write_quoted`] puts before a formula.
-fn unguarded(text: String) -> String {
+fn unguarded(text: Cow<'_, str>) -> Cow<'_, str> {
     match text.strip_prefix('\'') {
-        Some(rest) if is_formula(rest) => rest.to_owned(),
+        Some(rest) if is_formula(rest) => rest.to_owned().into(),
         _ => text,
     }
-}
-
-/// Reads CSV text.
-pub fn parse(text: &str) -> Result<Table, ContentError> {
-    let open = || Ok((text.as_bytes(), Encoding::Utf8));
-    // Reading from memory cannot fail.
-    read_again(open, |_| ContentError::Empty, &|problem| problem)
-}
-
-/// Knowledge from previous attempts to read.
-#[derive(Default)]
-struct Known {
-    /// Not all bytes are UTF-8.
-    latin: bool,
-    /// Indices of columns that are text although their first cells look different.
-    text: BTreeSet<usize>,
 }
 
 /// Why an attempt to read ended early.
 enum Stop {
     /// The content is invalid.
     Content(ContentError),
+    /// The file cannot be opened.
+    File(FileError),
     /// The file cannot be read.
     Io(io::Error),
-    /// A new attempt with this knowledge can succeed.
-    Again(Known),
+    /// The column at this place is text; a new attempt with this knowledge can succeed.
+    Text(usize),
+}
+
+impl Stop {
+    fn in_file(self, path: &Path) -> TableError {
+        let content = |problem| TableError::Content { path: path.to_path_buf(), problem };
+        match self {
+            Stop::Content(problem) => content(problem),
+            Stop::File(error) => error.into(),
+            Stop::Io(cause) => FileError::from_io(path, cause).into(),
+            Stop::Text(_) => content(ContentError::Unreadable),
+        }
+    }
 }
 
 impl From<ContentError> for Stop {
@@ -149,77 +149,102 @@ impl From<io::Error> for Stop {
     }
 }
 
-fn read_again<R: BufRead, E>(
-    open: impl Fn() -> Result<(R, Encoding), E>,
-    unreadable: impl Fn(io::Error) -> E,
-    wrong: &dyn Fn(ContentError) -> E,
-) -> Result<Table, E> {
-    let mut known = Known::default();
-    // Every attempt except the last adds knowledge, so there are few.
-    loop {
-        let (reader, encoding) = open()?;
-        match attempt(reader, encoding, known) {
-            Ok(table) => return Ok(table),
-            Err(Stop::Content(problem)) => return Err(wrong(problem)),
-            Err(Stop::Io(cause)) => return Err(unreadable(cause)),
-            Err(Stop::Again(more)) => known = more,
+/// The rows of a CSV file below its header.
+struct Rows {
+    records: Records<Box<dyn BufRead + Send>>,
+    names: Vec<Option<String>>,
+    separator: u8,
+    is_utf16: bool,
+    /// Whether a byte of the header is not UTF-8.
+    is_latin: bool,
+}
+
+impl Rows {
+    fn open(path: &Path) -> Result<Self, Stop> {
+        let (mut reader, is_utf16) = encoding::open(path).map_err(Stop::File)?;
+        let separator = separator_of(reader.fill_buf()?);
+        let mut records = Records::new(reader, separator);
+        if !records.advance()? {
+            return Err(ContentError::Empty.into());
         }
+        let names = column_names(texts_of(&records)?)?;
+        let is_latin = records.cells().any(|(cell, _)| std::str::from_utf8(cell).is_err());
+        Ok(Rows { records, names, separator, is_utf16, is_latin })
+    }
+
+    /// Reads the next row, which has as many cells as the header; `false` at the end.
+    fn advance(&mut self) -> Result<bool, Stop> {
+        let is_row = self.records.advance()?;
+        let (line, found, expected) =
+            (self.records.line(), self.records.cells().count(), self.names.len());
+        match is_row && found != expected {
+            true => Err(ContentError::RaggedRow { line, found, expected }.into()),
+            false => Ok(is_row),
+        }
+    }
+
+    /// A description of the text if it differs from this toolkit's.
+    fn dialect(&self, is_latin: bool, has_comma: bool) -> Option<String> {
+        let separator = match self.separator {
+            b';' => "semicolons between cells",
+            b'\t' => "tabs between cells",
+            _ => "",
+        };
+        let comma = if has_comma { "decimal commas" } else { "" };
+        let encoding = match (self.is_utf16, is_latin) {
+            (true, _) => "UTF-16",
+            (_, true) => "Latin-1",
+            _ => "",
+        };
+        let parts: Vec<&str> =
+            [separator, comma, encoding].into_iter().filter(|part| !part.is_empty()).collect();
+        (!parts.is_empty()).then(|| parts.join(", "))
     }
 }
 
-fn attempt(mut reader: impl BufRead, encoding: Encoding, mut known: Known) -> Result<Table, Stop> {
-    let encoding = if known.latin { Encoding::Latin1 } else { encoding };
-    let dialect = Dialect::of(reader.fill_buf()?);
-    let mut records = Records::new(reader, dialect.separator);
-    if !records.advance()? {
-        return Err(ContentError::Empty.into());
+/// The text of a cell on a line, without the apostrophe of [`write_quoted`].
+fn text_of(cell: &[u8], line: usize) -> Result<Cow<'_, str>, ContentError> {
+    match encoding::text(cell) {
+        text if text.contains('\0') => Err(ContentError::ZeroByte { line }),
+        text => Ok(unguarded(text)),
     }
-    let decode = |bytes: &[u8]| encoding::text(bytes, encoding).map(unguarded);
-    let decoded = |bytes: &[u8], line| match decode(bytes) {
-        Some(text) if text.contains('\0') => Err(Stop::Content(ContentError::ZeroByte { line })),
-        Some(text) => Ok(Some(text)),
-        None => Ok(None),
+}
+
+/// The cells of the current record. Spaces around an unquoted cell do not count.
+fn texts_of<R: BufRead>(records: &Records<R>) -> Result<Vec<String>, ContentError> {
+    let text = |(cell, is_quoted): (&[u8], bool)| {
+        let text = text_of(cell, records.line())?;
+        Ok(if is_quoted { text.into_owned() } else { text.trim().to_owned() })
     };
-    let mut heads = vec![];
-    for (cell, quoted) in records.cells() {
-        let Some(text) = decoded(cell, records.line())? else {
-            return Err(Stop::Again(Known { latin: true, ..known }));
-        };
-        heads.push(if quoted { text } else { text.trim().to_owned() });
-    }
-    let names = column_names(heads)?;
-    let mut numbers = Numbers::new(dialect.separator == b',');
-    let column = |place| Growing::new(known.text.contains(&place));
-    let mut columns: Vec<Growing> = (0..names.len()).map(column).collect();
-    let (mut origin, mut rows) = (Origin::default(), 0);
-    while records.advance()? {
-        let (line, found) = (records.line(), records.cells().count());
-        if found != names.len() {
-            return Err(ContentError::RaggedRow { line, found, expected: names.len() }.into());
-        }
-        for (place, (cell, quoted)) in records.cells().enumerate() {
-            match columns[place].push(cell, quoted, &mut numbers, &decode) {
-                Ok(()) => {}
-                Err(Refused::NoUtf8) => return Err(Stop::Again(Known { latin: true, ..known })),
-                Err(Refused::Contradiction(expected)) => {
-                    let name = names[place].as_deref().unwrap_or_default();
-                    // True, false and a missing value together are text.
-                    let no_flag = expected == ColumnKind::Flag && growing::is_missing(cell);
-                    if quoted || no_flag {
-                        known.text.insert(place);
-                        return Err(Stop::Again(known));
-                    }
-                    let text = decoded(cell, line)?.unwrap_or_default();
-                    let column = name.to_owned();
-                    return Err(ContentError::BadCell { line, column, text, expected }.into());
-                }
+    records.cells().map(text).collect()
+}
+
+fn attempt(path: &Path, texts: &BTreeSet<usize>) -> Result<Table, Stop> {
+    let mut file = Rows::open(path)?;
+    let mut numbers = Numbers::new(file.separator == b',');
+    let column = |place| Growing::new(texts.contains(&place));
+    let mut columns: Vec<Growing> = (0..file.names.len()).map(column).collect();
+    let (mut origin, mut rows, mut is_latin) = (Origin::default(), 0, file.is_latin);
+    while file.advance()? {
+        let line = file.records.line();
+        for (place, (cell, quoted)) in file.records.cells().enumerate() {
+            let text = text_of(cell, line)?;
+            is_latin |= matches!(text, Cow::Owned(_)) && std::str::from_utf8(cell).is_err();
+            let Err(expected) = columns[place].push(&text, quoted, &mut numbers) else { continue };
+            // True, false and a missing value together are text.
+            let no_flag = expected == ColumnKind::Flag && growing::is_missing(cell);
+            if quoted || no_flag {
+                return Err(Stop::Text(place));
             }
+            let column = file.names[place].clone().unwrap_or_default();
+            let text = text.into_owned();
+            return Err(ContentError::BadCell { line, column, text, expected }.into());
         }
         origin.push_line(rows, line);
         rows += 1;
     }
-    origin.dialect = dialect.in_words(encoding, numbers.has_comma());
-    table_of(names, columns, origin)
+    origin.dialect = file.dialect(is_latin, numbers.has_comma());
+    table_of(file.names, columns, origin)
 }
 
 fn table_of(

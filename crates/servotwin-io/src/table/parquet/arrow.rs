@@ -18,37 +18,39 @@ const PARTS: [i64; 4] = [1, 1_000, 1_000_000, 1_000_000_000];
 /// The unit of a duration without a unit in the schema.
 const DEFAULT_UNIT: i16 = 1;
 
-/// For each duration column by name, the parts of a second in which it is stored.
-pub(super) fn durations(schema: &str) -> HashMap<String, i64> {
-    let bytes = base64(schema);
-    bytes.and_then(|bytes| read_durations(&bytes)).unwrap_or_default()
-}
-
-/// The meaning of a column in its field's metadata.
+/// What a schema says of a column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Facts {
-    /// The value of `unit`.
+    /// The value of `unit` in the field's metadata.
     pub(super) unit: Option<String>,
-    /// The value of `description`.
+    /// The value of `description` there.
     pub(super) description: Option<String>,
+    /// For a duration, the parts of a second in which it is stored.
+    pub(super) parts: Option<i64>,
 }
 
-/// The facts of every column that has any, by name.
+/// The facts of every column, by name.
 pub(super) fn facts(schema: &str) -> HashMap<String, Facts> {
-    let bytes = base64(schema);
-    bytes.and_then(|bytes| read_facts(&bytes)).unwrap_or_default()
+    base64(schema).and_then(|bytes| read_facts(&bytes)).unwrap_or_default()
 }
 
 fn read_facts(bytes: &[u8]) -> Option<HashMap<String, Facts>> {
     let mut found = HashMap::new();
     for field in fields(bytes)? {
         // A field without metadata has no vector there.
-        let Some(pairs) = field.nodes(6) else { continue };
+        let pairs = field.nodes(6).unwrap_or_default();
         let value = |key: &str| {
             let pair = pairs.iter().find(|pair| pair.text(0).as_deref() == Some(key));
             pair.and_then(|pair| pair.text(1))
         };
-        let facts = Facts { unit: value("unit"), description: value("description") };
+        let parts = match field.byte(2) {
+            Some(DURATION) => {
+                let unit = field.node(3)?.short(0).unwrap_or(DEFAULT_UNIT);
+                Some(*usize::try_from(unit).ok().and_then(|unit| PARTS.get(unit))?)
+            }
+            _ => None,
+        };
+        let facts = Facts { unit: value("unit"), description: value("description"), parts };
         found.insert(field.text(0)?, facts);
     }
     Some(found)
@@ -63,19 +65,6 @@ fn fields(bytes: &[u8]) -> Option<Vec<Node<'_>>> {
         return None;
     }
     message.node(2)?.nodes(1)
-}
-
-fn read_durations(bytes: &[u8]) -> Option<HashMap<String, i64>> {
-    let mut found = HashMap::new();
-    for field in fields(bytes)? {
-        if field.byte(2) != Some(DURATION) {
-            continue;
-        }
-        let unit = field.node(3)?.short(0).unwrap_or(DEFAULT_UNIT);
-        let parts = usize::try_from(unit).ok().and_then(|unit| PARTS.get(unit))?;
-        found.insert(field.text(0)?, *parts);
-    }
-    Some(found)
 }
 
 /// A FlatBuffers table: a list of offsets locates its fields.
@@ -186,7 +175,6 @@ mod tests {
     #[test]
     fn a_damaged_schema_names_no_duration() {
         for text in ["", "AAAA", "/////wAAAAD/////", "not base64"] {
-            assert!(durations(text).is_empty(), "{text}");
             assert!(facts(text).is_empty(), "{text}");
         }
     }

@@ -9,6 +9,7 @@
 //! Sources: Arrow columnar format, `Message.fbs` and `Schema.fbs`; FlatBuffers internals.
 
 use super::super::{Column, ColumnKind, Table};
+use crate::text::base64;
 
 /// Number of the format's version 5 in `Schema.fbs`.
 const VERSION: i16 = 4;
@@ -161,21 +162,6 @@ impl Buffer {
         }
         pairs
     }
-}
-
-fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for part in bytes.chunks(3) {
-        let byte = |place: usize| u32::from(part.get(place).copied().unwrap_or(0));
-        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for letter in 0..4 {
-            let is_there = letter <= part.len();
-            let value = (bits >> (18 - 6 * letter) & 0x3F) as usize;
-            text.push(if is_there { char::from(LETTERS[value]) } else { '=' });
-        }
-    }
-    text
 }
 
 #[cfg(test)]

@@ -1,11 +1,10 @@
 //! The meaning of a Parquet column's values, and the column kind that holds them.
 
-use std::collections::HashMap;
-
 use ::parquet::basic::{ConvertedType, LogicalType, Repetition, TimeUnit, Type as Physical};
 use ::parquet::schema::types::{BasicTypeInfo, Type};
 
 use super::super::{ColumnKind, ContentError};
+use super::arrow::Facts;
 
 /// The meaning of a column's values, in addition to their stored type.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,10 +75,10 @@ fn meaning_of(info: &BasicTypeInfo) -> Meaning {
     }
 }
 
-/// The column kind and meaning of a field's values; `durations` are the fields that the Arrow schema declares as such.
+/// The column kind and meaning of a field's values; `facts` are those of the Arrow schema.
 pub(super) fn kind_of(
     field: &Type,
-    durations: &HashMap<String, i64>,
+    facts: Option<&Facts>,
 ) -> Result<(ColumnKind, Meaning), ContentError> {
     let unsupported = || ContentError::UnsupportedType {
         column: field.name().to_owned(),
@@ -90,8 +89,8 @@ pub(super) fn kind_of(
         return Err(unsupported());
     }
     let physical = field.get_physical_type();
-    let meaning = match (physical, meaning_of(info), durations.get(field.name())) {
-        (Physical::INT64, Meaning::Stored, Some(&parts)) => Meaning::Time { parts },
+    let meaning = match (physical, meaning_of(info), facts.and_then(|facts| facts.parts)) {
+        (Physical::INT64, Meaning::Stored, Some(parts)) => Meaning::Time { parts },
         (Physical::INT96, Meaning::Stored, _) => Meaning::OldMoment,
         (_, meaning, _) => meaning,
     };

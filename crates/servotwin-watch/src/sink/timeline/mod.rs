@@ -1,5 +1,5 @@
 //! The watch as one HTML file for zooming and hovering: states, commands, residuals with bands, measurements, twin and
-//! features. It needs no network; the script is a few lines in the file.
+//! features. It needs no network: uPlot, which draws the charts, is in the file.
 //!
 //! Memory and file size do not grow with the length of the watch. Every signal is stored as minimum and maximum over at
 //! most `BUCKETS` equal parts of time; when these are full, neighbors are merged. No peak is lost, and a short watch
@@ -18,6 +18,7 @@ use servotwin_io::moment;
 use servotwin_io::text::{escaped, spoken};
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The most buckets that are kept.
 const BUCKETS: usize = 8192;
@@ -25,7 +26,14 @@ const BUCKETS: usize = 8192;
 /// The most changes of the finding, restarts and band changes that are kept.
 const CHANGES: usize = 1000;
 
+/// The library that draws the charts.
+pub const CHARTS_SCRIPT: &str = include_str!("../../../page/uplot.js");
+/// The styles of the charts.
+pub const CHARTS_STYLE: &str = include_str!("../../../page/uplot.css");
+
 const STYLE: &str = include_str!("timeline.css");
+/// Charts are finer than a screen, so that a print is sharp.
+const FINE: &str = "window.devicePixelRatio = Math.max(2, devicePixelRatio);";
 const SCRIPT: &str = include_str!("timeline.js");
 
 /// Gathers the data of the file.
@@ -89,7 +97,7 @@ impl Timeline {
         let mut html = format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
+             <title>{title}</title>\n<style>\n{CHARTS_STYLE}\n{STYLE}</style>\n</head>\n<body>\n<main>\n\
              <h1>{title}</h1>\n<p class=\"note\">{}</p>\n\
              <div id=\"tools\"></div>\n<div id=\"panels\" tabindex=\"0\"></div>\n\
              <noscript><p>The curves need JavaScript; the tables below do not.</p></noscript>\n",
@@ -102,7 +110,7 @@ impl Timeline {
         let _ = write!(
             html,
             "<script type=\"application/json\" id=\"data\">{data}</script>\n\
-             <script>\n{SCRIPT}</script>\n</main>\n</body>\n</html>\n"
+             <script>\n{FINE}\n{CHARTS_SCRIPT}</script>\n<script>\n{SCRIPT}</script>\n</main>\n</body>\n</html>\n"
         );
         html
     }
@@ -256,7 +264,7 @@ impl Timeline {
 }
 
 impl Sink for Timeline {
-    fn sample(&mut self, sample: &Sample) -> Result<(), SinkError> {
+    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         let period_s = self.scene.period_s;
         let follows = (sample.time_s - self.last_s - period_s).abs() < 0.5 * period_s;
         if !follows && self.stretches.len() < CHANGES {
@@ -268,28 +276,27 @@ impl Sink for Timeline {
             self.all_series().for_each(Series::halve);
             self.width *= 2;
         }
-        let observation = &sample.observation;
         let shown = |series: &mut [Series], traces: &[Trace], values: &[f64]| {
             for ((series, trace), &value) in series.iter_mut().zip(traces).zip(values) {
                 series.push(trace.shown.value(value), begins);
             }
         };
         let (inputs, sensors) = (&self.scene.inputs, &self.scene.sensors);
-        shown(&mut self.inputs, inputs, sample.inputs);
-        shown(&mut self.measured, sensors, sample.measured);
-        shown(&mut self.twin, sensors, observation.twin);
-        for (series, &residual) in self.residuals.iter_mut().zip(observation.residuals) {
+        shown(&mut self.inputs, inputs, &sample.inputs);
+        shown(&mut self.measured, sensors, &sample.measured);
+        shown(&mut self.twin, sensors, &sample.twin);
+        for (series, &residual) in self.residuals.iter_mut().zip(&sample.residuals) {
             series.push(100.0 * residual, begins);
         }
-        for (series, &feature) in self.features.iter_mut().zip(observation.features) {
+        for (series, &feature) in self.features.iter_mut().zip(&sample.features) {
             series.push(feature, begins);
         }
         if self.bands.is_empty() {
-            self.bands = observation.bands.to_vec();
+            self.bands.clone_from(&sample.bands);
         }
         match sample.changed {
             true if self.changes.len() < CHANGES => {
-                let change = (self.samples, sample.time_s, observation.finding.clone());
+                let change = (self.samples, sample.time_s, sample.finding.clone());
                 self.changes.push(change);
             }
             true => self.left_out += 1,

@@ -1,6 +1,7 @@
 //! A signal as minimum and maximum of equal parts of time, encoded as text for a script.
 
 use serde_json::{Value, json};
+use servotwin_io::text::base64;
 
 /// Minimum and maximum of each bucket; NaN if empty.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -56,34 +57,9 @@ fn merged(one: (f32, f32), other: (f32, f32)) -> (f32, f32) {
     (one.0.min(other.0), one.1.max(other.1))
 }
 
-/// Encodes bytes in base 64.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for part in bytes.chunks(3) {
-        let byte = |place: usize| u32::from(part.get(place).copied().unwrap_or(0));
-        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for digit in 0..4 {
-            let index = (word >> (18 - 6 * digit)) & 63;
-            let character = if digit <= part.len() { DIGITS[index as usize] } else { b'=' };
-            text.push(char::from(character));
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_as_its_standard_says() {
-        let cases =
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("fooba", "Zm9vYmE=")];
-        for (bytes, text) in cases {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
-    }
 
     #[test]
     fn no_peak_is_lost() {

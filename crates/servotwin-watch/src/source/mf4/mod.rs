@@ -30,9 +30,7 @@ pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, Sour
     let known = named(&file);
     let names: Vec<String> = known.iter().map(|(name, ..)| name.clone()).collect();
     let all: Vec<String> = std::iter::once(TIME.to_owned()).chain(names).collect();
-    if let Some(error) = SourceError::lacking(&address, wanted, &all) {
-        return Err(error);
-    }
+    wanted.require(&address, &all)?;
     if let Some(time) = wanted.time.filter(|&time| wanted.names[time] != TIME) {
         let name = servotwin_io::sanitize::text(&wanted.names[time]);
         let cause = format!("the times are the column '{TIME}', not '{name}'");

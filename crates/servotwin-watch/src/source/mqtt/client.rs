@@ -3,15 +3,17 @@
 //! `rumqttc` implements the protocol (MQTT 3.1.1). This thread adds three things. A ping without an answer within half
 //! a keep-alive interval ends the connection. Lost connections are restored with growing pauses. Both are reported.
 
-use super::super::PAUSE;
+use super::super::live::News;
+use super::super::{PAUSE, Read};
 use super::address::{Authority, Subscription};
+use crate::counts::{Flaw, Irregularity};
 use rumqttc::{
-    Client, Connection, ConnectionError, Event, MqttOptions, Outgoing, Packet, Publish, QoS,
+    Client, Connection, ConnectionError, Event, MqttOptions, Outgoing, Packet, QoS,
     RecvTimeoutError, StateError, SubscribeFilter, SubscribeReasonCode, Transport, mqttbytes,
 };
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use servotwin_io::sanitize;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -31,62 +33,41 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 
-/// A report of the client's thread.
-#[derive(Debug)]
-pub(super) enum News {
-    /// The broker has accepted the subscription.
-    Subscribed,
-    /// The connection is lost or could not be made, with the reason.
-    Lost(String),
-    /// A message of a subscribed topic.
-    Message(Publish),
-    /// A message of more than [`MAX_MESSAGE`], which is dropped.
-    TooLong,
-}
-
-/// Receives the thread's reports; dropping it ends the thread.
+/// What the thread reports; dropping it ends the thread.
 pub(super) struct Mailbox {
-    news: Receiver<News>,
-    closed: Arc<AtomicBool>,
+    /// Messages by topic, and losses of the connection. [`Read::Reconnected`] follows each acceptance of the
+    /// subscription.
+    pub news: Receiver<News<String>>,
+    /// The thread ends when nobody holds this.
+    pub alive: Arc<()>,
 }
 
-impl Mailbox {
-    /// The next report, if one arrives within [`PAUSE`].
-    pub(super) fn next(&self) -> Result<News, std::sync::mpsc::RecvTimeoutError> {
-        self.news.recv_timeout(PAUSE)
-    }
-}
-
-impl Drop for Mailbox {
-    fn drop(&mut self) {
-        self.closed.store(true, Ordering::Relaxed);
-    }
-}
-
-/// Connects and subscribes, and reconnects without limit.
+/// Connects and subscribes, and reconnects without limit. Messages that the broker has stored earlier are flaws, unless
+/// they are wanted.
 ///
 /// # Errors
 /// The certificate file cannot be read or is empty.
-pub(super) fn start(subscription: &Subscription) -> Result<Mailbox, String> {
+pub(super) fn start(subscription: &Subscription, wants_retained: bool) -> Result<Mailbox, String> {
     let (client, mut connection) = Client::new(options(subscription)?, 10);
     let mut network = connection.eventloop.network_options();
     network.set_connection_timeout(PATIENCE.as_secs());
     network.set_tcp_nodelay(true);
     connection.eventloop.set_network_options(network);
     let (send, news) = sync_channel(WAITING);
-    let closed = Arc::new(AtomicBool::new(false));
+    let alive = Arc::new(());
     let mut keeper = Keeper {
         client,
         connection,
         subscription: subscription.clone(),
+        wants_retained,
         send,
-        closed: Arc::clone(&closed),
+        watch: Arc::downgrade(&alive),
         is_connected: false,
         answer_by: None,
         pause: FIRST_PAUSE,
     };
     thread::spawn(move || keeper.run());
-    Ok(Mailbox { news, closed })
+    Ok(Mailbox { news, alive })
 }
 
 fn options(subscription: &Subscription) -> Result<MqttOptions, String> {
@@ -145,8 +126,9 @@ struct Keeper {
     client: Client,
     connection: Connection,
     subscription: Subscription,
-    send: SyncSender<News>,
-    closed: Arc<AtomicBool>,
+    wants_retained: bool,
+    send: SyncSender<News<String>>,
+    watch: Weak<()>,
     is_connected: bool,
     /// The deadline for answering a ping or a subscription.
     answer_by: Option<Instant>,
@@ -156,14 +138,14 @@ struct Keeper {
 impl Keeper {
     fn run(&mut self) {
         let mut is_told = false;
-        while !self.closed.load(Ordering::Relaxed) {
+        while self.watch.strong_count() > 0 {
             let news = match self.step() {
                 Ok(None) => continue,
                 Ok(Some(news)) => vec![news],
                 Err(cause) => self.lose(cause),
             };
             for news in news {
-                let is_lost = matches!(news, News::Lost(_));
+                let is_lost = matches!(news, News::Other(Read::Disconnected { .. }));
                 // An outage is reported once, however many attempts fail.
                 if !(is_lost && is_told) && self.send.send(news).is_err() {
                     return;
@@ -177,7 +159,7 @@ impl Keeper {
     }
 
     /// Drops the connection. Packets received before the loss are reported first.
-    fn lose(&mut self, mut cause: String) -> Vec<News> {
+    fn lose(&mut self, mut cause: String) -> Vec<News<String>> {
         let mut news = vec![];
         for event in std::mem::take(&mut self.connection.eventloop.state.events) {
             let Event::Incoming(packet) = event else { continue };
@@ -192,12 +174,12 @@ impl Keeper {
         }
         self.connection.eventloop.clean();
         (self.is_connected, self.answer_by) = (false, None);
-        news.push(News::Lost(cause));
+        news.push(News::Other(Read::Disconnected { cause }));
         news
     }
 
     /// Handles one event of the connection, or detects a silent broker.
-    fn step(&mut self) -> Result<Option<News>, String> {
+    fn step(&mut self) -> Result<Option<News<String>>, String> {
         // A connection attempt has its own time limit; abandoning it here would restart it.
         let event = match self.is_connected {
             false => self.connection.recv().map_err(|_| "the client has ended".to_owned())?,
@@ -222,7 +204,8 @@ impl Keeper {
         self.answered().map(|()| news)
     }
 
-    fn take(&mut self, packet: Packet) -> Result<Option<News>, String> {
+    fn take(&mut self, packet: Packet) -> Result<Option<News<String>>, String> {
+        let flawed = |flaw: Flaw| Some(News::Other(Read::Flawed(flaw)));
         match packet {
             Packet::ConnAck(_) => {
                 let qos =
@@ -242,16 +225,22 @@ impl Keeper {
                     return Err(format!("the broker refuses the subscription to {filter}"));
                 }
                 (self.answer_by, self.pause) = (None, FIRST_PAUSE);
-                Ok(Some(News::Subscribed))
+                Ok(Some(News::Other(Read::Reconnected)))
             }
             Packet::PingResp => {
                 self.answer_by = None;
                 Ok(None)
             }
             Packet::Publish(message) if message.payload.len() > MAX_MESSAGE => {
-                Ok(Some(News::TooLong))
+                Ok(flawed(Irregularity::TooLong.into()))
             }
-            Packet::Publish(message) => Ok(Some(News::Message(message))),
+            Packet::Publish(message) if message.retain && !self.wants_retained => {
+                let topic = format!("topic {}", sanitize::text(&message.topic));
+                Ok(flawed(Flaw::new(Irregularity::Retained, topic)))
+            }
+            Packet::Publish(message) => {
+                Ok(Some(News::Lines(message.topic, message.payload.to_vec())))
+            }
             Packet::Disconnect => Err("the broker ended the connection".into()),
             _ => Ok(None),
         }
@@ -273,7 +262,7 @@ impl Keeper {
     /// Waits before the next attempt; the pause grows each time.
     fn rest(&mut self) {
         let end = Instant::now() + self.pause;
-        while Instant::now() < end && !self.closed.load(Ordering::Relaxed) {
+        while Instant::now() < end && self.watch.strong_count() > 0 {
             thread::sleep(PAUSE.min(self.pause));
         }
         self.pause = (2 * self.pause).min(LONGEST_PAUSE);

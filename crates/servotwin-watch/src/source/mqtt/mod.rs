@@ -9,10 +9,11 @@ mod topics;
 
 pub use address::Subscription;
 
-use super::frame::{self, Flaw};
-use super::{LogRow, Read, Source, SourceError, Wanted};
-use client::{Mailbox, News};
-use std::collections::VecDeque;
+use super::frame;
+use super::live::{LineReader, Live, News};
+use super::{LogRow, PAUSE, Read, Source, SourceError, Wanted};
+use client::Mailbox;
+use std::sync::Arc;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 use topics::Topics;
@@ -20,99 +21,53 @@ use topics::Topics;
 /// How long the columns of several topics are collected after the first message.
 const COLLECTING: Duration = Duration::from_secs(2);
 
-/// An active subscription.
-pub(crate) struct Mqtt {
-    subscription: Subscription,
-    mailbox: Mailbox,
+/// Connects and subscribes.
+///
+/// # Errors
+/// The broker is unreachable or rejects the subscription.
+pub(super) fn open(
+    subscription: &Subscription,
+    wanted: &Wanted,
+) -> Result<Box<dyn Source>, SourceError> {
+    let Mailbox { news, alive } = subscribed(subscription, false)?;
+    let reader = Messages { topics: Topics::new(subscription, wanted), _alive: alive };
+    Ok(Box::new(Live::new(subscription.to_string(), "message", news, reader)))
+}
+
+/// Reads messages, and holds the client.
+struct Messages {
     topics: Topics,
-    /// The unread lines of the last message, with its topic.
-    lines: VecDeque<Vec<u8>>,
-    topic: String,
-    place: u64,
-    is_lost: bool,
+    _alive: Arc<()>,
 }
 
-impl Mqtt {
-    /// Connects and subscribes.
-    ///
-    /// # Errors
-    /// The broker is unreachable or rejects the subscription.
-    pub(crate) fn open(subscription: &Subscription, wanted: &Wanted) -> Result<Self, SourceError> {
-        Ok(Mqtt {
-            mailbox: subscribed(subscription)?,
-            topics: Topics::new(subscription, wanted),
-            subscription: subscription.clone(),
-            lines: VecDeque::new(),
-            topic: String::new(),
-            place: 0,
-            is_lost: false,
-        })
-    }
-
-    /// Handles the next report of the client; `None` for a message with lines.
-    fn receive(&mut self) -> Result<Option<Read>, SourceError> {
-        Ok(Some(match self.mailbox.next() {
-            Err(RecvTimeoutError::Timeout) => Read::Pause,
-            Err(RecvTimeoutError::Disconnected) => return Err(ended(&self.subscription)),
-            Ok(News::Lost(cause)) => {
-                self.is_lost = true;
-                Read::Disconnected { cause }
-            }
-            Ok(News::Subscribed) if self.is_lost => {
-                self.is_lost = false;
-                Read::Reconnected
-            }
-            Ok(News::Subscribed) => Read::Nothing,
-            Ok(News::TooLong) => {
-                self.place += 1;
-                Read::Flawed(Flaw::TooLong)
-            }
-            Ok(News::Message(message)) => {
-                self.place += 1;
-                if message.retain {
-                    return Ok(Some(Read::Flawed(Flaw::Retained { topic: message.topic })));
-                }
-                let lines = message.payload.split(|&byte| byte == b'\n');
-                self.lines.extend(lines.map(<[u8]>::to_vec));
-                self.topic = message.topic;
-                return Ok(None);
-            }
-        }))
-    }
-}
-
-impl Source for Mqtt {
-    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
-        if self.lines.is_empty()
-            && let Some(read) = self.receive()?
-        {
-            row.place = self.place;
-            return Ok(read);
-        }
-        row.place = self.place;
-        let Some(line) = self.lines.pop_front() else { return Ok(Read::Nothing) };
-        self.topics.read(&self.topic, &line, row)
-    }
-
-    fn counted(&self) -> &'static str {
-        "message"
-    }
-
-    fn is_live(&self) -> bool {
-        true
+impl LineReader<String> for Messages {
+    fn read(&mut self, topic: &String, line: &[u8], row: &mut LogRow) -> Result<Read, SourceError> {
+        self.topics.read(topic, line, row)
     }
 }
 
 /// Connects, and waits until the broker has accepted the subscription.
-fn subscribed(subscription: &Subscription) -> Result<Mailbox, SourceError> {
-    let mailbox = client::start(subscription).map_err(|cause| failed(subscription, cause))?;
-    loop {
-        match mailbox.next() {
-            Ok(News::Subscribed) => return Ok(mailbox),
-            Ok(News::Lost(cause)) => return Err(failed(subscription, cause)),
-            // Messages before the acceptance are either retained or would have been missed anyway.
-            Ok(News::Message(_) | News::TooLong) | Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return Err(ended(subscription)),
+fn subscribed(subscription: &Subscription, wants_retained: bool) -> Result<Mailbox, SourceError> {
+    let started = client::start(subscription, wants_retained);
+    let mailbox = started.map_err(|cause| failed(subscription, cause))?;
+    // Messages before the acceptance are either retained or would have been missed anyway.
+    while !matches!(next(&mailbox, subscription)?, Some(News::Other(Read::Reconnected))) {}
+    Ok(mailbox)
+}
+
+/// What the client reports within [`PAUSE`].
+fn next(
+    mailbox: &Mailbox,
+    subscription: &Subscription,
+) -> Result<Option<News<String>>, SourceError> {
+    match mailbox.news.recv_timeout(PAUSE) {
+        Ok(News::Other(Read::Disconnected { cause }) | News::Failed(cause)) => {
+            Err(failed(subscription, cause))
+        }
+        Ok(news) => Ok(Some(news)),
+        Err(RecvTimeoutError::Timeout) => Ok(None),
+        Err(RecvTimeoutError::Disconnected) => {
+            Err(failed(subscription, "the client has ended".into()))
         }
     }
 }
@@ -123,25 +78,19 @@ fn subscribed(subscription: &Subscription) -> Result<Mailbox, SourceError> {
 /// # Errors
 /// The broker is unreachable or rejects the subscription.
 pub(crate) fn columns(subscription: &Subscription) -> Result<Vec<String>, SourceError> {
-    let mailbox = subscribed(subscription)?;
+    let mailbox = subscribed(subscription, true)?;
     let mut found: Vec<(String, Vec<String>)> = vec![];
     let mut first = None;
     while first.is_none_or(|first: Instant| first.elapsed() < COLLECTING) {
-        match mailbox.next() {
-            Ok(News::Message(message)) => {
-                let mut lines = message.payload.split(|&byte| byte == b'\n');
-                let is_new = found.iter().all(|(topic, _)| *topic != message.topic);
-                let named = if is_new { lines.find_map(frame::columns) } else { None };
-                let Some(names) = named else { continue };
-                found.push((message.topic, names));
-                first = first.or(Some(Instant::now()));
-                if !subscription.has_several_topics() {
-                    break;
-                }
-            }
-            Ok(News::Lost(cause)) => return Err(failed(subscription, cause)),
-            Ok(News::Subscribed | News::TooLong) | Err(RecvTimeoutError::Timeout) => {}
-            Err(RecvTimeoutError::Disconnected) => return Err(ended(subscription)),
+        let Some(News::Lines(topic, message)) = next(&mailbox, subscription)? else { continue };
+        let mut lines = message.split(|&byte| byte == b'\n');
+        let is_new = found.iter().all(|(known, _)| *known != topic);
+        let named = if is_new { lines.find_map(frame::columns) } else { None };
+        let Some(names) = named else { continue };
+        found.push((topic, names));
+        first = first.or(Some(Instant::now()));
+        if !subscription.has_several_topics() {
+            break;
         }
     }
     Ok(topics::union(&found))
@@ -149,8 +98,4 @@ pub(crate) fn columns(subscription: &Subscription) -> Result<Vec<String>, Source
 
 fn failed(subscription: &Subscription, cause: String) -> SourceError {
     SourceError::Connection { address: subscription.to_string(), cause }
-}
-
-fn ended(subscription: &Subscription) -> SourceError {
-    failed(subscription, "the client has ended".into())
 }

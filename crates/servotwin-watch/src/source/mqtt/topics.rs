@@ -4,9 +4,11 @@
 //! and the two are never mixed. `rig/one:p` and `one:p` are the key `p` of the topic `rig/one` alone. The time is sent
 //! with every topic.
 
-use super::super::frame::{Flaw, Frames};
-use super::super::{LogRow, MixedTopics, Read, SourceError, Wanted};
+use super::super::frame::Frames;
+use super::super::{LogRow, Read, SourceError, Wanted};
 use super::Subscription;
+use crate::counts::{Flaw, Irregularity};
+use servotwin_io::sanitize;
 use std::collections::BTreeMap;
 
 /// The most topics that are remembered; beyond that, topics that have sent no column are forgotten.
@@ -67,7 +69,9 @@ impl Topics {
             && (0..row.values.len()).all(|place| Some(place) == time || row.values[place].is_nan());
         match read {
             // An unrelated message in a subscription to several topics.
-            Read::Row | Read::Flawed(Flaw::NoTime { .. }) if self.has_several && is_empty => {
+            Read::Row | Read::Flawed(Flaw { kind: Irregularity::NoTime, .. })
+                if self.has_several && is_empty =>
+            {
                 Ok(Read::Nothing)
             }
             Read::Row => self.claim(name, row).map(|()| Read::Row),
@@ -104,13 +108,21 @@ impl Topics {
     }
 
     fn mixed(&self, place: usize, first: &str, second: &str) -> SourceError {
-        SourceError::Mixed(Box::new(MixedTopics {
-            broker: self.broker.clone(),
-            column: self.wanted.names[place].clone(),
-            topics: [first.to_owned(), second.to_owned()],
-            ending: short(first, second).to_owned(),
-            has_time: self.wanted.time.is_some(),
-        }))
+        // Complete, with control characters escaped.
+        let plain = |topic: &str| topic.chars().flat_map(char::escape_debug).collect::<String>();
+        let (broker, ending) = (&self.broker, plain(short(first, second)));
+        let (first, second) = (plain(first), plain(second));
+        let column = sanitize::text(&self.wanted.names[place]);
+        SourceError::Mixed(match self.wanted.time {
+            Some(_) => format!(
+                "{broker}: both topics {first} and {second} send the column '{column}', and the values of two units are \
+                 not mixed; subscribe to one, {broker}/{first}, or name the topic in the map, column = \"{ending}:{column}\""
+            ),
+            None => format!(
+                "{broker}: both topics {first} and {second} send columns, and without a time they cannot be joined; name \
+                 the column with the time in the map ([time] column = \"…\"), or subscribe to one, {broker}/{first}"
+            ),
+        })
     }
 }
 
