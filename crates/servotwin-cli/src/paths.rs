@@ -4,7 +4,7 @@
 //! another output, under any name or link. No output may have the extension of another kind of
 //! file.
 
-use crate::failure::{Failure, Named};
+use crate::failure::Failure;
 use servotwin::figure::{FigureError, PngError};
 use servotwin::files::{check_writable, resolve_links};
 use servotwin::leftovers::remove_abandoned_files;
@@ -12,8 +12,15 @@ use servotwin::study::Study;
 use servotwin::table;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fmt, fs};
+
+/// A file, with the option that names it or a description of it.
+#[derive(Debug)]
+struct Named {
+    option: &'static str,
+    path: PathBuf,
+}
 
 /// The kind of an output, which determines the allowed extensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,8 +57,8 @@ impl Format {
                 Err(FigureError::Png(PngError::Feature).into())
             }
             Format::Only(allowed) if !ending.is_empty() && !allowed.contains(&&*ending) => {
-                let ending = allowed[0];
-                Err(Failure::Ending { option, path: path.into(), ending })
+                let (ending, path) = (allowed[0], path.display());
+                Err(Failure::usage(format!("{option} must end in .{ending}, not as {path} does")))
             }
             _ => Ok(()),
         }
@@ -117,12 +124,16 @@ impl Paths {
         for (written, format) in writes {
             let is_same = |other: &Named| are_one(&written.path, &other.path);
             if let Some(place) = reads.iter().position(is_same) {
-                let read = reads.swap_remove(place);
-                return Err(Failure::Overwritten { written, read });
+                return Err(Failure::usage(format!(
+                    "{written} would overwrite {}, which is read: name another file",
+                    reads.swap_remove(place)
+                )));
             }
             if let Some(place) = before.iter().position(|(other, _)| is_same(other)) {
                 let (first, _) = before.swap_remove(place);
-                return Err(Failure::Twice { written: first, again: written });
+                return Err(Failure::usage(format!(
+                    "{first} and {written} are the same file: name two"
+                )));
             }
             before.push((written, format));
         }
@@ -132,6 +143,12 @@ impl Paths {
             .try_for_each(|(written, format)| format.check(written.option, &written.path))?;
         // Nobody waits hours for a result that cannot be written.
         before.iter().try_for_each(|(written, _)| Ok(check_writable(&written.path)?))
+    }
+}
+
+impl fmt::Display for Named {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{} {}", self.option, self.path.display())
     }
 }
 

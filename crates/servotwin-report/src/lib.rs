@@ -33,7 +33,7 @@ use servotwin::job::{Results, Subject};
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
-use servotwin_plot::Figure;
+use servotwin_view::Figure;
 use vocabulary::Vocabulary;
 pub use write::write;
 

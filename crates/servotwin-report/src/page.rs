@@ -2,7 +2,7 @@
 
 use servotwin::evaluation::metrics::Rate;
 use servotwin_io::text::escaped;
-use servotwin_plot::{Figure, dark_rules};
+use servotwin_view::{Figure, dark_rules};
 use std::fmt::Write;
 
 /// A page being written, with the figures in it.
@@ -412,8 +412,8 @@ mod tests {
                 grid.push(vec!["1".into()]);
                 page.table(&grid, "of\u{1} numbers");
                 let bars = || {
-                    let bars = servotwin_plot::bars::Bars::new("", "x", &["one"]);
-                    bars.with("valve", vec![Some(servotwin_plot::bars::Bar::new(0.25))]).draw()
+                    let bars = servotwin_view::bars::Bars::new("", "x", &["one"]);
+                    bars.with("valve", vec![Some(servotwin_view::bars::Bar::new(0.25))]).draw()
                 };
                 page.figure(section, bars(), "bars");
                 page.folded("more", |page| page.figure(section, bars(), "bars"));

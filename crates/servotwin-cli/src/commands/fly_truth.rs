@@ -1,13 +1,14 @@
 //! Compares the diagnosis of a flight with the truth: the time of detection, and whether actuator, action and component
 //! were right.
 
-use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{Action, FlightRecord};
 use servotwin::flight::tracking::first_report_s;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_report::words::spoken;
+use servotwin_view::document::{Fact, Table, Value, fact};
+use servotwin_view::row;
 
 /// A simulated fault, with the answer that the study expects.
 pub(crate) struct Truth {
@@ -93,23 +94,24 @@ impl<'t> AnsweredFault<'t> {
         ]
     }
 
-    fn sentence(&self) -> String {
+    /// The fault, and what is right.
+    fn truth(&self) -> String {
         let Truth { name, onset_s, actuator, expected } = self.truth;
-        let mut text = format!("truth: {} from {onset_s} s on", spoken(name));
-        if let Some((action, component)) = expected {
-            let of = if actuator.is_empty() {
-                String::new()
-            } else {
-                format!(" of {}", spoken(actuator))
-            };
-            text += &format!("; right is: {}{of}, {}", spoken(action), spoken(component));
-        }
-        text.push('\n');
-        text += &match self.detected_s {
+        let text = format!("truth: {} from {onset_s} s on", spoken(name));
+        let Some((action, component)) = expected else { return text };
+        let of = if actuator.is_empty() { "" } else { " of " };
+        let actuator = spoken(actuator);
+        format!("{text}; right is: {}{of}{actuator}, {}", spoken(action), spoken(component))
+    }
+
+    /// The answer beside the truth.
+    fn sentence(&self) -> String {
+        let Truth { onset_s, actuator, .. } = self.truth;
+        let mut text = match self.detected_s {
             Some(time_s) => format!("detected {:.2} s after the onset; ", time_s - onset_s),
             None => "never detected; ".into(),
         };
-        let Some(said) = &self.said else { return text + "missed: no action was raised\n" };
+        let Some(said) = &self.said else { return text + "missed: no action was raised" };
         let words = |is_right: Option<bool>| match is_right {
             Some(true) => "right",
             Some(false) => "wrong",
@@ -125,24 +127,7 @@ impl<'t> AnsweredFault<'t> {
             (Some(_), is_right) => format!("component {}", words(is_right)),
             (None, _) => "component not named".into(),
         };
-        text + &format!("action {} ({}), {named}\n", words(action), spoken(&said.action))
-    }
-
-    fn json(&self) -> Value {
-        let Truth { name, onset_s, actuator, expected } = self.truth;
-        let [unit, action, component] = self.right();
-        json!({
-            "fault": name,
-            "onset_s": onset_s,
-            "unit": (!actuator.is_empty()).then_some(actuator),
-            "command": expected.as_ref().map(|one| &one.0),
-            "detail": expected.as_ref().map(|one| &one.1),
-            "detected_s": self.detected_s,
-            "action_s": self.said.as_ref().map(|said| said.time_s),
-            "is_unit_right": unit,
-            "is_command_right": action,
-            "is_detail_right": component,
-        })
+        text + &format!("action {} ({}), {named}", words(action), spoken(&said.action))
     }
 }
 
@@ -173,39 +158,62 @@ impl<'t> FlightVerdict<'t> {
         }
     }
 
-    /// The verdict as lines.
-    pub(crate) fn text(&self) -> String {
-        let mut text: String = self.judged.iter().map(AnsweredFault::sentence).collect();
+    /// The verdict in one sentence for each fault.
+    pub(crate) fn sentence(&self) -> String {
+        let mut text: Vec<String> = self.judged.iter().map(AnsweredFault::sentence).collect();
         match (self.judged.is_empty(), self.false_alarms) {
-            (true, 0) => text += "truth: no fault; right: no action was raised\n",
+            (true, 0) => text.push("truth: no fault; right: no action was raised".into()),
             (_, 0) => {}
-            (_, 1) => text += "false alarm: an action was raised before any fault began\n",
+            (_, 1) => text.push("false alarm: an action was raised before any fault began".into()),
             (_, n) => {
-                text += &format!("{n} false alarms: actions were raised before any fault began\n")
+                text.push(format!("{n} false alarms: actions were raised before any fault began"))
             }
         }
-        text
+        text.join("\n")
+    }
+
+    /// What was true.
+    pub(crate) fn truths(&self) -> Vec<String> {
+        self.judged.iter().map(AnsweredFault::truth).collect()
     }
 
     /// Explains why a reaction raises the force fight, if it does.
-    pub(crate) fn on_force_fight(&self, with: Option<f64>, without: Option<f64>) -> String {
+    pub(crate) fn on_force_fight(&self, with: Option<f64>, without: Option<f64>) -> Option<String> {
         let is_raised = with.zip(without).is_some_and(|(with, without)| with > without);
-        let [first, ..] = &self.dragged[..] else { return String::new() };
-        if !is_raised {
-            return String::new();
-        }
-        format!(
+        let first = self.dragged.first().filter(|_| is_raised)?;
+        Some(format!(
             "The force fight rises because {} is passive after its shutdown: its bypass lets it move, and the other \
-             actuator drags it along.\nThe forces in the rods are then the drag, not two controllers that disagree.\n",
+             actuator drags it along. The forces in the rods are then the drag, not two controllers that disagree.",
             spoken(first)
-        )
+        ))
     }
 
-    /// The verdict as JSON.
-    pub(crate) fn json(&self) -> Value {
-        json!({
-            "faults": self.judged.iter().map(AnsweredFault::json).collect::<Vec<_>>(),
-            "false_alarms": self.false_alarms,
-        })
+    /// The faults and their answers for programs.
+    pub(crate) fn table(&self) -> Table {
+        let columns = ["fault", "onset_s", "unit", "command", "detail", "detected_s", "action_s"];
+        let rights = ["is_unit_right", "is_command_right", "is_detail_right"];
+        let mut table = Table::new(columns.into_iter().chain(rights).map(|id| (id, "")));
+        for one in &self.judged {
+            let Truth { name, onset_s, actuator, expected } = one.truth;
+            let unit = Some(actuator).filter(|actuator| !actuator.is_empty());
+            let action_s = one.said.as_ref().map(|said| said.time_s);
+            let mut row = row![
+                name,
+                Value::of("", onset_s),
+                unit,
+                expected.as_ref().map(|one| &one.0),
+                expected.as_ref().map(|one| &one.1),
+                Value::of("", &one.detected_s),
+                Value::of("", &action_s),
+            ];
+            row.extend(one.right().map(Value::from));
+            table.push(row);
+        }
+        table
+    }
+
+    /// The false alarms for programs.
+    pub(crate) fn facts(&self) -> [Fact; 1] {
+        [fact("false_alarms", "", self.false_alarms)]
     }
 }

@@ -6,15 +6,12 @@ pub(crate) mod describe;
 mod design;
 pub(crate) mod export;
 pub(crate) mod fault_tree;
-mod faults;
 pub(crate) mod features;
 pub(crate) mod fit;
 mod flights;
 pub(crate) mod fly;
-mod fly_cost;
 mod fly_truth;
 pub(crate) mod fmea;
-mod function_rate;
 pub(crate) mod history;
 pub(crate) mod init;
 mod log_folder;
@@ -184,11 +181,8 @@ fn learned(
 /// The scenario of an option `--scenario`.
 fn scenario_of(name: &str) -> Result<Scenario, Failure> {
     let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
-    found.ok_or_else(|| Failure::OutOfRange {
-        option: "--scenario",
-        given: name.into(),
-        range: Scenario::ALL.map(Scenario::name).join(", ").into(),
-    })
+    let known = || Scenario::ALL.map(Scenario::name).join(", ");
+    found.ok_or_else(|| Failure::out_of_range("--scenario", name, known()))
 }
 
 /// A number of threads that Ctrl-C can stop.
@@ -250,6 +244,12 @@ fn read_log(
     let name = path.display().to_string();
     let whole = intake::read(path, map, span, study);
     let whole = whole.map_err(|error| Failure::of_intake(&name, error))?;
+    note_intake(&name, &whole, global);
+    Ok(whole.table)
+}
+
+/// Notes the irregularities of a log that was read.
+fn note_intake(name: &str, whole: &intake::Whole, global: Global) {
     let counts = &whole.counts;
     for warning in &whole.warnings {
         note(global, &format!("{name}: {warning}"));
@@ -260,7 +260,6 @@ fn read_log(
         let met = met.join("; ");
         note(global, &format!("{name}: {frames} {counted}s became {samples} samples: {met}"));
     }
-    Ok(whole.table)
 }
 
 /// Writes a note to standard error, unless `--quiet` is set.

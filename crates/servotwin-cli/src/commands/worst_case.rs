@@ -3,9 +3,7 @@
 use super::flights::with_crew;
 use super::scenario_of;
 use crate::failure::Failure;
-use crate::render::json;
-use crate::{Global, stop};
-use serde_json::json;
+use crate::{Global, Run, stop};
 use servotwin::flight::worst_case::{SearchObjective, SearchOutcome};
 use servotwin::job::{Among, Folder};
 use servotwin_report::words::number;
@@ -13,7 +11,8 @@ use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::worst_case::finding_line::FindingLine;
 use servotwin_safety::worst_case::summary::{MethodSummary, ObjectiveSummary, WorstCaseFinding};
 use servotwin_safety::worst_case::{MAX_RUNS, WorstCaseSearch, replay, stored_line};
-use std::fmt::Write;
+use servotwin_view::document::{Document, Table, Value, Verdict, line};
+use servotwin_view::row;
 use std::path::PathBuf;
 
 /// Search the worst case: the flights in which the diagnosis is closest to an error.
@@ -52,59 +51,60 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    stop::heed();
-    let folder = Folder::new(&options.folder);
-    if let Some(text) = &options.replay {
-        let line = match text.parse() {
-            Ok(row) => stored_line(&folder, row)?,
-            Err(_) => text.parse()?,
+impl Run for Options {
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        stop::heed();
+        let folder = Folder::new(&self.folder);
+        if let Some(text) = &self.replay {
+            let line = match text.parse() {
+                Ok(row) => stored_line(&folder, row)?,
+                Err(_) => text.parse()?,
+            };
+            return again(self, &line, global);
+        }
+        let wanted = self.scenario.as_deref().map(scenario_of).transpose()?;
+        let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        let is_wanted = |objective: &SearchObjective| {
+            self.objective.is_empty() || self.objective.iter().any(|o| o == objective.name())
         };
-        return again(options, &line, global);
+        let objectives: Vec<SearchObjective> =
+            SearchObjective::ALL.into_iter().filter(is_wanted).collect();
+        let _hold = folder.hold(Among::Nobody)?;
+        let (summaries, written) = with_crew(self.threads, global, |crew| {
+            WorstCaseSearch::new(&results, self.seed, crew)?.run(&objectives, self.runs as usize)
+        })?;
+        let mut document = described(self, &summaries);
+        document.files(written);
+        Ok(document)
     }
-    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
-    let results = StudyResultsFolder::open(folder.clone(), wanted)?;
-    let objectives: Vec<SearchObjective> = SearchObjective::ALL
-        .into_iter()
-        .filter(|objective| {
-            options.objective.is_empty() || options.objective.iter().any(|o| o == objective.name())
-        })
-        .collect();
-    let _hold = folder.hold(Among::Nobody)?;
-    let (summaries, written) = with_crew(options.threads, global, |crew| {
-        WorstCaseSearch::new(&results, options.seed, crew)?.run(&objectives, options.runs as usize)
-    })?;
-    let files: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({ "objectives": summaries, "files": files })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{}{}\n", text(options, &summaries), files.join("\n")),
-    })
 }
 
 /// Flies a finding again.
-fn again(options: &Options, line: &FindingLine, global: Global) -> Result<String, Failure> {
-    let results = StudyResultsFolder::open(Folder::new(&options.folder), Some(line.scenario))?;
-    let outcome = with_crew(options.threads, global, |crew| replay(&results, line, crew))?;
-    let SearchOutcome { margin, is_error, is_visible, action, action_s, wrong_shutdown } = &outcome;
-    let action = match action.as_str() {
+fn again(options: &Options, stored: &FindingLine, global: Global) -> Result<Document, Failure> {
+    let results = StudyResultsFolder::open(Folder::new(&options.folder), Some(stored.scenario))?;
+    let outcome = with_crew(options.threads, global, |crew| replay(&results, stored, crew))?;
+    let SearchOutcome { margin, is_error, is_visible, action, action_s, wrong_shutdown } = outcome;
+    let first = match action.as_str() {
         "" => "no action".into(),
         action => format!("{action} at {action_s:.2} s"),
     };
-    let wrong = wrong_shutdown.as_ref().map_or(String::new(), |name| shut_down(name) + "\n");
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({
-            "objective": line.objective, "margin": margin, "is_error": is_error, "is_visible": is_visible,
-            "action": outcome.action, "action_s": action_s, "wrong_shutdown": wrong_shutdown,
-        })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!(
-            "{wrong}{}: margin {margin}, as the line states to the bit; error: {}; first action: {action}\n",
-            line.objective.name(),
-            if *is_error { "yes" } else { "no" },
-        ),
-    })
+    let shut = wrong_shutdown.as_deref().map_or(String::new(), |name| shut_down(name) + "; ");
+    let text = format!(
+        "{shut}{{objective}}: margin {{margin}}, as the line states to the bit; error: {{is_error}}; first action: {first}"
+    );
+    let sentence = line(
+        &text,
+        [
+            ("objective", stored.objective.name().into()),
+            ("margin", Value::number(margin, margin.to_string())),
+            ("is_error", is_error.into()),
+            ("is_visible", is_visible.into()),
+            ("action", action.into()),
+            ("action_s", Value::of("", &action_s)),
+            ("wrong_shutdown", wrong_shutdown.into()),
+        ],
+    );
+    Ok(Document::new("worst-case", Verdict::neutral(sentence)))
 }
 
 /// The sentence about a healthy actuator that was shut down. The only actuator of a system has no name.
@@ -116,65 +116,68 @@ fn shut_down(name: &str) -> String {
 }
 
 /// Describes the results: shutdowns of healthy actuators first.
-fn text(options: &Options, summaries: &[ObjectiveSummary]) -> String {
-    let mut out = String::new();
+fn described(options: &Options, summaries: &[ObjectiveSummary]) -> Document {
     let findings = || summaries.iter().flat_map(|summary| &summary.findings);
-    for finding in findings() {
-        if let Some(name) = &finding.wrong_shutdown {
-            let _ = writeln!(out, "{}", shut_down(name));
-            let _ = writeln!(out, "  {}", finding.flight);
-            let _ = writeln!(out, "  {}", replayed(options, finding));
+    let wrong = findings().filter_map(|finding| {
+        let name = finding.wrong_shutdown.as_ref()?;
+        Some(format!("{}: {}", shut_down(name), finding.flight))
+    });
+    let wrong: Vec<String> = wrong.collect();
+    let errors: usize = summaries.iter().map(|s| s.search.errors + s.random.errors).sum();
+    let flown: usize = summaries.iter().map(|s| s.search.runs + s.random.runs).sum();
+    let verdict = line(
+        "{errors} errors in {flown} flights; in {wrong_shutdowns} of the findings a healthy actuator is shut down.",
+        [
+            ("errors", errors.into()),
+            ("flown", flown.into()),
+            ("wrong_shutdowns", wrong.len().into()),
+        ],
+    );
+    let mut document = Document::new("worst-case", Verdict::neutral(verdict));
+    document.list("shutdowns_of_healthy_actuators", wrong);
+    let heads = ["objective", "by", "flights", "not finished", "errors", "first error"];
+    let heads = heads.into_iter().chain(["smallest margin"]);
+    let mut table = Table::new(heads.map(|head| ("", head)));
+    for ObjectiveSummary { objective, search, random, .. } in summaries {
+        for (name, own) in [("search", search), ("random flights", random)] {
+            let smallest = own.smallest_margin.map(|margin| Value::digits(margin, 3));
+            let MethodSummary { runs, failed, errors, first_error, .. } = *own;
+            let name = Value::from(name);
+            table.push(row![objective.name(), name, runs, failed, errors, first_error, smallest]);
         }
     }
+    document.table("", table);
     for summary in summaries {
-        let ObjectiveSummary { objective, search, random, findings, .. } = summary;
-        let _ = writeln!(out, "{}", objective.name());
-        let _ = writeln!(out, "  search: {}", of_method(search));
-        let _ = writeln!(out, "  random: {}", of_method(random));
-        for finding in findings {
+        let mut section = Document::section("", summary.objective.name());
+        for finding in &summary.findings {
             let kind = if finding.is_error { "finding" } else { "closest" };
-            let WorstCaseFinding { margin, flight, method, .. } = finding;
-            let _ = writeln!(out, "  {kind}: margin {} ({method}): {flight}", number(*margin));
-            let _ = writeln!(out, "    {}", replayed(options, finding));
+            let WorstCaseFinding { margin, flight, method, row, .. } = finding;
+            section.text(format!("  {kind}: margin {} ({method}): {flight}", number(*margin)));
+            let folder = options.folder.display();
+            section.text(format!("    servotwin worst-case {folder} --replay {row}"));
         }
-        not_searched(&mut out, summary);
+        not_searched(&mut section, summary);
+        document.add(section);
     }
-    out
-}
-
-/// The command that flies a finding again.
-fn replayed(options: &Options, finding: &WorstCaseFinding) -> String {
-    format!("servotwin worst-case {} --replay {}", options.folder.display(), finding.row)
-}
-
-fn of_method(method: &MethodSummary) -> String {
-    let MethodSummary { runs, failed, errors, first_error, smallest_margin } = method;
-    let first = match first_error {
-        Some(run) => format!(", the first in flight {run}"),
-        None => String::new(),
-    };
-    let smallest = smallest_margin.map_or("none".into(), number);
-    format!(
-        "{runs} flights ({failed} not finished), {errors} errors{first}; smallest margin {smallest}"
-    )
+    document.data("objectives", &summaries);
+    document
 }
 
 /// States what was not searched.
-fn not_searched(out: &mut String, summary: &ObjectiveSummary) {
+fn not_searched(section: &mut Document, summary: &ObjectiveSummary) {
     let cells = &summary.cells;
     let random = cells.iter().map(|cell| cell.random);
     let (least, most) = (random.clone().min().unwrap_or(0), random.max().unwrap_or(0));
     let uppers = cells.iter().map(|cell| cell.share_upper);
     let (low, high) = (uppers.clone().fold(1.0, f64::min), uppers.fold(0.0, f64::max));
     let (joint, visited) = summary.joint_cells;
-    let _ = writeln!(
-        out,
+    section.text(format!(
         "  not searched: {visited} of {joint} joint cells of the environment have a flight; {} cells of single \
          dimensions have {least} to {most} random flights each, and errors in at most {} to {} % of flights with 95 % \
          confidence",
         cells.len(),
         number(100.0 * low),
         number(100.0 * high),
-    );
-    let _ = writeln!(out, "  held fixed: {}", summary.held_fixed.join("; "));
+    ));
+    section.text(format!("  held fixed: {}", summary.held_fixed.join("; ")));
 }

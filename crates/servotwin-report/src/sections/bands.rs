@@ -9,8 +9,8 @@ use servotwin::evaluation::bands::{ALARMS, Band};
 use servotwin::job::results::SubjectResult;
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
-use servotwin_plot::Figure;
-use servotwin_plot::bars::{Bar, Bars};
+use servotwin_view::Figure;
+use servotwin_view::bars::{Bar, Bars};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {

@@ -5,8 +5,8 @@ use crate::{Material, looks};
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::Figure;
-use servotwin_plot::bars::{Bar, Bars};
+use servotwin_view::Figure;
+use servotwin_view::bars::{Bar, Bars};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {

@@ -6,8 +6,8 @@ use crate::words::{chosen, number};
 use servotwin::shown::Shown;
 use servotwin::signal::Signal;
 use servotwin::study::{Environment, Study, Training};
-use servotwin_plot::SemanticColor;
-use servotwin_plot::time_series::{Panel, Series, TimeSeries};
+use servotwin_view::SemanticColor;
+use servotwin_view::time_series::{Panel, Series, TimeSeries};
 
 /// The seconds that a figure shows. A whole run would look like a solid band.
 const SHOWN_S: f64 = 30.0;

@@ -11,8 +11,8 @@ use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule,
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
-use servotwin_plot::SemanticColor;
-use servotwin_plot::lines::{Curve, Lines};
+use servotwin_view::SemanticColor;
+use servotwin_view::lines::{Curve, Lines};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {

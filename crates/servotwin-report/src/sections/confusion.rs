@@ -5,7 +5,7 @@ use crate::lines::decides;
 use crate::page::Page;
 use crate::words::spoken;
 use servotwin::evaluation::protocol::StageScore;
-use servotwin_plot::heatmap::ConfusionMatrix;
+use servotwin_view::heatmap::ConfusionMatrix;
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {

@@ -7,9 +7,9 @@ use crate::{Material, hardest_first};
 use servotwin::evaluation::detection::Detection;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::Figure;
-use servotwin_plot::lines::{Curve, Lines};
-use servotwin_plot::value_map::{ValueMap, digits};
+use servotwin_view::Figure;
+use servotwin_view::lines::{Curve, Lines};
+use servotwin_view::value_map::{ValueMap, digits};
 use std::collections::BTreeMap;
 
 /// The stand-in intensity of a fault that is never detected; real intensities are at most one.

@@ -19,8 +19,8 @@ use servotwin::study::suites::{
 };
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::Figure;
-use servotwin_plot::lines::{Curve, Lines};
+use servotwin_view::Figure;
+use servotwin_view::lines::{Curve, Lines};
 
 /// The share of faults that a latency limit applies to.
 const SHARE: f64 = 0.95;

@@ -6,8 +6,8 @@ use crate::words::{share, spoken};
 use crate::{Material, stages};
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage, StagePlace};
-use servotwin_plot::SemanticColor;
-use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
+use servotwin_view::SemanticColor;
+use servotwin_view::schematic::{Net, NetEnd, Part, Schematic};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Page) {

@@ -7,9 +7,9 @@ use crate::page::Page;
 use crate::words::spoken;
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
-use servotwin_plot::SemanticColor;
-use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
-use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
+use servotwin_view::SemanticColor;
+use servotwin_view::histogram::{HistogramGrid, HistogramPanel};
+use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
 
 /// The seconds of the time series that a figure shows.
 const SHOWN_S: f64 = 10.0;
@@ -61,7 +61,7 @@ fn label(study: &Study, sensor: usize) -> &str {
     &study.system.sensors[study.measured[sensor]].label
 }
 
-fn histogram(study: &Study, example: &Example) -> servotwin_plot::Figure {
+fn histogram(study: &Study, example: &Example) -> servotwin_view::Figure {
     let names: Vec<String> =
         example.runs.iter().map(|(intensity, _)| format!("intensity {intensity}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -77,7 +77,7 @@ fn histogram(study: &Study, example: &Example) -> servotwin_plot::Figure {
 }
 
 /// The two sensors with the largest residuals, and these residuals over time.
-fn in_time(study: &Study, example: &Example) -> servotwin_plot::Figure {
+fn in_time(study: &Study, example: &Example) -> servotwin_view::Figure {
     let last = example.runs.len() - 1;
     let count = ((SHOWN_S / study.sample_period_s) as usize + 1).min(example.twin[0].len());
     let time: Vec<f64> = (0..count).map(|k| k as f64 * study.sample_period_s).collect();
