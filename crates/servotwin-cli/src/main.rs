@@ -260,6 +260,7 @@ fn main() -> ExitCode {
         true => Ok(0),
         false => {
             let document = command.run(global)?;
+            warn_of(&document, global);
             print(&rendered(&document, global)).map(|()| document.exit_code)
         }
     });
@@ -273,6 +274,15 @@ fn rendered(document: &Document, global: Global) -> String {
         Some(Verdict { call: Call::Act, line }) if global.quiet => format!("{}\n", line.text),
         _ if global.quiet && document.form != Form::Listing => String::new(),
         _ => render::terminal(document, global.details),
+    }
+}
+
+/// Writes a verdict that calls for a person to standard error, if standard output is for programs.
+fn warn_of(document: &Document, global: Global) {
+    if let Some(Verdict { call: Call::Act, line }) =
+        document.verdict.as_ref().filter(|_| global.json)
+    {
+        let _ = writeln!(out::stderr(), "{}", sanitize::clip(line.text.clone()));
     }
 }
 

@@ -11,7 +11,6 @@ pub mod lines;
 mod looks;
 pub mod measured;
 mod overview;
-pub mod page;
 pub mod schematic;
 mod sections;
 mod stages;
@@ -22,7 +21,6 @@ mod write;
 
 use examples::Example;
 use looks::Looks;
-use page::{ContentsEntry, Page};
 use sections::*;
 use servotwin::campaign::Comparison;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -33,7 +31,7 @@ use servotwin::job::{Results, Subject};
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
-use servotwin_view::Figure;
+use servotwin_view::document::{Content, Document, Form};
 use vocabulary::Vocabulary;
 pub use write::write;
 
@@ -68,7 +66,7 @@ pub struct Section {
     /// The heading of the section.
     pub title: &'static str,
     /// Writes the section, or nothing if the study has no content for it.
-    pub write: fn(&Material, &mut Page),
+    pub write: fn(&Material, &mut Document),
 }
 
 /// Sections that answer the same question. On screen the reader picks one of them; on paper they follow one another.
@@ -229,8 +227,8 @@ impl Material<'_> {
 /// Shows the last (hardest) scenario, and folds the others.
 fn hardest_first(
     results: &[&SubjectResult],
-    page: &mut Page,
-    show: &dyn Fn(&SubjectResult, &mut Page),
+    page: &mut Document,
+    show: &dyn Fn(&SubjectResult, &mut Document),
 ) {
     let Some((hardest, others)) = results.split_last() else { return };
     show(hardest, page);
@@ -239,45 +237,28 @@ fn hardest_first(
     }
 }
 
-/// Returns the report as HTML, and its figures with their file names.
-pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
-    let mut chapters = vec![];
-    for chapter in CHAPTERS {
-        let mut page = Page::default();
-        page.section(chapter.id, chapter.title, |page| chapter.write(material, page));
-        if !page.is_empty() {
-            chapters.push((chapter, page));
-        }
-    }
-    let mut page = Page::default();
-    let entry = |(chapter, _): &(&Chapter, Page)| ContentsEntry {
-        id: chapter.id.to_owned(),
-        title: chapter.title.to_owned(),
-        is_appendix: chapter.is_appendix,
-    };
-    let entries: Vec<ContentsEntry> = chapters.iter().map(entry).collect();
+/// The report.
+pub fn document(material: &Material) -> Document {
+    let mut page = Document::section("report", material.study.title.as_str());
     overview::write(material, &mut page);
-    page.contents(&entries);
-    let mut in_appendix = false;
-    for (chapter, written) in chapters {
-        if chapter.is_appendix && !in_appendix {
-            page.appendix();
-            in_appendix = true;
+    for chapter in CHAPTERS {
+        let written = chapter.document(material);
+        if !written.is_empty() {
+            page.push(chapter.id, Content::Section(written)).is_detail = chapter.is_appendix;
         }
-        page.append(written);
     }
-    page.finish(&material.study.title)
+    page
 }
 
 impl Chapter {
-    /// Writes the sections that have content. The reader chooses among several.
-    fn write(&self, material: &Material, page: &mut Page) {
-        let written = self.sections.iter().map(|section| {
-            let mut inner = Page::default();
+    /// The sections that have content. The reader chooses among several.
+    fn document(&self, material: &Material) -> Document {
+        let mut chapter = Document::section(self.id, self.title).formed(Form::Choices);
+        for section in self.sections {
+            let mut inner = Document::section(section.id, section.title);
             (section.write)(material, &mut inner);
-            (section.id, section.title, inner)
-        });
-        let written: Vec<_> = written.filter(|(.., inner)| !inner.is_empty()).collect();
-        page.choices(self.id, written);
+            chapter.add(inner);
+        }
+        chapter
     }
 }

@@ -67,7 +67,7 @@ pub fn rate(rate: Option<Rate>) -> String {
 /// A share with its count: `99.10 % (218 of 220)`. Programs read its interval too.
 pub fn share_of(rate: Rate) -> Value {
     let text = format!("{} ({} of {})", percent(rate.share), rate.count, rate.of);
-    Value { is_number: true, ..Value::of(text, &rate) }
+    Value::of(text, &rate)
 }
 
 /// A rate with its interval below it; the line feed switches to small type.

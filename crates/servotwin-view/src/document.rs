@@ -81,7 +81,7 @@ pub struct Line {
 
 /// A named value: its key in JSON without the suffix of the unit, its name for people, and the value. Without a name for
 /// people it stands in JSON only.
-pub type Fact = (&'static str, &'static str, Value);
+pub type Fact = (&'static str, Cow<'static, str>, Value);
 
 /// A part of a document.
 #[derive(Debug, Clone, PartialEq)]
@@ -155,8 +155,12 @@ macro_rules! row {
 }
 
 /// A named value. Without a name for people it stands in JSON only.
-pub fn fact(key: &'static str, name: &'static str, value: impl Into<Value>) -> Fact {
-    (key, name, value.into())
+pub fn fact(
+    key: &'static str,
+    name: impl Into<Cow<'static, str>>,
+    value: impl Into<Value>,
+) -> Fact {
+    (key, name.into(), value.into())
 }
 
 /// A sentence with values: `{key}` stands for the value of this key. Values that the sentence does not name stand in JSON
@@ -359,6 +363,12 @@ impl Table {
         Table { columns: columns.collect(), ..Table::default() }
     }
 
+    /// A table for people alone, by its headings.
+    pub fn headed<H: Into<String>>(heads: impl IntoIterator<Item = H>) -> Self {
+        let heads = heads.into_iter().map(Into::into);
+        Table::new(heads.map(|head| ("", if head.is_empty() { " ".into() } else { head })))
+    }
+
     /// Sets the caption.
     #[must_use]
     pub fn captioned(self, caption: impl Display) -> Self {
@@ -389,7 +399,11 @@ impl Table {
 
     /// Whether the column holds numbers, which are aligned at the right.
     pub(crate) fn is_number(&self, column: usize) -> bool {
-        let mut cells = self.rows.iter().map(|(row, _)| &row[column]);
-        cells.any(|cell| cell.is_number)
+        let mut texts = self.rows.iter().map(|(row, _)| row[column].text.trim()).peekable();
+        let begins =
+            |text: &str| text.starts_with(|c: char| c.is_ascii_digit() || "+-±–".contains(c));
+        texts.peek().is_some()
+            && self.rows.iter().any(|(row, _)| !row[column].text.is_empty())
+            && texts.all(|text| text.is_empty() || begins(text))
     }
 }

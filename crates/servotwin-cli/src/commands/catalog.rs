@@ -135,7 +135,7 @@ fn component(spec: &Spec) -> Document {
         parameters.push(row![
             p.name,
             p.unit.symbol(),
-            Value { is_number: true, ..Value::of(default(p), &p.default) },
+            Value::of(default(p), &p.default),
             shown,
             Value::of("", &[p.min, p.max]),
             range(p),

@@ -183,7 +183,7 @@ fn eigenvalues(rest: &Rest, document: &mut Document) {
     let pairs: Vec<[f64; 2]> = rest.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
     document.data("eigenvalues_per_s", &pairs);
     let heads = ["real 1/s", "imaginary rad/s", "frequency Hz", "damping ratio"];
-    let mut table = Table::new(heads.map(|head| ("", head)));
+    let mut table = Table::headed(heads);
     for value in rest.eigenvalues.iter().filter(|value| value.im >= 0.0) {
         let swings = value.im > 1e-9 * value.abs();
         let only = |number: f64, digits| swings.then(|| Value::digits(number, digits));

@@ -140,7 +140,7 @@ fn described(
     );
     let heads = ["top event", "probability, on average", "in the last flight"];
     let last = ["begins, per flight hour", "minimal cut sets"];
-    let mut table = Table::new(heads.into_iter().chain(last).map(|head| ("", head)));
+    let mut table = Table::headed(heads.into_iter().chain(last));
     for top in tops {
         let orders = top.cut_set_orders.iter().enumerate().filter(|(_, count)| **count > 0);
         let orders = orders.map(|(order, count)| format!("{count} of {} events", order + 1));
@@ -164,7 +164,7 @@ fn described(
 
 /// What contributes most to each top event, and what widens its band.
 fn importances(tops: &[TopNumbers]) -> Table {
-    let mut table = Table::new(["top event", "share", "event"].map(|head| ("", head)));
+    let mut table = Table::headed(["top event", "share", "event"]);
     for top in tops {
         for own in top.importances.iter().take(3) {
             table.push(row![&top.title, Value::percent(own.fussell_vesely, 1), &own.title]);
@@ -183,13 +183,13 @@ fn counted(value: CountedValue) -> Value {
         true => format!("{} ({} … {})", number(value.point), number(value.low), number(value.high)),
         false => format!("never seen, at most {}", number(value.high)),
     };
-    Value { is_number: true, ..Value::of(text, &value) }
+    Value::of(text, &value)
 }
 
 /// How often the function fails, with the hybrid twin and without.
 fn function_rates(function: &FunctionRate, document: &mut Document) {
     let heads = ["the function fails", "monitoring", "begins, per flight hour", "failed flights"];
-    let mut table = Table::new(heads.map(|head| ("", head)));
+    let mut table = Table::headed(heads);
     let mut disagreeing = vec![];
     for own in &function.conditions {
         let (begins, failed) = (counted(own.twin_begins_per_h), counted(own.twin_failed));
@@ -215,10 +215,9 @@ fn function_rates(function: &FunctionRate, document: &mut Document) {
             disagreeing.join("; ")
         ));
     }
-    let mut inputs = Table::new(["relative change", "input", "evidence"].map(|head| ("", head)))
-        .captioned(
-            "Flights with a failed function, per relative change of an input, with the twin",
-        );
+    let mut inputs = Table::headed(["relative change", "input", "evidence"]).captioned(
+        "Flights with a failed function, per relative change of an input, with the twin",
+    );
     for own in function.sensitivities.iter().take(6) {
         let change = Value::number(own.elasticity, format!("{:+.3}", own.elasticity));
         inputs.push(row![change, &own.input, &own.evidence]);

@@ -420,7 +420,7 @@ impl Flown<'_> {
             table.push(row![
                 Value::seconds(action.time_s, 4),
                 Value::name(&names.actions[action.raised.action as usize]),
-                unit.map(|unit| Value { is_number: false, ..Value::name(unit) }),
+                unit.map(Value::name),
                 Value::seconds(action.time_s - onset_s, 3),
             ]);
         }

@@ -153,7 +153,7 @@ fn row_of(trade: &SensorTrade, set: &SensorSet) -> Vec<Value> {
     ];
     row.extend(rates(set).map(|rate| {
         let text = percent(rate.and_then(|rate| rate.share));
-        Value { is_number: true, ..Value::of(text, &rate) }
+        Value::of(text, &rate)
     }));
     row.push(trade.candidates.names(left).into());
     row

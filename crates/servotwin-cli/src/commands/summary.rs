@@ -22,11 +22,7 @@ pub(crate) fn document(results: &Results, study: &Study) -> Document {
     for row in lines::headline(&scenarios, &Vocabulary::of(study)) {
         let shown = if row.title == last { "" } else { row.title.as_str() };
         let mut cells = vec![Value::of(shown, &row.title), row.who.into()];
-        cells.extend(
-            row.rates
-                .iter()
-                .map(|rate| Value { is_number: true, ..Value::of(of_count(*rate), rate) }),
-        );
+        cells.extend(row.rates.iter().map(|rate| Value::of(of_count(*rate), rate)));
         table.push(cells);
         last = row.title;
     }

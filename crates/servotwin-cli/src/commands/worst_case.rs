@@ -137,7 +137,7 @@ fn described(options: &Options, summaries: &[ObjectiveSummary]) -> Document {
     document.list("shutdowns_of_healthy_actuators", wrong);
     let heads = ["objective", "by", "flights", "not finished", "errors", "first error"];
     let heads = heads.into_iter().chain(["smallest margin"]);
-    let mut table = Table::new(heads.map(|head| ("", head)));
+    let mut table = Table::headed(heads);
     for ObjectiveSummary { objective, search, random, .. } in summaries {
         for (name, own) in [("search", search), ("random flights", random)] {
             let smallest = own.smallest_margin.map(|margin| Value::digits(margin, 3));

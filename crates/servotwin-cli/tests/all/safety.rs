@@ -606,8 +606,8 @@ fn a_search_goes_on_and_gives_the_same_on_any_number_of_threads_and_its_findings
             "--replay",
             finding["line"].as_str().unwrap(),
         ]);
-        assert_eq!(again["margin"], finding["margin"], "{finding}");
-        assert_eq!(again["objective"], objective["objective"]);
+        assert_eq!(again["verdict"]["margin"], finding["margin"], "{finding}");
+        assert_eq!(again["verdict"]["objective"], objective["objective"]);
     }
     // Begun with fewer flights and on other threads, and then continued.
     let safety = Path::new(&out).join("safety");

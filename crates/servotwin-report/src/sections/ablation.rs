@@ -1,15 +1,14 @@
 //! Ablation: the diagnosis on new commands with parts taken away.
 
 use crate::Material;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{NONE, share, spoken, stacked};
 use servotwin::campaign::data_features;
 use servotwin_diagnosis::features::{self, Family};
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
-    let mut families =
-        HtmlTable::new([("family", Alignment::Left), ("what it computes", Alignment::Left)]);
+pub fn write(material: &Material, page: &mut Document) {
+    let mut families = Table::headed(["family", "what it computes"]);
     let words = material.words();
     let known = data_features(material.study);
     let has = |family: &&&dyn Family| known.iter().any(|one| one.family == family.name());
@@ -18,20 +17,17 @@ pub fn write(material: &Material, page: &mut Page) {
     }
     let mut tables = vec![];
     for result in &material.results.subjects {
-        let mut heads = vec![
-            ("variation".to_owned(), Alignment::Left),
-            ("features".to_owned(), Alignment::Right),
-        ];
+        let mut heads = vec!["variation".to_owned(), "features".to_owned()];
         if words.has_several() {
-            heads.push(("A".to_owned(), Alignment::Right));
+            heads.push("A".to_owned());
         }
-        heads.push(("B".to_owned(), Alignment::Right));
-        heads.push(("end to end".to_owned(), Alignment::Right));
+        heads.push("B".to_owned());
+        heads.push("end to end".to_owned());
         if words.has_several() {
             let head = format!("most often given to the wrong {}", words.unit());
-            heads.push((head, Alignment::Left));
+            heads.push(head);
         }
-        let mut grid = HtmlTable::new(heads);
+        let mut grid = Table::headed(heads);
         for row in &result.evaluation.ablation {
             // Without features of individual actuators, only stage A can be asked.
             let asked = row.command.is_some_and(|rate| rate.count > 0);
@@ -54,14 +50,14 @@ pub fn write(material: &Material, page: &mut Page) {
     if tables.is_empty() {
         return;
     }
-    page.table(&families, "Families of features.");
+    page.table("", families.captioned("Families of features."));
     for (result, grid) in tables {
-        page.table(&grid, &format!(
+        page.table("", grid.captioned(format!(
                 "Scenario: {}. New commands (without training commands: faults unseen at their \
                  intensity) with families of features alone, added one after the other and left out{}; \
                  and with other depths.",
                 result.title,
                 words.several("; without mirror images and shared trees")
-            ));
+            )));
     }
 }

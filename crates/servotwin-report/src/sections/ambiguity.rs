@@ -1,26 +1,20 @@
 //! Faults that the diagnosis confuses with each other.
 
 use crate::lines;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{percent, spoken};
 use crate::{Material, hardest_first};
 use servotwin::job::results::SubjectResult;
+use servotwin_view::document::{Document, Table};
 
 /// The maximum number of pairs shown for each subject.
 const SHOWN: usize = 20;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let words = material.words();
-    let show = |result: &SubjectResult, page: &mut Page| {
+    let show = |result: &SubjectResult, page: &mut Document| {
         let ambiguity = &result.evaluation.ambiguity;
-        let mut grid = HtmlTable::new([
-            ("fault", Alignment::Left),
-            ("taken for", Alignment::Left),
-            ("wrong was", Alignment::Left),
-            ("times", Alignment::Right),
-            ("of its tests", Alignment::Right),
-        ]);
+        let mut grid = Table::headed(["fault", "taken for", "wrong was", "times", "of its tests"]);
         for pair in ambiguity.pairs.iter().take(SHOWN) {
             grid.push(vec![
                 spoken(&pair.kind),
@@ -31,18 +25,18 @@ pub fn write(material: &Material, page: &mut Page) {
             ]);
         }
         if grid.is_empty() {
-            page.text(&format!("Scenario: {}. No fault was taken for another.", result.title));
+            page.text(format!("Scenario: {}. No fault was taken for another.", result.title));
             return;
         }
-        page.table(&grid, &format!(
+        page.table("", grid.captioned(format!(
                 "Scenario: {}, grouped. {}: a fault, and the fault that fills the leaf in which it ended \
                  wrongly.",
                 result.title,
                 most_frequent(ambiguity.pairs.len())
-            ));
+            )));
         for group in &ambiguity.groups {
             let names: Vec<String> = group.iter().map(|kind| spoken(kind)).collect();
-            page.note(&format!(
+            page.note(format!(
                 "Confused among each other (from 5 % of the tests on): {}.",
                 names.join("; ")
             ));

@@ -4,7 +4,6 @@
 use crate::Material;
 use crate::lines::{self, Who};
 use crate::looks;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, chosen, number, percent, share, spoken, stacked};
 use servotwin::evaluation::isolation::{Isolation, IsolationRates, IsolationRule, RULE};
@@ -12,10 +11,11 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
 use servotwin_view::SemanticColor;
+use servotwin_view::document::{Document, Table};
 use servotwin_view::lines::{Curve, Lines};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let results: Vec<&SubjectResult> = lines::scenarios(material.results)
         .into_iter()
         .filter(|result| !result.evaluation.committee.is_empty())
@@ -32,25 +32,25 @@ pub fn write(material: &Material, page: &mut Page) {
         );
     let words = &material.words();
     for result in &results {
-        page.table(&beside_trees(result, words), &format!(
+        page.table("", beside_trees(result, words).captioned(format!(
                 "Scenario: {}. Trees and committee under the same protocols, with 95 % intervals from \
                  drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
                 result.title
-            ));
+            )));
     }
     believed(&results, words, page);
     isolation(&results, words, page);
 }
 
-fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
-    let heads = [("held out".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
+fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Table {
+    let heads = ["held out".to_owned(), "by".to_owned()];
     let right = lines::right(words);
     // With one actuator there is no actuator stage.
     let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
-    let stages = letters.iter().map(|letter| ((*letter).to_owned(), Alignment::Right));
-    let measures = right.iter().map(|measure| (measure.title.clone(), Alignment::Right));
-    let last = [("end to end, by kind".to_owned(), Alignment::Right)];
-    let mut grid = HtmlTable::new(heads.into_iter().chain(stages).chain(measures).chain(last));
+    let stages = letters.iter().map(|letter| (*letter).to_owned());
+    let measures = right.iter().map(|measure| measure.title.clone());
+    let last = ["end to end, by kind".to_owned()];
+    let mut grid = Table::headed(heads.into_iter().chain(stages).chain(measures).chain(last));
     for protocol in ALL {
         let Some(committee) = result.evaluation.committee(protocol) else { continue };
         for who in Who::ALL {
@@ -72,15 +72,15 @@ fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
 }
 
 /// Writes how well the confidence is calibrated.
-fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
+fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Document) {
     let mut lines = Lines::new("", "confidence", "share of right answers");
     lines.y_range = Some((0.0, 1.0));
-    let mut grid = HtmlTable::new([
-        ("scenario", Alignment::Left),
-        ("answers", Alignment::Right),
-        ("in the most confident tenth", Alignment::Right),
-        ("Brier score", Alignment::Right),
-        ("calibration error", Alignment::Right),
+    let mut grid = Table::headed([
+        "scenario",
+        "answers",
+        "in the most confident tenth",
+        "Brier score",
+        "calibration error",
     ]);
     for result in results {
         let Some(reliability) = &result.evaluation.reliability else { continue };
@@ -106,32 +106,29 @@ fn believed(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
     page.figure(
         "reliability",
         lines.with(ideal).draw(),
-        &format!(
+        format!(
             "Reliability: answers about {} on new commands, gathered by tenths of confidence. On the \
              straight line what is said with 90 % is right nine times in ten; points below it are too \
              sure. Points of low confidence stand for few answers.",
             words.action()
         ),
     );
-    page.table(
-        &grid,
-        "The Brier score is the mean squared distance of confidence from being right (1) or wrong (0); \
+    page.table("", grid.captioned("The Brier score is the mean squared distance of confidence from being right (1) or wrong (0); \
          the calibration error the mean distance of confidence from the share of right answers over \
-         the tenths. Both are best at zero.",
-    );
+         the tenths. Both are best at zero."));
 }
 
 /// Writes what is decided if a fault may stay not isolated.
-fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
+fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Document) {
     let mut begun = false;
     for result in results {
         for isolation in &result.evaluation.isolation {
             if !begun {
                 page.heading("Faults that may stay not isolated");
-                page.text(&unknown_kinds(words));
+                page.text(unknown_kinds(words));
                 begun = true;
             }
-            page.table(&rules(isolation, words), &format!(
+            page.table("", rules(isolation, words).captioned(format!(
                 "Scenario: {}; {}. Counts are of detected faults. The limit of resemblance leaves {} % of \
                  held-out known faults unlike the training rows of their own answer, and nothing else sets it.{}",
                 result.title,
@@ -141,8 +138,8 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
                     true => format!(" A {} also counts as missed if the fault is not isolated.", words.off()),
                     false => String::new(),
                 },
-            ));
-            page.text(&wrong_kinds(isolation));
+            )));
+            page.text(wrong_kinds(isolation));
         }
     }
 }
@@ -177,23 +174,22 @@ fn unknown_kinds(words: &Vocabulary) -> String {
 }
 
 /// A table with one row for each rule.
-fn rules(isolation: &Isolation, words: &Vocabulary) -> HtmlTable {
+fn rules(isolation: &Isolation, words: &Vocabulary) -> Table {
     let (off, several) = (words.has_off(), words.has_off() && words.has_several());
     let mut heads = vec![
-        ("decided".to_owned(), Alignment::Left),
-        ("share decided".to_owned(), Alignment::Right),
-        (format!("{} right, of decided", words.action()), Alignment::Right),
-        ("right or not isolated".to_owned(), Alignment::Right),
+        "decided".to_owned(),
+        "share decided".to_owned(),
+        format!("{} right, of decided", words.action()),
+        "right or not isolated".to_owned(),
     ];
     if several {
-        heads
-            .push((format!("healthy {} {}", words.unit(), words.switched_off()), Alignment::Right));
+        heads.push(format!("healthy {} {}", words.unit(), words.switched_off()));
     }
     if off {
-        heads.push((format!("{} missed", words.off()), Alignment::Right));
-        heads.push((format!("needless {}", words.off()), Alignment::Right));
+        heads.push(format!("{} missed", words.off()));
+        heads.push(format!("needless {}", words.off()));
     }
-    let mut grid = HtmlTable::new(heads);
+    let mut grid = Table::headed(heads);
     for rates in &isolation.rules {
         let mut row = vec![decided_where(rates).to_owned()];
         let shown = [rates.decided, rates.right_action, rates.right_or_not_isolated];

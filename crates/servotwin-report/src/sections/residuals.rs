@@ -3,11 +3,11 @@
 use crate::Material;
 use crate::examples::Example;
 use crate::looks;
-use crate::page::Page;
 use crate::words::spoken;
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
 use servotwin_view::SemanticColor;
+use servotwin_view::document::Document;
 use servotwin_view::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
 
@@ -15,14 +15,14 @@ use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
 const SHOWN_S: f64 = 10.0;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let words = material.words();
     for example in material.examples.iter().filter(|example| !example.runs.is_empty()) {
-        page.heading(&spoken(&example.detail));
+        page.heading(spoken(&example.detail));
         page.figure(
-            &format!("residuals_{}", example.detail),
+            format!("residuals_{}", example.detail),
             histogram(material.study, example),
-            &format!(
+            format!(
                 "Residuals of all sensors over {} s, {} in case {}{}.",
                 material.study.duration_s,
                 spoken(&example.fault),
@@ -35,9 +35,9 @@ pub fn write(material: &Material, page: &mut Page) {
             ),
         );
         page.figure(
-            &format!("time_{}", example.detail),
+            format!("time_{}", example.detail),
             in_time(material.study, example),
-            &format!(
+            format!(
                 "{} of it: measured signals against the twin's, and the \
                      scaled residuals with {} in which a fault goes undetected.",
                 match material.study.duration_s > SHOWN_S {

@@ -1,5 +1,6 @@
 //! Values: what people read and what programs read, made from the same number.
 
+use super::Call;
 use crate::shown::{number, shown};
 use serde::Serialize;
 use serde_json::{Value as Json, json};
@@ -16,8 +17,8 @@ pub struct Value {
     pub json: Json,
     /// The end of the key in JSON that names the unit, e.g. `_m`.
     pub suffix: &'static str,
-    /// Whether it is aligned at the right.
-    pub is_number: bool,
+    /// Whether it meets its target, if it has one.
+    pub call: Option<Call>,
 }
 
 /// What stands for a missing value.
@@ -31,7 +32,7 @@ impl Value {
 
     /// A value that does not exist: `null` for programs.
     pub fn missing() -> Self {
-        Value { text: NONE.into(), is_number: true, ..Value::default() }
+        Value { text: NONE.into(), ..Value::default() }
     }
 
     /// A name, as words for people: `shut_down`, `shut down`.
@@ -46,7 +47,7 @@ impl Value {
 
     /// A number and what people read instead of it.
     pub fn number(number: f64, text: impl Into<String>) -> Self {
-        Value { is_number: true, ..Value::of(text, &number) }
+        Value::of(text, &number)
     }
 
     /// A number without a unit.
@@ -69,13 +70,6 @@ impl Value {
     pub fn difference(si: f64, unit: Unit, digits: usize) -> Self {
         let text = format!("{} {}", number(unit.difference_to_shown(si), digits), unit.shown());
         Value::number(si, text.trim_end())
-    }
-
-    /// A value with the interval that covers 95 % of it: `3.1 (2.9 … 3.3)`.
-    pub fn interval(value: f64, low: f64, high: f64, digits: usize) -> Self {
-        let [text, from, to] = [value, low, high].map(|part| number(part, digits));
-        let data = json!({ "value": value, "low": low, "high": high });
-        Value { is_number: true, ..Value::of(format!("{text} ({from} … {to})"), &data) }
     }
 
     /// A share in percent.
@@ -137,7 +131,7 @@ impl From<bool> for Value {
 
 impl From<u64> for Value {
     fn from(count: u64) -> Self {
-        Value { is_number: true, ..Value::of(count.to_string(), &count) }
+        Value::of(count.to_string(), &count)
     }
 }
 

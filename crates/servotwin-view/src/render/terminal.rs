@@ -25,7 +25,7 @@ fn add(text: &mut String, document: &Document, is_whole: bool) {
             Content::Text(line) => *text += &format!("{}\n", line.text),
             Content::Note(line) => *text += &format!("note: {}\n", line.text),
             Content::Heading(heading) => *text += &format!("\n{heading}\n"),
-            Content::Facts(facts) => *text += &named(facts.iter().map(|(_, name, v)| (*name, v))),
+            Content::Facts(facts) => *text += &named(facts.iter().map(|(_, name, v)| (&**name, v))),
             Content::List(lines) => {
                 lines.iter().for_each(|line| *text += &format!("  {}\n", line.text));
             }

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use servotwin::files;
 use servotwin::moment;
 use servotwin::sanitize;
-use servotwin_view::document::{Content, Document, Table, Value, line};
+use servotwin_view::document::{Document, Table, Value, fact};
 use servotwin_view::row;
 use servotwin_watch::DiagnosisState;
 use servotwin_watch::checkpoint::Checkpoint;
@@ -279,18 +279,26 @@ impl Totals {
         let Totals { counts, silences, losses } = self;
         let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
         let missing: BTreeMap<&str, u64> = missing.map(|(id, count)| (*id, *count)).collect();
-        let text = format!(
-            "{{frames}} {}s became {{samples}} samples, {{judged}} of them judged",
-            counts.counted
+        let lost = losses.iter().filter(|loss| loss.lost > 0);
+        let unsent: BTreeMap<&str, u64> = lost.map(|own| (own.sink.as_str(), own.lost)).collect();
+        let failed = losses.iter().filter_map(|loss| Some((&*loss.sink, loss.failure.as_deref()?)));
+        let failed: BTreeMap<&str, &str> = failed.collect();
+        let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
+        let judged = counts.judged;
+        document
+            .text(format!("{frames} {counted}s became {samples} samples, {judged} of them judged"));
+        document.facts(
+            "",
+            [
+                fact("frames", "", frames),
+                fact("samples", "", samples),
+                fact("judged", "", judged),
+                fact("missing", "", Value::of("", &missing)),
+                fact("unsent", "", Value::of("", &unsent)),
+                fact("failed", "", Value::of("", &failed)),
+                fact("silences", "", Value::of("", silences)),
+            ],
         );
-        let values = [
-            ("frames", counts.frames.into()),
-            ("samples", counts.samples.into()),
-            ("judged", counts.judged.into()),
-            ("missing", Value::of("", &missing)),
-            ("silences", Value::of("", silences)),
-        ];
-        document.push("log", Content::Text(line(&text, values)));
         if let Some(lost) = guard::lost_in_words(map, counts) {
             document.text(lost);
         }
@@ -298,18 +306,16 @@ impl Totals {
             let Silences { source, source_s, .. } = silences;
             document.text(format!("silences of the source: {source}, {source_s:.1} s in all"));
         }
-        let mut unsent =
-            Table::new([("sink", "output"), ("lost", "samples not sent"), ("failure", "failed")]);
         for SinkLoss { sink, lost, failure, .. } in losses {
-            if *lost > 0 || failure.is_some() {
-                let why =
-                    failure.as_ref().map(|reason| Value::of(without_name(sink, reason), reason));
-                unsent.push(row![sink, *lost, why]);
+            if *lost > 0 {
+                document.text(format!("samples not sent to {sink}: {lost}"));
+            }
+            if let Some(reason) = failure {
+                document.text(format!("{sink} failed: {}", without_name(sink, reason)));
             }
         }
-        document.table("losses", unsent);
-        let mut met =
-            Table::new([("count", "how often"), ("kind", "what was met"), ("first", "first")]);
+        let columns = [("count", "how often"), ("kind", "what was met"), ("first", "first")];
+        let mut met = Table::new(columns);
         for (kind, tally) in counts.met() {
             let (name, words) = kind.words();
             met.push(row![tally.count, Value::of(words, &name), counts.place(tally)]);
