@@ -5,7 +5,7 @@ use servotwin::campaign::CampaignError;
 use servotwin::document::Diagnostic;
 use servotwin::evaluation::EvaluationError;
 use servotwin::figure::FigureError;
-use servotwin::figure::document::{Content, Document, Form, Table, Verdict, fact};
+use servotwin::figure::document::{Content, Document, Form, Table, Verdict};
 use servotwin::figure::row;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
@@ -147,9 +147,8 @@ impl Failure {
     /// The failure for programs.
     pub(crate) fn document(&self) -> Document {
         let mut document = Document::new("failure", Verdict::act(self.message.as_str()));
-        document.facts("", [fact("exit_code", "", u64::from(self.exit_code))]);
-        let columns = ["line", "column", "message", "help"];
-        let mut table = Table::new(columns.map(|name| (name, name)));
+        document.fact("exit_code", "", u64::from(self.exit_code));
+        let mut table = Table::of("line | column | message | help");
         for Diagnostic { line, column, message, help, .. } in &self.mistakes {
             table.push(row![*line, *column, message, help.clone()]);
         }

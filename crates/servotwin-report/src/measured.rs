@@ -21,7 +21,7 @@ use servotwin::job::outcomes::FlownSuite;
 use servotwin::job::sealed::Openings;
 use servotwin::study::Study;
 use servotwin::study::suites::OTHER_STRUCTURE;
-use servotwin_view::document::{Document, Table, Value, fact};
+use servotwin_view::document::{Document, Table, Value};
 use servotwin_view::row;
 
 /// What was measured of a study.
@@ -74,7 +74,8 @@ impl Measured<'_> {
         let commands = self.commands();
         page.text(format!("\n```sh long\n{}\n```\n", commands.join("\n")));
         TERMS.lines().for_each(|line| _ = page.text(line));
-        page.facts("", [fact("study", "", name), fact("commands", "", Value::list(commands))]);
+        page.fact("study", "", name);
+        page.fact("commands", "", Value::list(commands));
         for result in &results.subjects {
             let title = format!("Variants, scenario {}", result.title);
             let mut section = Document::section(format!("variants:{}", result.title), title);
@@ -347,18 +348,9 @@ fn action_table(classes: &[ClassMetrics]) -> Table {
         &measure::WRONG_ACTUATOR,
         &measure::SILENT,
     ];
-    let mut table = Table::new([
-        ("action", "action"),
-        ("visible", "visible"),
-        ("", "never visible"),
-        ("isolated", "isolated"),
-        ("another_action", "another action"),
-        ("wrong_actuator", "wrong actuator"),
-        ("silent", "silent"),
-        ("median_latency", "median latency"),
-        ("p95_latency", "95 %"),
-        ("longest_latency", "longest"),
-    ]);
+    let mut table = Table::of(
+        "action | visible | :never visible | isolated | another_action | wrong_actuator | silent | median_latency | p95_latency:95 % | longest_latency:longest",
+    );
     let counts = |rate: Rate| Value::of(format!("{} of {}", rate.count, rate.of), &rate);
     for class in classes {
         let visible = class.rates.of(&measure::VISIBLE);

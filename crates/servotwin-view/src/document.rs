@@ -262,6 +262,22 @@ impl Document {
         self.push("", Content::Heading(text.into()))
     }
 
+    /// Adds a named value of the document itself, beside the last ones.
+    pub fn fact(
+        &mut self,
+        key: &'static str,
+        name: impl Into<Cow<'static, str>>,
+        value: impl Into<Value>,
+    ) {
+        let fact = fact(key, name, value);
+        match self.blocks.last_mut() {
+            Some(Block { id, content: Content::Facts(facts), .. }) if id.is_empty() => {
+                facts.push(fact)
+            }
+            _ => _ = self.facts("", [fact]),
+        }
+    }
+
     /// Adds named values.
     pub fn facts(&mut self, id: &'static str, facts: impl IntoIterator<Item = Fact>) -> &mut Block {
         self.push(id, Content::Facts(facts.into_iter().collect()))
@@ -363,10 +379,29 @@ impl Table {
         Table { columns: columns.collect(), ..Table::default() }
     }
 
+    /// A table without rows, by its columns: `key:heading` separated by ` | `. A column without a heading is for programs
+    /// alone, one without a key for people; `_` is an empty heading, and a key alone is its own heading.
+    pub fn of(columns: &'static str) -> Self {
+        Table::new(columns.split(" | ").map(|column| match column.split_once(':') {
+            None => (column, Cow::from(column.replace('_', " "))),
+            Some((key, "_")) => (key, " ".into()),
+            Some((key, heading)) => (key, heading.into()),
+        }))
+    }
+
     /// A table for people alone, by its headings.
     pub fn headed<H: Into<String>>(heads: impl IntoIterator<Item = H>) -> Self {
         let heads = heads.into_iter().map(Into::into);
         Table::new(heads.map(|head| ("", if head.is_empty() { " ".into() } else { head })))
+    }
+
+    /// Adds a column before there are rows.
+    pub fn column(
+        &mut self,
+        id: impl Into<Cow<'static, str>>,
+        heading: impl Into<Cow<'static, str>>,
+    ) {
+        self.columns.push(Column { id: id.into(), heading: heading.into() });
     }
 
     /// Sets the caption.

@@ -6,7 +6,7 @@ use servotwin::catalogue::{self, Hit, default, flow, law, prose, range};
 use servotwin::document::counted;
 use servotwin::nearest::nearest;
 use servotwin_model::spec::{PortKind, Spec};
-use servotwin_view::document::{Content, Document, Table, Value, fact};
+use servotwin_view::document::{Content, Document, Table, Value};
 use servotwin_view::row;
 
 /// List the components of the catalog, describe one, or search them.
@@ -59,8 +59,7 @@ fn unknown(word: &str) -> Failure {
 }
 
 fn list() -> Document {
-    let columns = [("kind", "kind"), ("parameters", "parameters"), ("faults", "faults")];
-    let mut table = Table::new(columns.into_iter().chain([("summary", "description")]));
+    let mut table = Table::of("kind | parameters | faults | summary:description");
     for spec in catalogue::all() {
         table.push(row![spec.kind, spec.parameters.len(), spec.faults.len(), spec.summary]);
     }
@@ -93,8 +92,7 @@ fn found(word: &str, hits: &[Hit], fluids: Table) -> Document {
     document.table("fluids", fluids);
     if catalogue::is_fluid(word) {
         for (title, keys) in catalogue::fluid_keys(word) {
-            let columns = [("name", "key"), ("default", "default"), ("range", "range")];
-            let mut table = Table::new(columns.into_iter().chain([("summary", "meaning")]));
+            let mut table = Table::of("name:key | default | range | summary:meaning");
             for key in keys {
                 table.push(row![key.name, default(key), range(key), key.summary]);
             }
@@ -113,23 +111,15 @@ fn found(word: &str, hits: &[Hit], fluids: Table) -> Document {
 
 fn component(spec: &Spec) -> Document {
     let mut document = Document::listing("catalog", format!("{}: {}", spec.kind, spec.summary));
-    document.facts(
-        "",
-        [
-            fact("kind", "", spec.kind),
-            fact("summary", "", spec.summary),
-            fact("states", "", Value::list(spec.states.iter().map(|state| state.name))),
-        ],
-    );
+    document.fact("kind", "", spec.kind);
+    document.fact("summary", "", spec.summary);
+    document.fact("states", "", Value::list(spec.states.iter().map(|state| state.name)));
     document
         .push("description", Content::Text(format!("\n{}", prose(spec.kind).trim_end()).into()));
     document.table("ports", ports(spec));
-    let columns = [("name", "parameter"), ("unit", ""), ("default", "default"), ("", "shown as")];
-    let mut parameters = Table::new(columns.into_iter().chain([
-        ("range", ""),
-        ("", "range"),
-        ("summary", "meaning"),
-    ]));
+    let mut parameters = Table::of(
+        "name:parameter | unit: | default | :shown as | range: | :range | summary:meaning",
+    );
     for p in spec.parameters {
         let shown = p.default.map_or_else(|| "".into(), |value| Value::mixed(value, p.unit));
         parameters.push(row![
@@ -143,13 +133,9 @@ fn component(spec: &Spec) -> Document {
         ]);
     }
     document.table("parameters", parameters);
-    let columns = [("name", "fault"), ("category", "category"), ("parameter", "")];
-    let mut faults = Table::new(columns.into_iter().chain([
-        ("law", "parameter at intensity i"),
-        ("full", ""),
-        ("range", ""),
-        ("summary", "meaning"),
-    ]));
+    let mut faults = Table::of(
+        "name:fault | category | parameter: | law:parameter at intensity i | full: | range: | summary:meaning",
+    );
     for f in spec.faults {
         faults.push(row![
             f.name,
@@ -166,9 +152,9 @@ fn component(spec: &Spec) -> Document {
 }
 
 fn ports(spec: &Spec) -> Table {
-    let columns = [("name", "port"), ("", "type"), ("family", ""), ("sets", ""), ("unit", "")];
-    let last = [("range", ""), ("optional", ""), ("summary", "meaning")];
-    let mut table = Table::new(columns.into_iter().chain(last));
+    let mut table = Table::of(
+        "name:port | :type | family: | sets: | unit: | range: | optional: | summary:meaning",
+    );
     for port in spec.ports {
         let unit = match port.kind {
             PortKind::SignalIn { unit, .. } | PortKind::SignalOut { unit } => Some(unit.symbol()),

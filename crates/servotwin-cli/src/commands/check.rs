@@ -9,7 +9,7 @@ use servotwin::kind::FileType;
 use servotwin::plausibility;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::{System, SystemError};
-use servotwin_view::document::{Document, Line, Value, Verdict, fact, line};
+use servotwin_view::document::{Document, Line, Value, Verdict, line};
 use std::path::{Path, PathBuf};
 
 /// Check a system or a study file, and show each mistake at its place.
@@ -64,17 +64,12 @@ fn of_system(system: &System) -> Document {
     let network = system.network();
     let faults: usize = network.components.iter().map(|c| c.component.spec().faults.len()).sum();
     let mut section = Document::section("system", "");
-    section.facts(
-        "",
-        [
-            fact("name", "system", system.name.as_str()),
-            fact("components", "components", network.components.len()),
-            fact("states", "states", system.program.states().len()),
-            fact("faults", "faults", faults),
-            fact("inputs", "inputs", network.inputs.len()),
-            fact("sensors", "sensors", system.sensors.len()),
-        ],
-    );
+    section.fact("name", "system", system.name.as_str());
+    section.fact("components", "components", network.components.len());
+    section.fact("states", "states", system.program.states().len());
+    section.fact("faults", "faults", faults);
+    section.fact("inputs", "inputs", network.inputs.len());
+    section.fact("sensors", "sensors", system.sensors.len());
     section.list("warnings", plausible(system));
     section
 }
@@ -82,18 +77,13 @@ fn of_system(system: &System) -> Document {
 fn of_study(study: &Study) -> Document {
     let scenarios = Scenario::groups(study, |_| true).concat();
     let mut section = Document::section("study", "");
-    section.facts(
-        "",
-        [
-            fact("name", "study", study.name.as_str()),
-            fact("system", "system", study.system.name.as_str()),
-            fact("units", "", Value::list(study.units.iter())),
-            fact("cases", "cases", study.cases.len()),
-            fact("faults", "faults at their intensities", study.faults.len()),
-            fact("sensors", "sensors", study.measured.len()),
-            fact("scenarios", "scenarios", Value::list(scenarios.into_iter().map(Scenario::name))),
-        ],
-    );
+    section.fact("name", "study", study.name.as_str());
+    section.fact("system", "system", study.system.name.as_str());
+    section.fact("units", "", Value::list(study.units.iter()));
+    section.fact("cases", "cases", study.cases.len());
+    section.fact("faults", "faults at their intensities", study.faults.len());
+    section.fact("sensors", "sensors", study.measured.len());
+    section.fact("scenarios", "scenarios", Value::list(scenarios.into_iter().map(Scenario::name)));
     let places = study.warnings().into_iter().zip(study.warnings_in_words());
     let warnings = places.map(|(Diagnostic { line, column, message, .. }, words)| Line {
         text: format!("warning: {words}"),
@@ -114,12 +104,7 @@ fn of_recordings(file: &Path) -> Result<Document, Failure> {
     let study = read_recording_study(file)?;
     let sensors = study.sensors().map_err(|error| Failure::of_recordings(file, error))?.0.len();
     let mut section = Document::section("recordings", "");
-    section.facts(
-        "",
-        [
-            fact("sensors", "sensors or residuals", sensors),
-            fact("window_rows", "rows of a window", study.window_rows()),
-        ],
-    );
+    section.fact("sensors", "sensors or residuals", sensors);
+    section.fact("window_rows", "rows of a window", study.window_rows());
     Ok(section)
 }

@@ -9,7 +9,7 @@ use servotwin::system::System;
 use servotwin::system::listing::fault_table;
 use servotwin::table::csv;
 use servotwin_report::schematic;
-use servotwin_view::document::{Document, Form, Table, Value, fact};
+use servotwin_view::document::{Document, Form, Table, Value};
 use servotwin_view::row;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -68,17 +68,9 @@ fn csv_of_faults(system: &System) -> String {
 
 /// Every fault that the components of a system can have.
 fn faults(system: &System) -> Document {
-    let mut table = Table::new([
-        ("id", "fault"),
-        ("component", ""),
-        ("kind", ""),
-        ("category", "category"),
-        ("parameter", ""),
-        ("unit", ""),
-        ("healthy", "healthy"),
-        ("at_intensity_1", "at intensity 1"),
-        ("summary", "meaning"),
-    ]);
+    let mut table = Table::of(
+        "id:fault | component: | kind: | category | parameter: | unit: | healthy | at_intensity_1 | summary:meaning",
+    );
     let list = system.fault_list();
     for own in &list {
         table.push(row![
@@ -102,25 +94,19 @@ fn faults(system: &System) -> Document {
 fn described(system: &System, rest: &Rest) -> Document {
     let verdict = format!("{}: {}", system.name, system.title);
     let mut document = Document::listing("describe", verdict);
-    document.facts(
-        "",
-        [
-            fact("name", "", system.name.as_str()),
-            fact("title", "", system.title.as_str()),
-            fact("rest_is_found", "", rest.is_found),
-            fact("limit_cycle_measured", "", rest.limit_cycle),
-        ],
-    );
+    document.fact("name", "", system.name.as_str());
+    document.fact("title", "", system.title.as_str());
+    document.fact("rest_is_found", "", rest.is_found);
+    document.fact("limit_cycle_measured", "", rest.limit_cycle);
     components(system, &mut document);
     states(system, rest, &mut document);
-    let mut inputs = Table::new([("id", "input"), ("default", "default"), ("unit", "")]);
+    let mut inputs = Table::of("id:input | default | unit:");
     for input in &system.network().inputs {
         let default = Value::mixed(input.default, input.unit);
         inputs.push(row![input.id.as_str(), default, input.unit.symbol()]);
     }
     document.table("inputs", inputs.captioned("Inputs"));
-    let columns = [("id", "sensor"), ("label", ""), ("signal", "signal"), ("unit", "")];
-    let mut sensors = Table::new(columns.into_iter().chain([("scale", "scale")]));
+    let mut sensors = Table::of("id:sensor | label: | signal | unit: | scale");
     for sensor in &system.sensors {
         let scale = Value::difference(sensor.scale, sensor.unit, 5);
         let (id, label, signal) = (&sensor.id, &sensor.label, &sensor.signal);
@@ -137,7 +123,7 @@ fn components(system: &System, document: &mut Document) {
         let spec = instance.component.spec();
         let title = format!("{} ({}): {}", instance.id, spec.kind, spec.summary);
         let mut own = Document::section(instance.id.clone(), title);
-        let mut table = Table::new([("name", "parameter"), ("unit", ""), ("value", "value")]);
+        let mut table = Table::of("name:parameter | unit: | value");
         for (declared, &value) in spec.parameters.iter().zip(&instance.parameters) {
             table.push(row![
                 declared.name,
@@ -145,14 +131,9 @@ fn components(system: &System, document: &mut Document) {
                 Value::mixed(value, declared.unit)
             ]);
         }
-        own.facts(
-            "",
-            [
-                fact("kind", "", spec.kind),
-                fact("summary", "", spec.summary),
-                fact("faults", "", Value::list(spec.faults.iter().map(|fault| fault.name))),
-            ],
-        );
+        own.fact("kind", "", spec.kind);
+        own.fact("summary", "", spec.summary);
+        own.fact("faults", "", Value::list(spec.faults.iter().map(|fault| fault.name)));
         own.table("parameters", table);
         section.add(own);
     }
@@ -163,8 +144,7 @@ fn components(system: &System, document: &mut Document) {
 const KNOWN: f64 = 1e-12;
 
 fn states(system: &System, rest: &Rest, document: &mut Document) {
-    let columns = [("name", "state"), ("unit", ""), ("rest", "rest"), ("scale", "scale")];
-    let mut table = Table::new(columns);
+    let mut table = Table::of("name:state | unit: | rest | scale");
     for (state, &value) in system.program.states().iter().zip(&rest.states) {
         // A smaller value is only noise of the search for rest.
         let shown = if value.abs() < KNOWN * state.scale { 0.0 } else { value };
@@ -182,8 +162,7 @@ fn states(system: &System, rest: &Rest, document: &mut Document) {
 fn eigenvalues(rest: &Rest, document: &mut Document) {
     let pairs: Vec<[f64; 2]> = rest.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
     document.data("eigenvalues_per_s", &pairs);
-    let heads = ["real 1/s", "imaginary rad/s", "frequency Hz", "damping ratio"];
-    let mut table = Table::headed(heads);
+    let mut table = Table::of(":real 1/s | :imaginary rad/s | :frequency Hz | :damping ratio");
     for value in rest.eigenvalues.iter().filter(|value| value.im >= 0.0) {
         let swings = value.im > 1e-9 * value.abs();
         let only = |number: f64, digits| swings.then(|| Value::digits(number, digits));

@@ -71,13 +71,8 @@ fn described(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> Docu
     let command = line("{command}", [("command", best.command.as_str().into())]);
     let mut document = Document::listing("design", "");
     document.verdict = Some(Verdict::neutral(command));
-    let mut commands = Table::new([
-        ("command", "command"),
-        ("gain_bits", "gain, bits"),
-        ("amplitude", "size"),
-        ("rate", "rate"),
-        ("error_sigmas", ""),
-    ]);
+    let mut commands =
+        Table::of("command | gain_bits:gain, bits | amplitude:size | rate | error_sigmas:");
     for design in found {
         let rate = Value::difference(design.rate, unit, 3);
         let errors: Vec<f64> = (0..problem.unknowns.len()).map(|k| design.known.error(k)).collect();
@@ -90,8 +85,7 @@ fn described(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> Docu
         ]);
     }
     document.table("commands", commands);
-    let columns = [("name", "parameter"), ("error_sigma", "± 1 σ"), ("knowledge", " ")];
-    let mut parameters = Table::new(columns)
+    let mut parameters = Table::of("name:parameter | error_sigma:± 1 σ | knowledge:_")
         .captioned("With the first, errors in parts of the tolerances' standard deviations");
     for (k, unknown) in problem.unknowns.iter().enumerate() {
         let error = best.known.error(k);

@@ -138,9 +138,9 @@ fn described(
             fact("test_h", "tests on the ground", Value::of(test, &hours.test_h)),
         ],
     );
-    let heads = ["top event", "probability, on average", "in the last flight"];
-    let last = ["begins, per flight hour", "minimal cut sets"];
-    let mut table = Table::headed(heads.into_iter().chain(last));
+    let mut table = Table::of(
+        ":top event | :probability, on average | :in the last flight | :begins, per flight hour | :minimal cut sets",
+    );
     for top in tops {
         let orders = top.cut_set_orders.iter().enumerate().filter(|(_, count)| **count > 0);
         let orders = orders.map(|(order, count)| format!("{count} of {} events", order + 1));
@@ -164,7 +164,7 @@ fn described(
 
 /// What contributes most to each top event, and what widens its band.
 fn importances(tops: &[TopNumbers]) -> Table {
-    let mut table = Table::headed(["top event", "share", "event"]);
+    let mut table = Table::of(":top event | :share | :event");
     for top in tops {
         for own in top.importances.iter().take(3) {
             table.push(row![&top.title, Value::percent(own.fussell_vesely, 1), &own.title]);
@@ -188,8 +188,8 @@ fn counted(value: CountedValue) -> Value {
 
 /// How often the function fails, with the hybrid twin and without.
 fn function_rates(function: &FunctionRate, document: &mut Document) {
-    let heads = ["the function fails", "monitoring", "begins, per flight hour", "failed flights"];
-    let mut table = Table::headed(heads);
+    let mut table =
+        Table::of(":the function fails | :monitoring | :begins, per flight hour | :failed flights");
     let mut disagreeing = vec![];
     for own in &function.conditions {
         let (begins, failed) = (counted(own.twin_begins_per_h), counted(own.twin_failed));
@@ -215,7 +215,7 @@ fn function_rates(function: &FunctionRate, document: &mut Document) {
             disagreeing.join("; ")
         ));
     }
-    let mut inputs = Table::headed(["relative change", "input", "evidence"]).captioned(
+    let mut inputs = Table::of(":relative change | :input | :evidence").captioned(
         "Flights with a failed function, per relative change of an input, with the twin",
     );
     for own in function.sensitivities.iter().take(6) {

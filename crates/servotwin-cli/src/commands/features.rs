@@ -12,7 +12,7 @@ use servotwin::study::Study;
 use servotwin::table::Table;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
-use servotwin_view::document::{Document, Table as Rows, Value, Verdict, fact, line};
+use servotwin_view::document::{Document, Table as Rows, Value, Verdict, line};
 use servotwin_view::{render, row};
 use std::path::{Path, PathBuf};
 
@@ -73,8 +73,7 @@ fn list(study: Option<&PathBuf>, global: Global) -> Result<Document, Failure> {
     for family in ALL {
         let mut section = Document::section(family.name(), family.name());
         section.text(family.summary());
-        let columns = [("name", "feature"), ("unit", "unit"), ("meaning", "meaning")];
-        let mut table = Rows::new(columns);
+        let mut table = Rows::of("name:feature | unit | meaning");
         for Feature { name, unit, meaning, .. } in family.features(&sensors) {
             table.push(row![Value::of(format!("`{name}`"), &name), unit, meaning]);
         }
@@ -165,19 +164,11 @@ pub(crate) fn remarks(
     fits: &[NominalFit],
 ) {
     let rows = |count| Value::of(counted(count, "row"), &count);
-    document.facts(
-        "",
-        [
-            fact("left_over_rows", "beyond whole windows, not used", rows(left_over)),
-            fact("incomplete_rows", "without a number of every sensor", rows(incomplete)),
-        ],
+    document.fact("left_over_rows", "beyond whole windows, not used", rows(left_over));
+    document.fact("incomplete_rows", "without a number of every sensor", rows(incomplete));
+    let mut table = Rows::of(
+        "sensor | source:nominal value | rows:healthy rows | deviation:remaining deviation | r2:R²",
     );
-    let columns = [("sensor", "sensor"), ("source", "nominal value")];
-    let mut table = Rows::new(columns.into_iter().chain([
-        ("rows", "healthy rows"),
-        ("deviation", "remaining deviation"),
-        ("r2", "R²"),
-    ]));
     for NominalFit { sensor, source, rows, deviation, r2 } in fits {
         let (how, r2) = match source {
             NominalSource::Column(name) => (format!("the column {name}"), *r2),

@@ -18,7 +18,7 @@ use servotwin::signal::WrittenQuantity;
 use servotwin::study::{Study, StudyError, Tolerance};
 use servotwin::system::System;
 use servotwin_model::spec::Unit;
-use servotwin_view::document::{Document, Table, Value, Verdict, fact, line};
+use servotwin_view::document::{Document, Table, Value, Verdict, line};
 use servotwin_view::row;
 use servotwin_watch::map::Map;
 use servotwin_watch::span::LogSpan;
@@ -166,9 +166,8 @@ fn described(
             false => Verdict::act(sentence),
         },
     );
-    document.facts("", [fact("system", "system", &problem.system.title)]);
-    let mut records =
-        Table::new([("name", "record"), ("duration", "duration"), ("sensors", "sensors")]);
+    document.fact("system", "system", &problem.system.title);
+    let mut records = Table::of("name:record | duration | sensors");
     for record in &problem.records {
         let duration = Value::seconds(record.duration_s(), 4);
         records.push(row![&record.name, duration, record.sensors.len()]);
@@ -190,7 +189,7 @@ fn described(
 
 /// What programs read beside the tables: left out samples, and how the parameters are known together.
 fn evidence(fitted: &FitResults, problem: &Fit, document: &mut Document) {
-    let mut left_out = Table::new(["column", "count", "first", "value"].map(|id| (id, "")));
+    let mut left_out = Table::of("column: | count: | first: | value:");
     for LeftOut { column, count, place, value, .. } in
         problem.records.iter().flat_map(|record| &record.left_out)
     {
@@ -206,32 +205,25 @@ fn evidence(fitted: &FitResults, problem: &Fit, document: &mut Document) {
     let correlations: Vec<Vec<f64>> =
         (0..size).map(|i| (0..size).map(|j| fitted.known.correlation(i, j)).collect()).collect();
     document.data("correlations", &correlations);
-    let mut directions = Table::new(["information", "weights"].map(|id| (id, "")));
+    let mut directions = Table::of("information: | weights:");
     for own in &fitted.known.directions {
         directions.push([Value::of("", &own.information), Value::of("", &own.weights)]);
     }
     document.table("directions", directions);
-    let columns = ["name", "score", "intensity", "onset"];
-    let mut suspects = Table::new(columns.map(|id| (id, "")));
+    let mut suspects = Table::of("name: | score: | intensity: | onset:");
     for own in fitted.suspects.iter().take(5) {
         let onset = onset(own.onset);
         let (score, intensity) = (Value::of("", &own.score), Value::of("", &own.intensity));
         suspects.push([Value::from(&own.name), score, intensity, onset]);
     }
     document.table("suspects", suspects);
-    document.facts("", [fact("steps", "", Value::of("", &fitted.steps))]);
+    document.fact("steps", "", Value::of("", &fitted.steps));
 }
 
 fn parameters(fitted: &FitResults, problem: &Fit) -> Table {
-    let mut table = Table::new([
-        ("name", "parameter"),
-        ("unit", ""),
-        ("nominal", "nominal"),
-        ("value", "fitted"),
-        ("standard_error", "± 1 σ"),
-        ("tolerance_sigma", ""),
-        ("knowledge", " "),
-    ]);
+    let mut table = Table::of(
+        "name:parameter | unit: | nominal | value:fitted | standard_error:± 1 σ | tolerance_sigma: | knowledge:_",
+    );
     for (k, unknown) in problem.unknowns.iter().enumerate() {
         let per_sigma = unknown.per_sigma(unknown.nominal());
         let others = match &unknown.moved {
@@ -255,15 +247,9 @@ fn parameters(fitted: &FitResults, problem: &Fit) -> Table {
 
 /// What is left of each sensor.
 fn residuals(fitted: &FitResults, problem: &Fit) -> Table {
-    let mut table = Table::new([
-        ("record", ""),
-        ("sensor", ""),
-        ("", "residual of"),
-        ("mean_square", "mean square / noise"),
-        ("limit", "limit"),
-        ("largest_mean", "largest mean / σ"),
-        ("largest_mean_at", "at"),
-    ]);
+    let mut table = Table::of(
+        "record: | sensor: | :residual of | mean_square:mean square / noise | limit | largest_mean:largest mean / σ | largest_mean_at:at",
+    );
     for left in &fitted.left {
         let sensor = &problem.system.sensors[left.sensor];
         table.push(row![
@@ -291,14 +277,9 @@ fn intensities(found: &[Diagnosed]) -> Document {
 }
 
 fn likely_faults<'f>(found: impl IntoIterator<Item = &'f Diagnosed>) -> Table {
-    let mut table = Table::new([
-        ("fault", "fault"),
-        ("intensity", "intensity"),
-        ("interval_95", "95 %"),
-        ("onset", "from"),
-        ("log_likelihood", ""),
-        ("probability", "probability"),
-    ]);
+    let mut table = Table::of(
+        "fault | intensity | interval_95:95 % | onset:from | log_likelihood: | probability",
+    );
     for one in found {
         let (low, high) = one.interval;
         let interval = format!("{} … {}", number(low, 3), number(high, 3));

@@ -90,9 +90,7 @@ fn one_share(
     stop::heed();
     let folder = options.study.folder();
     let _hold = folder.join_study(study)?;
-    let columns = [("suite", "suite"), ("scenario", "scenario"), ("first", "first environment")];
-    let last = [("environments", "environments"), ("all", "of")];
-    let mut table = Table::new(columns.into_iter().chain(last));
+    let mut table = Table::of("suite | scenario | first:first environment | environments | all:of");
     for suite in suites {
         for &scenario in scenarios.iter().filter(|&&scenario| suite.is_flown_in(scenario)) {
             let block = with_crew(options.study.threads, global, |crew| {

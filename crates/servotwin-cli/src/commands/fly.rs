@@ -350,12 +350,9 @@ impl Flown<'_> {
 
     /// What the flight was and cost without the diagnosis, and with it.
     fn benefit(&self, onset_s: f64, with: &Cost, without: &Cost) -> Rows {
-        let mut table = Rows::new([
-            ("quantity", "since the onset"),
-            ("unit", ""),
-            ("without", "without the diagnosis"),
-            ("with", "with it"),
-        ]);
+        let mut table = Rows::of(
+            "quantity:since the onset | unit: | without:without the diagnosis | with:with it",
+        );
         let unit = self.unit();
         let shown = |si: f64, unit: Unit| {
             let text = format!("{} {}", number(unit.difference_to_shown(si)), unit.shown());
@@ -396,8 +393,7 @@ impl Flown<'_> {
 
     /// What the diagnosis said, in the order of time.
     fn changes(&self) -> Rows {
-        let columns = [("time", "time"), ("alarm", "alarm"), ("finding", "finding")];
-        let mut table = Rows::new(columns.into_iter().chain([("confidence", "")]));
+        let mut table = Rows::of("time | alarm | finding | confidence:");
         for change in &self.with.changes {
             let finding = self.diagnoser.describe(change.finding);
             let alarm = Value::of(format!("{:?}", change.alarm).to_lowercase(), &change.alarm);
@@ -410,9 +406,8 @@ impl Flown<'_> {
 
     /// What the flight control computer did.
     fn actions(&self, onset_s: f64) -> Rows {
-        let columns = [("time", "time"), ("command", "carried out"), ("unit", " ")];
-        let last = [("after_onset", "after the onset")];
-        let mut table = Rows::new(columns.into_iter().chain(last));
+        let mut table =
+            Rows::of("time | command:carried out | unit:_ | after_onset:after the onset");
         let names = self.diagnoser.names();
         for action in &self.with.actions {
             let unit = names.actuators[action.raised.actuator as usize].as_str();

@@ -190,9 +190,9 @@ impl<'t> FlightVerdict<'t> {
 
     /// The faults and their answers for programs.
     pub(crate) fn table(&self) -> Table {
-        let columns = ["fault", "onset_s", "unit", "command", "detail", "detected_s", "action_s"];
-        let rights = ["is_unit_right", "is_command_right", "is_detail_right"];
-        let mut table = Table::new(columns.into_iter().chain(rights).map(|id| (id, "")));
+        let mut table = Table::of(
+            "fault: | onset_s: | unit: | command: | detail: | detected_s: | action_s: | is_unit_right: | is_command_right: | is_detail_right:",
+        );
         for one in &self.judged {
             let Truth { name, onset_s, actuator, expected } = one.truth;
             let unit = Some(actuator).filter(|actuator| !actuator.is_empty());

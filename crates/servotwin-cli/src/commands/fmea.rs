@@ -11,7 +11,7 @@ use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::FmeaSheet;
 use servotwin_safety::fmea::{self, WeightedCoverage, format, weighted_coverage};
 use servotwin_safety::results::{FOLDER, StudyResultsFolder};
-use servotwin_view::document::{Document, Value, Verdict, fact, line};
+use servotwin_view::document::{Document, Value, Verdict, line};
 use std::path::{Path, PathBuf};
 
 /// Fill an FMEA (failure mode and effects analysis) from the results of a study.
@@ -128,15 +128,14 @@ fn summary(path: &Path, sheet: &FmeaSheet, sources: &FmeaSources) -> Document {
         let text = format!("{:.1} % ({flown} of {rated} rated faults flown)", 100.0 * share);
         Value::number(share, text)
     });
-    document.facts(
-        "",
-        [
-            fact("cells_filled", "cells filled", filled - without_evidence),
-            fact("cells_without_evidence", "without evidence", without_evidence),
-            fact("cells_by_person", "filled in by people", sheet.person_cells()),
-            fact("rows_stale", "rows stale", sheet.stale_rows()),
-            fact("diagnostic_coverage", "diagnostic coverage, weighted by failure rates", coverage),
-        ],
+    document.fact("cells_filled", "cells filled", filled - without_evidence);
+    document.fact("cells_without_evidence", "without evidence", without_evidence);
+    document.fact("cells_by_person", "filled in by people", sheet.person_cells());
+    document.fact("rows_stale", "rows stale", sheet.stale_rows());
+    document.fact(
+        "diagnostic_coverage",
+        "diagnostic coverage, weighted by failure rates",
+        coverage,
     );
     document
 }

@@ -16,7 +16,7 @@ use servotwin::moment;
 use servotwin::shown::number;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
-use servotwin_view::document::{Document, Table as Rows, Value, Verdict, fact, line};
+use servotwin_view::document::{Document, Table as Rows, Value, Verdict, line};
 use servotwin_view::row;
 use servotwin_watch::guard::IntakeError;
 use servotwin_watch::intake;
@@ -135,7 +135,7 @@ impl Run for Options {
             figure(&history, &problem, self.threshold).draw().save(path)?;
         }
         let mut document = described(&history, &problem, self);
-        let mut skipped = Rows::new(["name", "reason"].map(|id| (id, "")));
+        let mut skipped = Rows::of("name: | reason:");
         folder.skipped.into_iter().for_each(|(name, why)| skipped.push(row![name, why]));
         document.table("skipped", skipped);
         Ok(document)
@@ -340,10 +340,8 @@ fn described(history: &History, problem: &Fit, options: &Options) -> Document {
         }
     };
     let mut document = Document::new("history", verdict);
-    document.facts(
-        "",
-        [fact("threshold", "", Value::of("", &threshold)), fact("alarms", "", Value::list(alarms))],
-    );
+    document.fact("threshold", "", Value::of("", &threshold));
+    document.fact("alarms", "", Value::list(alarms));
     for track in &history.tracks {
         for repair in &track.repairs {
             document.text(repaired(repair, track, history));
@@ -358,14 +356,10 @@ fn described(history: &History, problem: &Fit, options: &Options) -> Document {
 
 /// The flights with the intensities of every track.
 fn flights(history: &History, problem: &Fit) -> Rows {
-    let columns = [("flight", "flight"), ("log", "log"), ("is_usable", ""), ("is_healthy", "")];
-    let columns = columns.into_iter().chain([("verdict", " ")]);
-    let columns = columns.map(|(id, head)| (id.to_owned(), head.to_owned()));
-    let names = history
-        .tracks
-        .iter()
-        .map(|track| (format!("intensity:{}", track.name), format!("{} ± 95 %", track.name)));
-    let mut table = Rows::new(columns.chain(names));
+    let mut table = Rows::of("flight | log | is_usable: | is_healthy: | verdict:_");
+    for track in &history.tracks {
+        table.column(format!("intensity:{}", track.name), format!("{} ± 95 %", track.name));
+    }
     for (place, flight) in history.flights.iter().enumerate() {
         let mut row = row![
             place,
@@ -405,13 +399,10 @@ fn drifts(history: &History, problem: &Fit, document: &mut Document) {
 
 /// The tracks and repairs for programs.
 fn tracks(history: &History, threshold: f64, document: &mut Document) {
-    let columns = ["fault", "probability", "flights", "intensities", "errors"];
-    let trend = ["level", "level_error", "rate_per_flight", "rate_error"];
-    let reached = ["flights_to_threshold", "earliest_flights", "latest_flights"];
-    let columns = columns.into_iter().chain(trend).chain(reached);
-    let mut table = Rows::new(columns.map(|id| (id, "")));
-    let columns = ["fault", "flight", "log", "fall", "is_confirmed"];
-    let mut repairs = Rows::new(columns.map(|id| (id, "")));
+    let mut table = Rows::of(
+        "fault: | probability: | flights: | intensities: | errors: | level: | level_error: | rate_per_flight: | rate_error: | flights_to_threshold: | earliest_flights: | latest_flights:",
+    );
+    let mut repairs = Rows::of("fault: | flight: | log: | fall: | is_confirmed:");
     for track in &history.tracks {
         let each = |of: fn(&Point) -> f64| {
             Value::of("", &track.points.iter().map(of).collect::<Vec<f64>>())

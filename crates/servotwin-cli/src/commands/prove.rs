@@ -123,8 +123,7 @@ fn described(certificate: &Certificate) -> Document {
         },
     );
     document.list("differences", certificate.differences.iter().map(ToString::to_string));
-    let columns = [("command", "build"), ("verdict", " "), ("leaves_not_reached", "not reached")];
-    let mut builds = Table::new(columns);
+    let mut builds = Table::of("command:build | verdict:_ | leaves_not_reached:not reached");
     for build in &certificate.builds {
         let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
         builds.push(row![&build.command, verdict, build.leaves_not_reached]);

@@ -96,8 +96,7 @@ fn of_novelty(novelty: &NoveltyResult) -> Line {
 
 /// The windows of every class, and how many of them each classifier answers right.
 fn classes(targets: &[TargetResult]) -> Table {
-    let columns = [("target", "target"), ("class", "class"), ("by", "by"), ("right", "right")];
-    let mut table = Table::new(columns);
+    let mut table = Table::of("target | class | by | right");
     for target in targets {
         for (class, name) in target.score.classes.iter().enumerate() {
             let counts = &target.score.confusion[class];
@@ -110,8 +109,7 @@ fn classes(targets: &[TargetResult]) -> Table {
 
 /// The novelty of every group in its order.
 fn groups(novelty: &NoveltyResult) -> Table {
-    let columns = [("group", "group"), ("state", " "), ("unlike", "unlike")];
-    let mut table = Table::new(columns.into_iter().chain([("mean_distance", "mean distance")]));
+    let mut table = Table::of("group | state:_ | unlike | mean_distance");
     for group in &novelty.groups {
         let state = match (group.is_healthy, group.is_learned) {
             (_, true) => "healthy, learned",
@@ -148,9 +146,10 @@ pub(crate) fn watch(log: &Path, model: &Path, global: Global) -> Result<Document
     });
     let lines: Vec<String> = lines.collect();
     document.list("answers", lines);
-    let columns = ["first_row", "rows", "distance"].map(String::from);
-    let targets = answers.targets.iter().map(|(column, _)| format!("answer:{column}"));
-    let mut windows = Table::new(columns.into_iter().chain(targets).map(|id| (id, "")));
+    let mut windows = Table::of("first_row: | rows: | distance:");
+    for (column, _) in &answers.targets {
+        windows.column(format!("answer:{column}"), "");
+    }
     for (place, start) in starts.iter().enumerate() {
         let distance = answers.distances.as_ref().map(|distances| distances[place]);
         let mut row = row![start + 1, rows, Value::of("", &distance)];

@@ -25,11 +25,11 @@ pub(super) fn run(options: &Options, global: Global) -> Result<Document, Failure
         Some(_) => folder.join_study(&study)?,
         None => place.keep(&study, global)?,
     };
-    let columns =
-        ["scenarios", "training", "variants", "resumed", "steps", "rejected", "jacobians"];
-    let more = ["unsettled", "on_the_move"];
-    let mut table = Table::new(columns.into_iter().chain(more).map(|id| (id, "")));
-    let (mut lines, mut failed) = (vec![], Table::new(FAILED));
+    let mut table = Table::of(
+        "scenarios: | training: | variants: | resumed: | steps: | rejected: | jacobians: | unsettled: | on_the_move:",
+    );
+    let (mut lines, mut failed) =
+        (vec![], Table::of("scenario | variant | reason:not simulated to the end"));
     let mut parts = 0;
     for (purpose, scenarios) in runs {
         let begin = Instant::now();
@@ -65,10 +65,6 @@ pub(super) fn run(options: &Options, global: Global) -> Result<Document, Failure
     document.table("failed", failed);
     Ok(document)
 }
-
-/// The columns of variants that failed.
-const FAILED: [(&str, &str); 3] =
-    [("scenario", "scenario"), ("variant", "variant"), ("reason", "not simulated to the end")];
 
 /// The campaigns of a study in a named scenario, or in the usual ones.
 fn chosen(

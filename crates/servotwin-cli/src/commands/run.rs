@@ -68,7 +68,7 @@ fn flight(
         document.text(format!("with a target of {target} false alarms per hour: {answer}"));
     }
     let columns = outcome::table(&[]);
-    let mut details = Table::new([("", "column"), ("", "value"), ("", "meaning")]);
+    let mut details = Table::of(":column | :value | :meaning");
     for row in &flown {
         let fields = serde_json::json!(row);
         for column in columns.columns() {
@@ -151,7 +151,7 @@ fn record(
         Some(explanation) => {
             let mut document = explained(&explanation, &Vocabulary::of(study));
             let title = Value::of(subject.title(study), &subject.name());
-            document.facts("", [fact("scenario", "scenario", title)]);
+            document.fact("scenario", "scenario", title);
             Ok(document)
         }
         None => {
@@ -165,19 +165,14 @@ fn explained(explanation: &Explanation, words: &Vocabulary) -> Document {
     let Explanation { variant, case, fault, intensity, largest_residual, .. } = explanation;
     let mut document =
         Document::new("run", Verdict::neutral(together(&explanation.verdict, words)));
-    document.facts(
-        "",
-        [
-            fact("variant", "variant", *variant),
-            fact("fault", "fault", fault),
-            fact("intensity", "intensity", Value::number(*intensity, intensity.to_string())),
-            fact("case", "case", case),
-            fact(
-                "largest_residual",
-                "largest residual",
-                Value::number(*largest_residual, percent(Some(*largest_residual))),
-            ),
-        ],
+    document.fact("variant", "variant", *variant);
+    document.fact("fault", "fault", fault);
+    document.fact("intensity", "intensity", Value::number(*intensity, intensity.to_string()));
+    document.fact("case", "case", case);
+    document.fact(
+        "largest_residual",
+        "largest residual",
+        Value::number(*largest_residual, percent(Some(*largest_residual))),
     );
     if !explanation.failure.is_empty() {
         document.note(format!("not simulated to the end: {}", explanation.failure));
@@ -223,8 +218,7 @@ fn stage(answer: &ExplainedAnswer, words: &Vocabulary, document: &mut Document) 
         spoken(&answer.said),
         sure.unwrap_or_default()
     ));
-    let columns = [("", "feature"), ("", "value"), ("", " "), ("", "threshold"), ("", "meaning")];
-    let mut table = Table::new(columns);
+    let mut table = Table::of(":feature | :value | :_ | :threshold | :meaning");
     for step in &answer.steps {
         let number = |value| Value::number(value, of_unit(value, &step.unit));
         let sign = if step.above { ">" } else { "≤" };

@@ -20,7 +20,7 @@ use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Method, Statistics};
 use servotwin_model::spec::Unit;
-use servotwin_view::document::{Content, Document, Table, Value, Verdict, fact, line};
+use servotwin_view::document::{Content, Document, Table, Value, Verdict, line};
 use servotwin_view::row;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -164,8 +164,7 @@ fn caveats(document: &mut Document, results: &SimulationResults) {
             "no rest was found at the inputs of time zero{why}: the run begins on the move"
         ));
     }
-    let columns = ["run", "name", "first_s", "duration_s", "extreme", "limit"];
-    let mut table = Table::new(columns.map(|id| (id, "")));
+    let mut table = Table::of("run: | name: | first_s: | duration_s: | extreme: | limit:");
     for (place, run) in results.runs.iter().enumerate() {
         let which = match results.runs.len() {
             1 => String::new(),
@@ -412,16 +411,11 @@ impl<'s> Plan<'s> {
         ];
         let text = format!("{}: {{samples}} samples of {{duration}}", system.title);
         let mut document = Document::new("simulate", Verdict::neutral(line(&text, values)));
-        document.facts(
-            "",
-            [
-                fact("system", "", system.name.as_str()),
-                fact("samples", "", results.times_s.len()),
-                fact("duration", "", Value::seconds(self.duration_s, 5)),
-                fact("sample_period", "", Value::seconds(self.period_s, 5)),
-                fact("method", "", self.method.name()),
-            ],
-        );
+        document.fact("system", "", system.name.as_str());
+        document.fact("samples", "", results.times_s.len());
+        document.fact("duration", "", Value::seconds(self.duration_s, 5));
+        document.fact("sample_period", "", Value::seconds(self.period_s, 5));
+        document.fact("method", "", self.method.name());
         self.settings(&mut document);
         document.table("recorded", recorded(results));
         let mut sum = Statistics::default();
@@ -439,34 +433,27 @@ impl<'s> Plan<'s> {
         document.push("solver", Content::Text(steps));
         caveats(&mut document, results);
         let runs = &results.runs;
-        document.facts(
-            "",
-            [
-                fact("starts_at_rest", "", runs.iter().all(RunResult::starts_at_steady_state)),
-                fact("limit_cycle_measured", "", runs.iter().any(RunResult::has_limit_cycle)),
-            ],
-        );
+        document.fact("starts_at_rest", "", runs.iter().all(RunResult::starts_at_steady_state));
+        document.fact("limit_cycle_measured", "", runs.iter().any(RunResult::has_limit_cycle));
         document
     }
 
     /// What the user chose: inputs, parameters and faults.
     fn settings(&self, document: &mut Document) {
-        let columns = [("id", "input"), ("signal", "signal"), ("unit", ""), ("rms", "rms")];
-        let mut inputs = Table::new(columns);
+        let mut inputs = Table::of("id:input | signal | unit: | rms");
         for (place, signal, rms) in self.driven() {
             let input = &self.system.network().inputs[place];
             let rms = Value::mixed(rms, input.unit);
             inputs.push(row![&input.id, signal, input.unit.symbol(), rms]);
         }
         document.table("inputs", inputs);
-        let mut set = Table::new([("id", "parameter"), ("unit", ""), ("value", "value")]);
+        let mut set = Table::of("id:parameter | unit: | value");
         for &(component, parameter, value) in &self.prepared.base.parameters {
             let (id, unit) = self.parameter(component, parameter);
             set.push(row![id, unit.symbol(), Value::mixed(value, unit)]);
         }
         document.table("set", set);
-        let mut faults =
-            Table::new([("id", "fault"), ("intensity", "intensity"), ("from", "from")]);
+        let mut faults = Table::of("id:fault | intensity | from");
         let base = &self.prepared.base;
         for (fault, at_s) in base.faults.iter().zip(&base.onsets_s) {
             let intensity = Value::number(fault.intensity, fault.intensity.to_string());
@@ -478,12 +465,13 @@ impl<'s> Plan<'s> {
 
 /// The recorded quantities of all runs: initial, smallest, largest and final value.
 fn recorded(results: &SimulationResults) -> Table {
-    let columns = [("name", ""), ("", "quantity"), ("unit", "")];
-    let swept = results.sweep.as_ref().map(|sweep| ("value".into(), sweep.id.clone()));
-    let values = [("start", "start"), ("min", "least"), ("max", "most"), ("end", "end")];
-    let own = |(id, head): (&str, &str)| (id.to_owned(), head.to_owned());
-    let columns = columns.into_iter().map(own).chain(swept);
-    let mut table = Table::new(columns.chain(values.into_iter().map(own)));
+    let mut table = Table::of("name: | :quantity | unit:");
+    if let Some(sweep) = &results.sweep {
+        table.column("value", sweep.id.clone());
+    }
+    for (id, heading) in [("start", "start"), ("min", "least"), ("max", "most"), ("end", "end")] {
+        table.column(id, heading);
+    }
     for (place, one) in results.recorded.iter().enumerate() {
         for (run, result) in results.runs.iter().enumerate() {
             let [start, least, most, end] = extremes(&result.values[place]);

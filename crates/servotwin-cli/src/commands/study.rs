@@ -10,7 +10,7 @@ use servotwin::campaign::Share;
 use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
 use servotwin::study::suites::{FLIGHTS, MAX_ENVIRONMENTS, RECORDS};
 use servotwin::study::{Scenario, Study};
-use servotwin_view::document::{Document, fact};
+use servotwin_view::document::Document;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -112,14 +112,9 @@ fn whole(options: &Options, global: Global) -> Result<Document, Failure> {
     let results = results?;
     servotwin_report::write(results.folder(), &study)?;
     let mut document = summary::document(&results.evaluation, &study);
-    document.facts(
-        "",
-        [
-            fact("report", "report", &results.folder().report()),
-            fact("evaluation", "", &run.folder.results()),
-            fact("manifest", "", &run.folder.manifest()),
-        ],
-    );
+    document.fact("report", "report", &results.folder().report());
+    document.fact("evaluation", "", &run.folder.results());
+    document.fact("manifest", "", &run.folder.manifest());
     if !study.is_full {
         document.note(MORE);
     }

@@ -14,10 +14,10 @@ pub(crate) fn document(results: &Results, study: &Study) -> Document {
     let mut document = Document::new("study", Verdict::neutral(brief(results, study)));
     let judged = scenarios.last().and_then(|result| result.evaluation.headline());
     judged.iter().for_each(|judged| _ = document.text(judged.title.as_str()));
-    let columns = [("measure", " "), ("by", "by")].map(|(id, head)| (id.into(), head.into()));
-    let names = scenarios.iter().map(|result| result.subject.name());
-    let columns = columns.into_iter().chain(names.map(|name| (name.to_owned(), name.to_owned())));
-    let mut table = Table::new(columns);
+    let mut table = Table::of("measure:_ | by");
+    for name in scenarios.iter().map(|result| result.subject.name()) {
+        table.column(name, name);
+    }
     let mut last = String::new();
     for row in lines::headline(&scenarios, &Vocabulary::of(study)) {
         let shown = if row.title == last { "" } else { row.title.as_str() };

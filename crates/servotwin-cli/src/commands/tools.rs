@@ -9,7 +9,7 @@ use servotwin::compiled::cache::{self, VARIABLE};
 use servotwin::files::FileError;
 use servotwin::nearest::nearest;
 use servotwin::schema;
-use servotwin_view::document::{Document, Value, Verdict, fact, line};
+use servotwin_view::document::{Document, Value, Verdict, line};
 
 /// Cache of compiled equations, schemas for editors, shell completions and manual pages.
 #[derive(clap::Args)]
@@ -81,7 +81,7 @@ fn cache(is_cleared: bool) -> Result<Document, Failure> {
         let text =
             format!("there is no cache: {VARIABLE} is empty, or no folder for caches is known");
         let mut document = Document::listing("cache", text);
-        document.facts("", [fact("folder", "", None::<&str>)]);
+        document.fact("folder", "", None::<&str>);
         return Ok(document);
     };
     let failed = |cause| FileError::from_io(&folder, cause);

@@ -15,7 +15,7 @@ use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
-use servotwin_view::document::{Content, Document, Form, Value, Verdict, fact, line};
+use servotwin_view::document::{Content, Document, Form, Value, Verdict, line};
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::guard::{self, accepted_ranges, needed};
 use servotwin_watch::map::{Map, Trust, guess};
@@ -359,17 +359,12 @@ fn make_map(
         values,
     );
     let mut document = Document::new("make-map", Verdict::good(verdict));
-    document.facts(
-        "",
-        [
-            fact("time", "", Value::of("", &guess.time)),
-            fact("sensors_lacking", "", Value::of("", &guess.sensors)),
-            fact("inputs_lacking", "", Value::of("", &guess.inputs)),
-            fact("units_assumed", "", Value::of("", &guess.assumed)),
-            fact("likely", "", Value::of("", &guess.likely)),
-            fact("doubts", "", Value::of("", &guess.doubts)),
-            fact("columns_unused", "", Value::of("", &guess.unused)),
-        ],
-    );
+    document.fact("time", "", Value::of("", &guess.time));
+    document.fact("sensors_lacking", "", Value::of("", &guess.sensors));
+    document.fact("inputs_lacking", "", Value::of("", &guess.inputs));
+    document.fact("units_assumed", "", Value::of("", &guess.assumed));
+    document.fact("likely", "", Value::of("", &guess.likely));
+    document.fact("doubts", "", Value::of("", &guess.doubts));
+    document.fact("columns_unused", "", Value::of("", &guess.unused));
     Ok(document)
 }

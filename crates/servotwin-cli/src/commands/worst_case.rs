@@ -135,9 +135,9 @@ fn described(options: &Options, summaries: &[ObjectiveSummary]) -> Document {
     );
     let mut document = Document::new("worst-case", Verdict::neutral(verdict));
     document.list("shutdowns_of_healthy_actuators", wrong);
-    let heads = ["objective", "by", "flights", "not finished", "errors", "first error"];
-    let heads = heads.into_iter().chain(["smallest margin"]);
-    let mut table = Table::headed(heads);
+    let mut table = Table::of(
+        ":objective | :by | :flights | :not finished | :errors | :first error | :smallest margin",
+    );
     for ObjectiveSummary { objective, search, random, .. } in summaries {
         for (name, own) in [("search", search), ("random flights", random)] {
             let smallest = own.smallest_margin.map(|margin| Value::digits(margin, 3));

@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use servotwin::files;
 use servotwin::moment;
 use servotwin::sanitize;
-use servotwin_view::document::{Document, Table, Value, fact};
+use servotwin_view::document::{Document, Table, Value};
 use servotwin_view::row;
 use servotwin_watch::DiagnosisState;
 use servotwin_watch::checkpoint::Checkpoint;
@@ -287,18 +287,13 @@ impl Totals {
         let judged = counts.judged;
         document
             .text(format!("{frames} {counted}s became {samples} samples, {judged} of them judged"));
-        document.facts(
-            "",
-            [
-                fact("frames", "", frames),
-                fact("samples", "", samples),
-                fact("judged", "", judged),
-                fact("missing", "", Value::of("", &missing)),
-                fact("unsent", "", Value::of("", &unsent)),
-                fact("failed", "", Value::of("", &failed)),
-                fact("silences", "", Value::of("", silences)),
-            ],
-        );
+        document.fact("frames", "", frames);
+        document.fact("samples", "", samples);
+        document.fact("judged", "", judged);
+        document.fact("missing", "", Value::of("", &missing));
+        document.fact("unsent", "", Value::of("", &unsent));
+        document.fact("failed", "", Value::of("", &failed));
+        document.fact("silences", "", Value::of("", silences));
         if let Some(lost) = guard::lost_in_words(map, counts) {
             document.text(lost);
         }
@@ -314,8 +309,7 @@ impl Totals {
                 document.text(format!("{sink} failed: {}", without_name(sink, reason)));
             }
         }
-        let columns = [("count", "how often"), ("kind", "what was met"), ("first", "first")];
-        let mut met = Table::new(columns);
+        let mut met = Table::of("count:how often | kind:what was met | first");
         for (kind, tally) in counts.met() {
             let (name, words) = kind.words();
             met.push(row![tally.count, Value::of(words, &name), counts.place(tally)]);
