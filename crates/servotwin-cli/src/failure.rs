@@ -157,36 +157,139 @@ impl Failure {
     }
 }
 
-/// Failures with the message of their error.
+/// The failure of each error.
 macro_rules! failures {
-    ($($error:ty: $code:expr;)*) => {$(
+    ($($error:ty: |$name:ident| $failure:expr;)*) => {$(
         impl From<$error> for Failure {
-            fn from(error: $error) -> Self {
-                let code: fn(&$error) -> u8 = $code;
-                Failure::new(code(&error), error)
+            fn from($name: $error) -> Self {
+                $failure
             }
         }
     )*};
 }
 
 failures! {
-    RestError: |_| FAILED;
-    TableError: of_table;
-    FileError: of_file;
+    RestError: |error| Failure::work(error);
+    RuntimeError: |error| Failure::work(error);
+    RewriteError: |error| Failure::input(error);
+    TableError: |error| Failure::new(of_table(&error), error);
+    FileError: |error| Failure::new(of_file(&error), error);
     FigureError: |error| match error {
-        FigureError::UnknownFormat { .. } => USAGE,
-        _ => FAILED,
+        FigureError::UnknownFormat { .. } => Failure::usage(error),
+        _ => Failure::work(error),
     };
-    RuntimeError: |_| FAILED;
-    RewriteError: |_| INPUT;
     ExportError: |error| match error {
-        ExportError::FolderInUse(_) | ExportError::Damaged { .. } => USAGE,
-        ExportError::File(error) => of_file(error),
+        ExportError::File(error) => error.into(),
+        ExportError::FolderInUse(_) | ExportError::Damaged { .. } => Failure::usage(error),
         ExportError::NoExport(_)
         | ExportError::Classifier { .. }
         | ExportError::TooMany { .. }
-        | ExportError::Unsupported(_) => INPUT,
-        _ => FAILED,
+        | ExportError::Unsupported(_) => Failure::input(error),
+        _ => Failure::work(error),
+    };
+    UnknownName: |name| {
+        let list = match name.is_long() {
+            true => "; 'servotwin describe' and 'servotwin describe --faults' list them",
+            false => "",
+        };
+        Failure::usage(format!("{name}{list}"))
+    };
+    SystemError: |error| match &error {
+        SystemError::Mistakes { mistakes, .. } => Failure::of_mistakes(&error, mistakes),
+        SystemError::File(error) => Failure::input(error),
+    };
+    StudyError: |error| match error {
+        StudyError::System(error) => error.into(),
+        StudyError::File(error) => Failure::input(error),
+        StudyError::Mistakes { ref mistakes, .. } => Failure::of_mistakes(&error, mistakes),
+    };
+    MapError: |error| Failure::of_mistakes(&error, &[]);
+    CampaignError: |error| match &error {
+        CampaignError::Cancelled => Failure::stopped(),
+        // The study lacks a section that the named scenario needs.
+        CampaignError::NoSection { .. } => Failure::usage(error),
+        CampaignError::Unfinished { damaged: Some(_), .. }
+        | CampaignError::File(FileError::Altered { .. })
+        | CampaignError::Table(TableError::File(FileError::Altered { .. })) => {
+            Failure::input(error)
+        }
+        _ => Failure::work(error),
+    };
+    FitError: |error| match error {
+        FitError::Cancelled => Failure::stopped(),
+        FitError::Record { .. } => Failure::input(error),
+        error => Failure::work(error),
+    };
+    EvaluationError: |error| match &error {
+        EvaluationError::Cancelled => Failure::stopped(),
+        EvaluationError::File(own) => Failure::new(of_file(own), error),
+        EvaluationError::Table(own) => Failure::new(of_table(own), error),
+        _ => Failure::input(error),
+    };
+    JobError: |error| match error {
+        JobError::Evaluation(error) => error.into(),
+        JobError::Campaign(error) => error.into(),
+        JobError::File(FileError::Altered { .. }) => Failure::input(error),
+        JobError::File(_) | JobError::Busy { .. } => Failure::work(error),
+        JobError::OtherResults { .. } => {
+            Failure::usage(format!("{error} (--out), or --replace removes them"))
+        }
+        JobError::NoFlights | JobError::NoRun { .. } => Failure::usage(error),
+        JobError::Study(error) => (*error).into(),
+        JobError::NoDataSet { ref folder } => {
+            let folder = folder.display();
+            Failure::input(format!(
+                "{error}; 'servotwin study --suite records --out {folder}' makes it"
+            ))
+        }
+        error => Failure::input(error),
+    };
+    SafetyError: |error| match error {
+        SafetyError::Cancelled
+        | SafetyError::Search(SearchError::Campaign(CampaignError::Cancelled)) => {
+            Failure::stopped()
+        }
+        SafetyError::Job(error) => error.into(),
+        SafetyError::File(error) => error.into(),
+        SafetyError::Table(error) => error.into(),
+        SafetyError::Hours { .. }
+        | SafetyError::SheetFormat { .. }
+        | SafetyError::Feature { .. }
+        | SafetyError::NoSensor { .. }
+        | SafetyError::TooManySensors { .. }
+        | SafetyError::FindingLine { .. }
+        | SafetyError::NoScenario { .. }
+        | SafetyError::NoFlights { .. } => Failure::usage(error),
+        SafetyError::NotReproduced { .. } => Failure::work(error),
+        error => Failure::input(error),
+    };
+    WatchError: |error| match error {
+        WatchError::Source(error) => error.into(),
+        WatchError::Checkpoint(error) => error.into(),
+        WatchError::Sink(error) => error.into(),
+    };
+    SourceError: |error| match &error {
+        SourceError::Cut(CutError::NoTime { .. }) => Failure::usage(format!("--{error}")),
+        SourceError::Cut(_) => Failure::input(format!("{error} (--from, --to)")),
+        SourceError::Address { .. } | SourceError::Feature { .. } => Failure::usage(error),
+        SourceError::Connection { .. } => Failure::work(error),
+        _ => Failure::input(error),
+    };
+    SinkError: |error| Failure::work(error);
+    CheckpointError: |error| match &error {
+        CheckpointError::File(_) => Failure::work(error),
+        CheckpointError::Content { .. } | CheckpointError::Damaged { .. } => {
+            Failure::input(format!("{error}; begin anew without --resume"))
+        }
+        _ => Failure::input(error),
+    };
+}
+
+#[cfg(feature = "serve")]
+failures! {
+    servotwin_serve::ServeError: |error| match error {
+        servotwin_serve::ServeError::Session(_) => Failure::input(error),
+        error => Failure::work(error),
     };
 }
 
@@ -207,174 +310,5 @@ fn of_table(error: &TableError) -> u8 {
         TableError::UnknownFormat { .. } => USAGE,
         TableError::File(error) => of_file(error),
         _ => INPUT,
-    }
-}
-
-impl From<UnknownName> for Failure {
-    fn from(name: UnknownName) -> Self {
-        let list = match name.is_long() {
-            true => "; 'servotwin describe' and 'servotwin describe --faults' list them",
-            false => "",
-        };
-        Failure::usage(format!("{name}{list}"))
-    }
-}
-
-impl From<SystemError> for Failure {
-    fn from(error: SystemError) -> Self {
-        match &error {
-            SystemError::Mistakes { mistakes, .. } => Failure::of_mistakes(&error, mistakes),
-            SystemError::File(error) => Failure::input(error),
-        }
-    }
-}
-
-impl From<StudyError> for Failure {
-    fn from(error: StudyError) -> Self {
-        match error {
-            StudyError::System(error) => error.into(),
-            StudyError::File(error) => Failure::input(error),
-            StudyError::Mistakes { ref mistakes, .. } => Failure::of_mistakes(&error, mistakes),
-        }
-    }
-}
-
-impl From<MapError> for Failure {
-    fn from(error: MapError) -> Self {
-        Failure::of_mistakes(&error, &[])
-    }
-}
-
-impl From<CampaignError> for Failure {
-    fn from(error: CampaignError) -> Self {
-        match &error {
-            CampaignError::Cancelled => Failure::stopped(),
-            // The study lacks a section that the named scenario needs.
-            CampaignError::NoSection { .. } => Failure::usage(error),
-            CampaignError::Unfinished { damaged: Some(_), .. }
-            | CampaignError::File(FileError::Altered { .. })
-            | CampaignError::Table(TableError::File(FileError::Altered { .. })) => {
-                Failure::input(error)
-            }
-            _ => Failure::work(error),
-        }
-    }
-}
-
-impl From<FitError> for Failure {
-    fn from(error: FitError) -> Self {
-        match error {
-            FitError::Cancelled => Failure::stopped(),
-            FitError::Record { .. } => Failure::input(error),
-            error => Failure::work(error),
-        }
-    }
-}
-
-impl From<EvaluationError> for Failure {
-    fn from(error: EvaluationError) -> Self {
-        match &error {
-            EvaluationError::Cancelled => Failure::stopped(),
-            EvaluationError::File(own) => Failure::new(of_file(own), error),
-            EvaluationError::Table(own) => Failure::new(of_table(own), error),
-            _ => Failure::input(error),
-        }
-    }
-}
-
-impl From<JobError> for Failure {
-    fn from(error: JobError) -> Self {
-        match error {
-            JobError::Evaluation(error) => error.into(),
-            JobError::Campaign(error) => error.into(),
-            JobError::File(FileError::Altered { .. }) => Failure::input(error),
-            JobError::File(_) | JobError::Busy { .. } => Failure::work(error),
-            JobError::OtherResults { .. } => {
-                Failure::usage(format!("{error} (--out), or --replace removes them"))
-            }
-            JobError::NoFlights | JobError::NoRun { .. } => Failure::usage(error),
-            JobError::Study(error) => (*error).into(),
-            JobError::NoDataSet { ref folder } => {
-                let folder = folder.display();
-                Failure::input(format!(
-                    "{error}; 'servotwin study --suite records --out {folder}' makes it"
-                ))
-            }
-            error => Failure::input(error),
-        }
-    }
-}
-
-impl From<SafetyError> for Failure {
-    fn from(error: SafetyError) -> Self {
-        match error {
-            SafetyError::Cancelled
-            | SafetyError::Search(SearchError::Campaign(CampaignError::Cancelled)) => {
-                Failure::stopped()
-            }
-            SafetyError::Job(error) => error.into(),
-            SafetyError::File(error) => error.into(),
-            SafetyError::Table(error) => error.into(),
-            SafetyError::Hours { .. }
-            | SafetyError::SheetFormat { .. }
-            | SafetyError::Feature { .. }
-            | SafetyError::NoSensor { .. }
-            | SafetyError::TooManySensors { .. }
-            | SafetyError::FindingLine { .. }
-            | SafetyError::NoScenario { .. }
-            | SafetyError::NoFlights { .. } => Failure::usage(error),
-            SafetyError::NotReproduced { .. } => Failure::work(error),
-            error => Failure::input(error),
-        }
-    }
-}
-
-impl From<WatchError> for Failure {
-    fn from(error: WatchError) -> Self {
-        match error {
-            WatchError::Source(error) => error.into(),
-            WatchError::Checkpoint(error) => error.into(),
-            WatchError::Sink(error) => error.into(),
-        }
-    }
-}
-
-impl From<SourceError> for Failure {
-    fn from(error: SourceError) -> Self {
-        match &error {
-            SourceError::Cut(CutError::NoTime { .. }) => Failure::usage(format!("--{error}")),
-            SourceError::Cut(_) => Failure::input(format!("{error} (--from, --to)")),
-            SourceError::Address { .. } | SourceError::Feature { .. } => Failure::usage(error),
-            SourceError::Connection { .. } => Failure::work(error),
-            _ => Failure::input(error),
-        }
-    }
-}
-
-impl From<SinkError> for Failure {
-    fn from(error: SinkError) -> Self {
-        Failure::work(error)
-    }
-}
-
-impl From<CheckpointError> for Failure {
-    fn from(error: CheckpointError) -> Self {
-        match &error {
-            CheckpointError::File(_) => Failure::work(error),
-            CheckpointError::Content { .. } | CheckpointError::Damaged { .. } => {
-                Failure::input(format!("{error}; begin anew without --resume"))
-            }
-            _ => Failure::input(error),
-        }
-    }
-}
-
-#[cfg(feature = "serve")]
-impl From<servotwin_serve::ServeError> for Failure {
-    fn from(error: servotwin_serve::ServeError) -> Self {
-        match error {
-            servotwin_serve::ServeError::Session(_) => Failure::input(error),
-            error => Failure::work(error),
-        }
     }
 }

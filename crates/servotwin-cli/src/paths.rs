@@ -156,37 +156,21 @@ impl fmt::Display for Named {
 fn are_one(one: &Path, other: &Path) -> bool {
     match (fs::metadata(one), fs::metadata(other)) {
         (Ok(own), Ok(others)) => {
-            own.is_file() && others.is_file() && (is_same_file(&own, &others) || leads(one, other))
+            own.is_file()
+                && others.is_file()
+                && same_file::is_same_file(one, other).unwrap_or(false)
         }
-        (Err(_), Err(_)) => leads(one, other),
+        (Err(_), Err(_)) => resolved(one) == resolved(other),
         _ => false,
     }
 }
 
-/// Whether two paths are the same after links are resolved.
-fn leads(one: &Path, other: &Path) -> bool {
-    match (resolved(one), resolved(other)) {
-        (Some(one), Some(other)) => one == other,
-        _ => one == other,
-    }
-}
-
-/// Resolves the links of a path. If the file does not exist yet, those of its folder are resolved.
-fn resolved(path: &Path) -> Option<PathBuf> {
+/// Resolves the links of a path to a file that does not exist yet, and those of its folder.
+fn resolved(path: &Path) -> PathBuf {
     let path = resolve_links(path);
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let folder = fs::canonicalize(folder.unwrap_or(Path::new("."))).ok()?;
-    Some(folder.join(path.file_name()?))
-}
-
-/// Whether both are the same file, perhaps through hard links.
-#[cfg(unix)]
-fn is_same_file(one: &fs::Metadata, other: &fs::Metadata) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    (one.dev(), one.ino()) == (other.dev(), other.ino())
-}
-
-#[cfg(not(unix))]
-fn is_same_file(_: &fs::Metadata, _: &fs::Metadata) -> bool {
-    false
+    match (fs::canonicalize(folder.unwrap_or(Path::new("."))), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path,
+    }
 }

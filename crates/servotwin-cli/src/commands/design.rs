@@ -1,10 +1,10 @@
 //! `servotwin fit --design`: finds the command that determines the parameters best.
 
+use super::{POSITIVE, quantity};
 use crate::failure::Failure;
 use servotwin::fit::Fit;
 use servotwin::fit::design::{self, Design, Rig};
 use servotwin::shown::number;
-use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};
@@ -38,15 +38,15 @@ pub(crate) fn run(
         // Other rates have no unit here and are plain numbers.
         _ => Unit::None,
     };
+    let positive = |option, text, unit| quantity(option, text, unit, POSITIVE, "greater than 0");
     let limits = design::Limits {
         amplitude: positive("--amplitude", &limits.amplitude, unit)?,
         rate: positive("--rate", &limits.rate, rate)?,
-        duration_s: positive("--duration", &limits.duration, Unit::Second)?,
+        duration_s: {
+            let range = "5 s to 3600 s";
+            quantity("--duration", &limits.duration, Unit::Second, 5.0..=3600.0, range)?
+        },
     };
-    if !(5.0..=3600.0).contains(&limits.duration_s) {
-        let given = format!("{} s", limits.duration_s);
-        return Err(Failure::out_of_range("--duration", given, "5 s to 3600 s"));
-    }
     let rig = Rig {
         input: study.command_input,
         sensors: study.measured[..study.base_sensors()].to_vec(),
@@ -57,14 +57,6 @@ pub(crate) fn run(
         return Err(Failure::usage("no signal of the catalogue keeps these limits"));
     };
     Ok(described(&found, best, problem, unit))
-}
-
-fn positive(option: &'static str, text: &str, unit: Unit) -> Result<f64, Failure> {
-    let value = WrittenQuantity::in_unit(text, unit);
-    match value.map_err(|error| Failure::option(option, error))? {
-        value if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err(Failure::out_of_range(option, text, "greater than 0")),
-    }
 }
 
 fn described(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> Document {

@@ -1,7 +1,7 @@
 //! `servotwin fit`: estimates the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::{SpanOptions, design, note, read_log};
+use super::{POSITIVE, SpanOptions, design, note, quantity, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
@@ -14,7 +14,6 @@ use servotwin::fit::{
 };
 use servotwin::nearest::UnknownName;
 use servotwin::shown::number;
-use servotwin::signal::WrittenQuantity;
 use servotwin::study::{Study, StudyError, Tolerance};
 use servotwin::system::System;
 use servotwin_model::spec::Unit;
@@ -415,12 +414,9 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
     let instance = &study.system.network().components[place.0];
     let unit = instance.component.spec().parameters[place.1].unit;
     let relative = sigma.trim_end().ends_with('%') && unit != Unit::None;
-    let read = WrittenQuantity::in_unit(sigma, if relative { Unit::None } else { unit });
-    let value = read.map_err(|error| Failure::option("--parameters", error))?;
-    if !(value > 0.0 && value.is_finite()) {
-        let range = "a standard deviation is greater than 0";
-        return Err(Failure::out_of_range("--parameters", sigma, range));
-    }
+    let unit = if relative { Unit::None } else { unit };
+    let words = "a standard deviation is greater than 0";
+    let value = quantity("--parameters", sigma, unit, POSITIVE, words)?;
     let tolerance = Tolerance { parameters: vec![place], sigma: value, absolute: !relative };
     Ok(Unknown::tolerance(&study.system, &tolerance))
 }

@@ -1,9 +1,9 @@
 //! `servotwin fly`: flies a plant with a fault and its twin, with the diagnosis and a flight control
 //! computer that reacts.
 
-use super::fly_truth::{FlightVerdict, Truth};
+use super::fly_truth::{self, AnsweredFault};
 use super::simulate::{fault, onset};
-use super::{StudyOptions, learned, note};
+use super::{StudyOptions, learned, note, quantity};
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
 use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
@@ -13,7 +13,7 @@ use servotwin::flight::cost::{Cost, Fluid};
 use servotwin::flight::tracking::{TrackedQuantities, command_unit, first_report_s};
 use servotwin::job::{Folder, JobError, flights};
 use servotwin::recording::with_suffix;
-use servotwin::signal::{Signal, WrittenQuantity};
+use servotwin::signal::Signal;
 use servotwin::study::{FaultCase, Scenario, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -52,15 +52,6 @@ pub(crate) struct Options {
     /// twin].
     #[arg(long, value_name = "NUMBER")]
     specimen: Option<usize>,
-}
-
-/// The value of a time option, s.
-fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
-    let value = WrittenQuantity::in_unit(text, Unit::Second);
-    match value.map_err(|error| Failure::option(option, error))? {
-        value if (0.0..=1e4).contains(&value) => Ok(value),
-        _ => Err(Failure::out_of_range(option, text, "0 to 10,000 s")),
-    }
 }
 
 /// The default fault: if the study has it, one whose reaction shows the benefit of the diagnosis.
@@ -116,7 +107,8 @@ impl Run for Options {
         stop::heed();
         let folder = self.study.folder();
         let scenario = if self.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
-        let duration_s = seconds("--duration", &self.duration)?;
+        let range = "0 to 10,000 s";
+        let duration_s = quantity("--duration", &self.duration, Unit::Second, 0.0..=1e4, range)?;
         let mut inputs = study.system.default_inputs();
         let unit = study.system.network().inputs[study.command_input].unit;
         inputs[study.command_input] = match &self.command {
@@ -137,10 +129,8 @@ impl Run for Options {
                 ClosedLoop { study: &study, inputs, faults, duration_s, specimen, reacts };
             closed_loop::fly(&scenario, &diagnoser, &kept.slots)
         };
-        let truths: Vec<Truth> =
-            begins.iter().map(|one| Truth::of(&study, one.fault, one.onset_s)).collect();
         let flown = Flown {
-            truths: &truths,
+            begins: &begins,
             study: &study,
             diagnoser: &diagnoser,
             kept: &kept,
@@ -185,7 +175,7 @@ pub(crate) fn diagnoser(
 }
 
 struct Flown<'f> {
-    truths: &'f [Truth],
+    begins: &'f [Begins],
     study: &'f Study,
     diagnoser: &'f Diagnoser,
     kept: &'f TrackedQuantities,
@@ -296,8 +286,8 @@ impl Flown<'_> {
     fn marks(&self) -> Vec<Mark> {
         let mark = |at: f64, what: &str| Mark { at, name: format!("{what} {at:.2} s") };
         let mut marks: Vec<Mark> =
-            self.truths.iter().map(|truth| mark(truth.onset_s, "onset")).collect();
-        let since_s = self.truths.first().map_or(0.0, |truth| truth.onset_s);
+            self.begins.iter().map(|fault| mark(fault.onset_s, "onset")).collect();
+        let since_s = self.begins.first().map_or(0.0, |fault| fault.onset_s);
         marks.extend(first_report_s(&self.with, since_s).map(|at| mark(at, "detection")));
         marks.extend(self.with.actions.iter().map(|action| mark(action.time_s, "reaction")));
         marks
@@ -329,23 +319,55 @@ impl Flown<'_> {
 
     /// The verdict, what the diagnosis is good for, and its evidence.
     fn document(&self, onset_s: f64) -> Document {
-        let verdict = FlightVerdict::of(self.truths, &self.with, self.diagnoser);
+        let answered = |fault: &Begins| {
+            let at = (fault.fault, fault.onset_s);
+            AnsweredFault::new(self.study, at, &self.with, self.diagnoser)
+        };
+        let faults: Vec<AnsweredFault> = self.begins.iter().map(answered).collect();
+        let first_s = self.begins.first().map_or(f64::INFINITY, |fault| fault.onset_s);
+        let false_alarms = self.with.actions.iter().filter(|own| own.time_s < first_s).count();
+        let mut sentences: Vec<String> = faults.iter().map(AnsweredFault::sentence).collect();
+        match (faults.is_empty(), false_alarms) {
+            (true, 0) => sentences.push("truth: no fault; right: no action was raised".into()),
+            (_, 0) => {}
+            (_, 1) => {
+                sentences.push("false alarm: an action was raised before any fault began".into());
+            }
+            (_, n) => sentences
+                .push(format!("{n} false alarms: actions were raised before any fault began")),
+        }
         let of = |record| Cost::of(self.study, record, onset_s);
         let (with, without) = (of(&self.with), of(&self.without));
-        let mut document = Document::new("fly", Verdict::neutral(verdict.sentence()));
-        verdict.truths().into_iter().for_each(|line| _ = document.text(line));
+        let mut document = Document::new("fly", Verdict::neutral(sentences.join("\n")));
+        faults.iter().for_each(|fault| _ = document.text(fault.truth()));
+        if self.with.actions.is_empty() {
+            document.text("nothing had to be done");
+        }
         document.table("benefit", self.benefit(onset_s, &with, &without));
         let fight = |record| self.numbers(record, onset_s)[2];
-        let why = verdict.on_force_fight(fight(&self.with), fight(&self.without));
+        let why = self.drag().filter(|_| fight(&self.with) > fight(&self.without));
         why.into_iter().for_each(|line| _ = document.text(line));
         if !with.fluids.is_empty() {
             document.text(weighed(&with, &without));
         }
         document.table("changes", self.changes()).detail();
         document.table("actions", self.actions(onset_s));
-        document.table("faults", verdict.table());
-        document.facts("", verdict.facts());
+        document.table("faults", fly_truth::table(&faults));
+        document.fact("false_alarms", "", false_alarms);
         document
+    }
+
+    /// Explains why a shutdown may raise the force fight; `None` for one actuator, or without a shutdown.
+    fn drag(&self) -> Option<String> {
+        let names = &self.diagnoser.names().actuators;
+        let off = self.with.actions.iter().find(|action| action.reaction.switches_off)?;
+        (names.len() > 1).then(|| {
+            format!(
+                "The force fight rises because {} is passive after its shutdown: its bypass lets it move, and the other \
+                 actuator drags it along. The forces in the rods are then the drag, not two controllers that disagree.",
+                spoken(&names[off.raised.actuator as usize])
+            )
+        })
     }
 
     /// What the flight was and cost without the diagnosis, and with it.

@@ -40,16 +40,19 @@ use servotwin::job::flights::Crew;
 use servotwin::job::{self, Folder, Hold, Kept};
 use servotwin::kind::FileType;
 use servotwin::parallel::Workers;
+use servotwin::signal::WrittenQuantity;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::spec::Unit;
 use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::source::SourceError;
 use servotwin_watch::span::LogSpan;
 use std::io::Write;
 use std::num::NonZeroUsize;
+use std::ops::{RangeBounds, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 /// The system that a command is about.
@@ -184,6 +187,24 @@ fn scenario_of(name: &str) -> Result<Scenario, Failure> {
     let known = || Scenario::ALL.map(Scenario::name).join(", ");
     found.ok_or_else(|| Failure::out_of_range("--scenario", name, known()))
 }
+
+/// The SI value of an option in a range, which `words` describe.
+fn quantity(
+    option: &str,
+    text: &str,
+    unit: Unit,
+    range: impl RangeBounds<f64>,
+    words: &str,
+) -> Result<f64, Failure> {
+    let value = WrittenQuantity::in_unit(text, unit);
+    match value.map_err(|error| Failure::option(option, error))? {
+        value if range.contains(&value) => Ok(value),
+        _ => Err(Failure::out_of_range(option, text, words)),
+    }
+}
+
+/// The numbers greater than zero.
+const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 
 /// A number of threads that Ctrl-C can stop.
 fn workers(threads: Option<usize>) -> Workers<'static> {

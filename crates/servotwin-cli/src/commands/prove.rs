@@ -10,8 +10,7 @@ use servotwin_export::ExportError;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::prove::{Build, Plan, ProofEvidence, prove};
-use servotwin_view::document::{Document, Fact, Table, Value, Verdict, fact};
-use servotwin_view::row;
+use servotwin_view::document::Document;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -89,7 +88,7 @@ impl Run for Options {
         }
         let certificate = Certificate::new(description, compared, evidence);
         let written = folder.write_certificate(&certificate)?;
-        let mut document = described(&certificate);
+        let mut document = certificate.document();
         document.files(written);
         Ok(document)
     }
@@ -110,49 +109,4 @@ fn proven(
         }
         proven => proven,
     }
-}
-
-/// The verdict of a proof and its evidence.
-fn described(certificate: &Certificate) -> Document {
-    let verdict = certificate.verdict();
-    let mut document = Document::new(
-        "prove",
-        match certificate.holds {
-            true => Verdict::good(verdict),
-            false => Verdict::act(verdict),
-        },
-    );
-    document.list("differences", certificate.differences.iter().map(ToString::to_string));
-    let mut builds = Table::of("command:build | verdict:_ | leaves_not_reached:not reached");
-    for build in &certificate.builds {
-        let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
-        builds.push(row![&build.command, verdict, build.leaves_not_reached]);
-    }
-    document.table("builds", builds);
-    let differences = certificate.builds.iter().flat_map(|build| build.differences.iter().take(3));
-    document.list("differences_of_builds", differences.map(ToString::to_string));
-    if let Some(first) = certificate.builds.first() {
-        document.facts("compared", compared(first));
-    }
-    document.data("certificate", certificate);
-    document
-}
-
-/// What the first build was compared on.
-fn compared(first: &ProofEvidence) -> Vec<Fact> {
-    let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
-    let raised = raised.collect::<Vec<_>>().join(", ");
-    vec![
-        fact("leaves", "leaves of trees", first.leaves),
-        fact("thresholds", "thresholds", first.thresholds),
-        fact("rows", "rows", first.rows),
-        fact("random_rows", "random rows", first.random_rows),
-        fact("points", "points of the twin", first.points),
-        fact("variants", "variants of the twin", first.variants),
-        fact("unsettled", "of them without a steady state", first.unsettled),
-        fact("twin_samples", "samples of the twin", first.twin_samples),
-        fact("samples", "samples of the diagnosis", first.samples),
-        fact("hybrid_samples", "samples of both together", first.hybrid_samples),
-        fact("raised", "raised on the way", Value::of(raised, &first.raised)),
-    ]
 }

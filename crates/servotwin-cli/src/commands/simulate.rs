@@ -1,14 +1,14 @@
 //! `servotwin simulate`: simulates a system, healthy or with faults.
 
-use super::SystemOption;
 use super::progress::{Notes, is_shown};
+use super::{SystemOption, quantity};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use servotwin::shown::{Shown, number};
-use servotwin::signal::{Signal, WrittenQuantity, help};
+use servotwin::signal::{Signal, help};
 use servotwin::simulate::{
     MAX_SWEEP_RUNS, PreparedSimulation, RunResult, Simulation, SimulationError, SimulationProgress,
     SimulationResults, Sweep,
@@ -187,32 +187,19 @@ fn caveats(document: &mut Document, results: &SimulationResults) {
     document.table("outside_validity", table);
 }
 
-/// The SI value of an option within `(0, largest]`.
-fn positive(
-    option: &'static str,
-    text: &str,
-    unit: Unit,
-    largest: f64,
-    range: &'static str,
-) -> Result<f64, Failure> {
-    match quantity(option, text, unit)? {
-        value if value > 0.0 && value <= largest => Ok(value),
-        _ => Err(Failure::out_of_range(option, text, range)),
-    }
-}
-
-/// The SI value of an option.
-fn quantity(option: &str, text: &str, unit: Unit) -> Result<f64, Failure> {
-    WrittenQuantity::in_unit(text, unit).map_err(|error| Failure::option(option, error))
-}
-
 /// Applies the method and the step size from the options.
 fn stepped<'s>(options: &Options, simulation: Simulation<'s>) -> Result<Simulation<'s>, Failure> {
     let simulation = simulation.method(options.method);
     Ok(match (&options.step, &options.tolerance) {
         (Some(text), _) => {
             let range = "greater than 0, at most 1 s";
-            simulation.step_s(positive("--step", text, Unit::Second, 1.0, range)?)
+            simulation.step_s(quantity(
+                "--step",
+                text,
+                Unit::Second,
+                f64::MIN_POSITIVE..=1.0,
+                range,
+            )?)
         }
         (None, _) if options.method == Method::RungeKutta4 => {
             return Err(Failure::usage(
@@ -222,7 +209,13 @@ fn stepped<'s>(options: &Options, simulation: Simulation<'s>) -> Result<Simulati
         (None, None) => simulation,
         (None, Some(text)) => {
             let range = "greater than 0, at most 0.1";
-            simulation.tolerance(positive("--tolerance", text, Unit::None, 0.1, range)?)
+            simulation.tolerance(quantity(
+                "--tolerance",
+                text,
+                Unit::None,
+                f64::MIN_POSITIVE..=0.1,
+                range,
+            )?)
         }
     })
 }
@@ -236,17 +229,14 @@ fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), 
 /// Parses `name=intensity`.
 fn intensity(text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--fault", text)?;
-    Ok((id.to_owned(), quantity("--fault", value, Unit::None)?))
+    Ok((id.to_owned(), quantity("--fault", value, Unit::None, .., "")?))
 }
 
 /// Splits `name=intensity@time` into `name=intensity` and the time, s.
 pub(crate) fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
     let Some((fault, at)) = text.rsplit_once('@') else { return Ok((text, None)) };
-    let at_s = quantity("--fault", at, Unit::Second)?;
-    if !(0.0..duration_s).contains(&at_s) {
-        let range = format!("a fault begins within the run, from 0 to {duration_s} s");
-        return Err(Failure::out_of_range("--fault", at, range));
-    }
+    let words = format!("a fault begins within the run, from 0 to {duration_s} s");
+    let at_s = quantity("--fault", at, Unit::Second, 0.0..duration_s, &words)?;
     Ok((fault, Some(at_s)))
 }
 
@@ -265,7 +255,7 @@ fn parameter(system: &System, text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--set", text)?;
     let (component, parameter) = system.find_parameter(id)?;
     let unit = system.network().components[component].component.spec().parameters[parameter].unit;
-    Ok((id.to_owned(), quantity("--set", value, unit)?))
+    Ok((id.to_owned(), quantity("--set", value, unit, .., "")?))
 }
 
 /// Parses a sweep from `name=from:to:count`.
@@ -277,7 +267,8 @@ fn sweep(simulation: &Simulation, text: &str) -> Result<Sweep, Failure> {
     let [from, to, count] = parts[..] else {
         return Err(wrong("two values and their number are needed, such as 0:1:5"));
     };
-    let [from, to] = [quantity("--sweep", from, unit)?, quantity("--sweep", to, unit)?];
+    let end = |text| quantity("--sweep", text, unit, .., "");
+    let (from, to) = (end(from)?, end(to)?);
     let count = count.parse().ok().filter(|n| (2..=MAX_SWEEP_RUNS).contains(n));
     let count = count.ok_or_else(|| wrong("the number of values goes from 2 to 1000"))?;
     let share = |k: usize| k as f64 / (count - 1) as f64;
@@ -346,9 +337,11 @@ impl Options {
 impl<'s> Plan<'s> {
     fn new(options: &Options, system: &'s System) -> Result<Self, Failure> {
         let long = "greater than 0, at most 1e6 s";
-        let duration_s = positive("--duration", &options.duration, Unit::Second, 1e6, long)?;
+        let duration_s =
+            quantity("--duration", &options.duration, Unit::Second, f64::MIN_POSITIVE..=1e6, long)?;
         let fast = "greater than 0, at most 1e6 Hz";
-        let rate_hz = positive("--rate", &options.rate, Unit::Hertz, 1e6, fast)?;
+        let rate_hz =
+            quantity("--rate", &options.rate, Unit::Hertz, f64::MIN_POSITIVE..=1e6, fast)?;
         let period_s = 1.0 / rate_hz;
         let mut simulation = Simulation::new(system)
             .duration_s(duration_s)

@@ -3,7 +3,7 @@
 pub(crate) mod input;
 mod outputs;
 
-use super::{find_study, note, recordings, warn};
+use super::{find_study, note, quantity, recordings, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
@@ -11,7 +11,6 @@ use input::{InputOptions, diagnoser, log_of, observer, tell, usual_diagnoser, wa
 use outputs::{Outputs, Shown, Totals};
 use servotwin::files;
 use servotwin::flight::watcher::Watcher;
-use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
@@ -161,21 +160,17 @@ fn watch_recording(options: &Options, model: &Path, global: Global) -> Result<Do
 
 /// The time until a live source counts as silent, and the interval of heartbeats.
 fn watchdog(options: &Options, period_s: f64) -> Result<WatchdogRules, Failure> {
+    let seconds = |option, text, least_s: f64| {
+        let words = format!("{least_s} s to 86,400 s");
+        let value = quantity(option, text, Unit::Second, least_s..=86_400.0, &words);
+        value.map(Duration::from_secs_f64)
+    };
     let no_data_after = match &options.no_data_after {
-        Some(text) => Duration::from_secs_f64(seconds("--no-data-after", text, 0.1)?),
+        Some(text) => seconds("--no-data-after", text, 0.1)?,
         None => WatchdogRules::of_period(period_s).no_data_after,
     };
-    let heartbeat = Duration::from_secs_f64(seconds("--heartbeat", &options.heartbeat, 0.0)?);
+    let heartbeat = seconds("--heartbeat", &options.heartbeat, 0.0)?;
     Ok(WatchdogRules { no_data_after, heartbeat: Some(heartbeat).filter(|every| !every.is_zero()) })
-}
-
-/// The value of a time option, s, with a minimum of `least_s`.
-fn seconds(option: &'static str, text: &str, least_s: f64) -> Result<f64, Failure> {
-    let value = WrittenQuantity::in_unit(text, Unit::Second);
-    match value.map_err(|error| Failure::option(option, error))? {
-        value if (least_s..=86_400.0).contains(&value) => Ok(value),
-        _ => Err(Failure::out_of_range(option, text, format!("{least_s} s to 86,400 s"))),
-    }
 }
 
 /// The settings of a watch, apart from its source and its observer.
