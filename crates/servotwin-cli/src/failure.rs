@@ -173,7 +173,7 @@ failures! {
     RuntimeError: |error| Failure::work(error);
     RewriteError: |error| Failure::input(error);
     TableError: |error| Failure::new(of_table(&error), error);
-    FileError: |error| Failure::new(of_file(&error), error);
+    FileError: |error| Failure::work(error);
     FigureError: |error| match error {
         FigureError::UnknownFormat { .. } => Failure::usage(error),
         _ => Failure::work(error),

@@ -259,8 +259,8 @@ fn main() -> ExitCode {
     let outcome = paths.check().and_then(|()| match global.dry_run {
         true => Ok(0),
         false => {
-            let document = command.run(global)?;
-            warn_of(&document, global);
+            let mut document = command.run(global)?;
+            warn_of(&mut document, global);
             print(&rendered(&document, global)).map(|()| document.exit_code)
         }
     });
@@ -277,12 +277,17 @@ fn rendered(document: &Document, global: Global) -> String {
     }
 }
 
-/// Writes a verdict that calls for a person to standard error, if standard output is for programs.
-fn warn_of(document: &Document, global: Global) {
-    if let Some(Verdict { call: Call::Act, line }) =
-        document.verdict.as_ref().filter(|_| global.json)
+/// Writes a verdict to standard error if it calls for a person, and standard output is for programs or the input is at
+/// fault.
+fn warn_of(document: &mut Document, global: Global) {
+    let is_input = document.exit_code > 1;
+    if let Some(Verdict { call: Call::Act, line }) = &document.verdict
+        && (global.json || is_input)
     {
         let _ = writeln!(out::stderr(), "{}", sanitize::clip(line.text.clone()));
+        if !global.json {
+            document.verdict = None;
+        }
     }
 }
 

@@ -432,6 +432,12 @@ impl Table {
         self.rows.is_empty()
     }
 
+    /// The columns for people; none if there are no rows.
+    pub(crate) fn shown(&self) -> Vec<usize> {
+        let shown = |k: &usize| !self.is_empty() && !self.columns[*k].heading.is_empty();
+        (0..self.columns.len()).filter(shown).collect()
+    }
+
     /// Whether the column holds numbers, which are aligned at the right.
     pub(crate) fn is_number(&self, column: usize) -> bool {
         let mut texts = self.rows.iter().map(|(row, _)| row[column].text.trim()).peekable();

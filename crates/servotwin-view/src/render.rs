@@ -42,7 +42,9 @@ mod tests {
                      log 0    0 s  µ|\n";
         assert!(text.starts_with(begin), "{text}");
         assert!(
-            text.ends_with("log 9    9 s  µ|\n… and 2 more: --details shows all\nnote: a limit\n")
+            text.ends_with(
+                "log 9    9 s  µ|\n… and 2 more: --details shows all\n\nnote: a limit\n"
+            )
         );
         let whole = terminal(&document(), true);
         assert!(whole.contains("log 11   11 s") && whole.ends_with("for the curious\n"), "{whole}");

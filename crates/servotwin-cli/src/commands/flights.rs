@@ -208,11 +208,12 @@ fn described(
     let shown: Vec<&FlightMetrics> = results.suites.iter().filter(is_shown).collect();
     let run = words.run();
     let flown: u64 = shown.iter().map(|metrics| metrics.flights).sum();
-    let verdict = match shown.is_empty() && !suites.is_empty() {
-        true => format!("{}: flown", suites.join(", ")),
-        false => {
-            format!("{flown} {run}s with a fault are judged, whether a sensor shows it or not")
-        }
+    let named = |flown: &&FlownSuite| suites.contains(&flown.suite);
+    let all_healthy = outcomes::healthy(folder)?;
+    let healthy_runs: Vec<&FlownSuite> = all_healthy.iter().filter(named).collect();
+    let verdict = match healthy_runs.first().filter(|_| shown.is_empty()) {
+        Some(own) => format!("{}: {}", own.title(), by_environment_and_tail(&own.healthy())[0]),
+        None => format!("{flown} {run}s with a fault are judged, whether a sensor shows it or not"),
     };
     let mut document = Document::new("flights", Verdict::neutral(verdict));
     shown.iter().for_each(|metrics| summary(&mut document, metrics, &words));
@@ -228,10 +229,9 @@ fn described(
         }
         document.add(section);
     }
-    let named = |flown: &&FlownSuite| suites.contains(&flown.suite);
-    outcomes::healthy(folder)?.iter().filter(named).for_each(|own| healthy(&mut document, own));
+    healthy_runs.into_iter().for_each(|own| healthy(&mut document, own));
     if let Some(ranges) = lines::flown_ranges(study) {
-        document.text(format!("flown: {ranges}")).detail();
+        document.text(format!("flown: {ranges}"));
     }
     document.text(
         "Every flight is a row of the files outcomes-*.parquet; 'servotwin report' shows more.",
@@ -244,15 +244,14 @@ fn described(
 fn summary(document: &mut Document, metrics: &FlightMetrics, words: &Vocabulary) {
     let FlightMetrics { flights, failed, .. } = metrics;
     let (title, run) = (metrics.title(), words.run());
-    let title = format!("{title}: {flights} {run}s with a fault, {failed} not finished");
-    let mut section = Document::section("", title);
+    document.text(format!("{title}: {flights} {run}s with a fault, {failed} not finished"));
     let rates = lines::in_flight(metrics, words).into_iter();
-    rates.for_each(|(title, rate)| _ = section.text(format!("  {title}: {}", share_of(rate).text)));
-    section.text(format!("  false alarms {}", lines::alarms_in_words(&metrics.healthy)));
+    let rates = rates.map(|(title, rate)| format!("{title} {}", share_of(rate).text));
+    document.text(format!("  {}", rates.collect::<Vec<_>>().join("; ")));
+    document.text(format!("  false alarms {}", lines::alarms_in_words(&metrics.healthy)));
     if let Some(calibration) = &metrics.calibration {
-        section.text(fitted_plants(calibration));
+        document.text(fitted_plants(calibration));
     }
-    document.add(section);
 }
 
 /// Describes the healthy flights of a suite in a scenario.

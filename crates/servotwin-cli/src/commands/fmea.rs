@@ -117,21 +117,24 @@ fn summary(path: &Path, sheet: &FmeaSheet, sources: &FmeaSources) -> Document {
     let cells = sheet.rows.iter().flat_map(|row| &row.texts);
     let filled = cells.filter(|text| !text.is_empty()).count();
     let without_evidence: usize = sheet.rows.iter().map(|row| row.missing).sum();
-    let values = [
-        ("sheet", path.into()),
-        ("rows", sheet.rows.len().into()),
-        ("fields", FIELDS.len().into()),
-    ];
-    let verdict = Verdict::neutral(line("{sheet}: {rows} faults, {fields} fields", values));
-    let mut document = Document::new("fmea", verdict);
+    let verdict = line(
+        "{sheet}: {rows} faults, {fields} fields: {cells_filled} cells filled, {cells_without_evidence} without evidence, \
+         {cells_by_person} filled in by people, {rows_stale} rows stale",
+        [
+            ("sheet", path.into()),
+            ("rows", sheet.rows.len().into()),
+            ("fields", FIELDS.len().into()),
+            ("cells_filled", (filled - without_evidence).into()),
+            ("cells_without_evidence", without_evidence.into()),
+            ("cells_by_person", sheet.person_cells().into()),
+            ("rows_stale", sheet.stale_rows().into()),
+        ],
+    );
+    let mut document = Document::new("fmea", Verdict::neutral(verdict));
     let coverage = weighted_coverage(sources).map(|WeightedCoverage { share, flown, rated }| {
         let text = format!("{:.1} % ({flown} of {rated} rated faults flown)", 100.0 * share);
         Value::number(share, text)
     });
-    document.fact("cells_filled", "cells filled", filled - without_evidence);
-    document.fact("cells_without_evidence", "without evidence", without_evidence);
-    document.fact("cells_by_person", "filled in by people", sheet.person_cells());
-    document.fact("rows_stale", "rows stale", sheet.stale_rows());
     document.fact(
         "diagnostic_coverage",
         "diagnostic coverage, weighted by failure rates",

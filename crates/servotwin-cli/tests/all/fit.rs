@@ -183,7 +183,7 @@ fn a_fault_is_no_update_and_its_intensity_is_found() {
     let fitted = folder.file("fitted.toml");
     let output = servotwin(&["fit", &log, "--study", STUDY, "--out", &fitted]);
     assert_eq!(output.status.code(), Some(1));
-    let message = stderr(&output);
+    let message = stdout(&output);
     assert!(message.contains("no update") && message.contains("leakage_a.leakage"), "{message}");
     assert!(!std::path::Path::new(&fitted).exists());
     let found = json(&[

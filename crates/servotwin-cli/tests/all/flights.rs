@@ -39,22 +39,25 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
     assert!(!Path::new(&none).exists());
     let text = std::fs::read_to_string(folder.file("said.txt")).unwrap();
-    let (summary, more) = text.split_once("\n\n").unwrap();
-    assert!(summary.starts_with("summary, of all runs with a fault"), "{summary}");
+    let summary = text.as_str();
+    assert!(
+        summary.starts_with("12 runs with a fault are judged, whether a sensor shows it"),
+        "{summary}"
+    );
     assert!(summary.lines().count() <= 10, "{summary}");
     let measures =
         ["right actuator and command first", "missed (of all)", "per hour (95 %: at most"];
     for measure in measures.into_iter().chain(["flown: "]) {
         assert!(summary.contains(measure), "{measure}: {summary}");
     }
-    assert!(more.contains("outcomes-*.parquet") && more.contains("servotwin report"), "{more}");
+    assert!(text.contains("outcomes-*.parquet") && text.contains("servotwin report"), "{text}");
     // Without a terminal, every stage has a line.
     for stage in ["noise: flights to learn from …", "realistic: suite judge …"] {
         let noted = std::fs::read_to_string(folder.file("noted.txt")).unwrap();
         assert!(noted.lines().any(|line| line == stage), "{noted}");
     }
     for scenario in ["noise", "realistic"] {
-        let line = format!("\n  {scenario}: 6 runs with a fault, 0 not finished\n");
+        let line = format!("\n{scenario}: 6 runs with a fault, 0 not finished\n");
         assert!(summary.contains(&line), "{text}");
         let rows = table::read(Path::new(&out).join(format!("outcomes-unseen-{scenario}.parquet")));
         let rows = outcome::from_table(&rows.unwrap()).unwrap();
@@ -142,13 +145,15 @@ fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
         for row in [&all[1], &all[all.len() - 1]] {
             let output = fly(&format!("{suite}#{}@realistic", row.number));
             assert!(output.status.success(), "{}", stderr(&output));
-            let alone: Vec<FlightOutcome> = serde_json::from_str(&stdout(&output)).unwrap();
+            let told: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+            let alone: Vec<FlightOutcome> =
+                serde_json::from_value(told["outcomes"].clone()).unwrap();
             assert_eq!(&alone[0], row);
             let name = format!("{suite}#{}@realistic", row.number);
             let words = stdout(&servotwin(&["run", &name, &out]));
-            let truth = if row.onset_s.is_some() { "; right is: " } else { ": no fault\n" };
+            let truth = if row.onset_s.is_some() { " after the onset" } else { ": no fault" };
             assert!(words.starts_with(&name) && words.contains(truth), "{words}");
-            assert!(words.contains(" after the onset") && !words.contains("null"), "{words}");
+            assert!(words.contains("\nenvironment") && !words.contains("null"), "{words}");
         }
     }
     for wrong in ["judge#999@realistic", "learn#1@realistic", "judged#1@realistic"] {
@@ -173,7 +178,7 @@ fn healthy_flights_go_on_where_they_were_stored() {
     };
     let learned = std::fs::read(&diagnoser).unwrap();
     let (text, three) = fly("3", "5");
-    assert!(text.starts_with("realistic: 3 healthy flights of "), "{text}");
+    assert!(text.contains("realistic: 3 healthy flights of "), "{text}");
     assert!(text.contains(" of 3 environments, at most "), "{text}");
     assert!(text.contains("too few flights"), "{text}");
     let flights = |run: &Table| outcome::from_table(run).unwrap();
@@ -216,7 +221,7 @@ fn shares_of_a_suite_are_joined_to_the_bytes_of_one_machine() {
         std::fs::remove_file(format!("{out}/outcomes-{suite}-noise.parquet")).unwrap();
     }
     let told = study(&["--suite", "judge", "--share", "2/2"]);
-    assert!(told.starts_with("judge, noise: 1 environment of 2 from 1 on\n"), "{told}");
+    assert!(told.contains("share 2/2 is flown") && told.contains("judge"), "{told}");
     study(&["--suite", "judge"]);
     // Shares of two divisions that overlap, and a damaged one.
     let healthy = ["--suite", "healthy", "--environments", "5", "--share"];
@@ -259,10 +264,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     let output = fly(&wide, &out);
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stdout(&output);
-    assert!(
-        text.starts_with("healthy_other_structure, realistic: 3 healthy flights of "),
-        "{text}"
-    );
+    assert!(text.contains("healthy_other_structure, realistic: 3 healthy flights of "), "{text}");
     let evidence = |out: &str, suite: &str| -> f64 {
         let path = Path::new(out).join(format!("outcomes-{suite}-realistic.parquet"));
         table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
@@ -499,7 +501,7 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
     let tested = servotwin(&["test", &study, "--out", &out]);
     assert!(tested.status.success(), "{}", stderr(&tested));
     let text = stdout(&tested);
-    assert!(text.contains("\n  fitted: 6 runs with a fault, 0 not finished\n"), "{text}");
+    assert!(text.contains("\nfitted: 6 runs with a fault, 0 not finished\n"), "{text}");
     let ground = format!("{out}/ground_test");
     let rows = table::read(format!("{ground}/outcomes-judge-fitted.parquet")).unwrap();
     let rows = outcome::from_table(&rows).unwrap();

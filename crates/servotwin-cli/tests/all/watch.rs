@@ -69,7 +69,7 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     let with = ["--study", &study, "--model", &model];
     let (map, html, mcap) = (folder.file("map.toml"), folder.file("a.html"), folder.file("a.mcap"));
     let made = json(&["watch", &log, "--make-map", &map, "--json"]);
-    assert_eq!((&made["sensors_found"], &made["time"]), (&13.into(), &true.into()));
+    assert_eq!((&made["verdict"]["sensors_found"], &made["time"]), (&13.into(), &true.into()));
 
     let run = |arguments: &[&str]| {
         let output = servotwin(&[arguments, &with].concat());

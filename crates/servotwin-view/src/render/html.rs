@@ -147,7 +147,6 @@ fn add(html: &mut String, Block { id, content, .. }: &Block) {
             write!(html, "<ul>\n{}</ul>\n", items.collect::<String>())
         }
         Content::Facts(facts) => write!(html, "{}", cards(facts)),
-        Content::Table(own) if own.is_empty() => Ok(()),
         Content::Table(own) => write!(html, "{}", table(own)),
         Content::Figure { drawing, caption, is_wide } => {
             let is_large = drawing.width > PAPER.0 || drawing.height > PAPER.1;
@@ -216,8 +215,10 @@ fn values(values: &[Vec<String>]) -> String {
 
 /// A table with its caption. A line feed in a cell begins a new line in small type.
 fn table(table: &Table) -> String {
-    let shown: Vec<usize> =
-        (0..table.columns.len()).filter(|k| !table.columns[*k].heading.is_empty()).collect();
+    let shown = table.shown();
+    if shown.is_empty() {
+        return String::new();
+    }
     let class = |k: usize| if table.is_number(k) { " class=\"number\"" } else { "" };
     let wide = if shown.len() >= WIDE { " class=\"wide\"" } else { "" };
     let short = if table.rows.len() <= SHORT { " short" } else { "" };

@@ -59,8 +59,10 @@ fn add(page: &mut String, document: &Document, level: usize) {
 
 /// A table, with its caption before it.
 fn table(table: &Table) -> String {
-    let shown: Vec<usize> =
-        (0..table.columns.len()).filter(|k| !table.columns[*k].heading.is_empty()).collect();
+    let shown = table.shown();
+    if shown.is_empty() {
+        return String::new();
+    }
     let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
     let cell = |text: String| text.replace('|', "\\|");
     let mut text = String::new();

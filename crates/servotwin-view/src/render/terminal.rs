@@ -17,31 +17,35 @@ pub fn terminal(document: &Document, is_detailed: bool) -> String {
 }
 
 fn add(text: &mut String, document: &Document, is_whole: bool) {
-    for Block { content, is_detail, .. } in &document.blocks {
-        if *is_detail && !is_whole {
-            continue;
-        }
-        match content {
-            Content::Text(line) => *text += &format!("{}\n", line.text),
-            Content::Note(line) => *text += &format!("note: {}\n", line.text),
-            Content::Heading(heading) => *text += &format!("\n{heading}\n"),
-            Content::Facts(facts) => *text += &named(facts.iter().map(|(_, name, v)| (&**name, v))),
-            Content::List(lines) => {
-                lines.iter().for_each(|line| *text += &format!("  {}\n", line.text));
-            }
-            Content::Table(table) => *text += &grid(table, is_whole),
-            Content::Files(paths) => paths.iter().for_each(|path| *text += &format!("{path}\n")),
-            Content::Raw(raw) => *text += raw,
+    let shown = document.blocks.iter().filter(|block| is_whole || !block.is_detail);
+    let mut is_below_table = false;
+    for Block { content, .. } in shown {
+        let own = match content {
+            Content::Text(line) => format!("{}\n", line.text),
+            Content::Note(line) => format!("note: {}\n", line.text),
+            Content::Heading(heading) => format!("\n{heading}\n"),
+            Content::Facts(facts) => named(facts.iter().map(|(_, name, v)| (&**name, v))),
+            Content::List(lines) => lines.iter().map(|line| format!("  {}\n", line.text)).collect(),
+            Content::Table(table) => grid(table, is_whole),
+            Content::Files(paths) => paths.iter().map(|path| format!("{path}\n")).collect(),
+            Content::Raw(raw) => raw.clone(),
             Content::Section(section) => {
                 let mut own = String::new();
                 add(&mut own, section, is_whole);
-                if !own.is_empty() && !section.title.is_empty() {
-                    *text += &format!("\n{}\n", section.title);
+                match section.title.as_str() {
+                    title if title.is_empty() || own.is_empty() => own,
+                    title => format!("\n{title}\n{}", own.trim_start_matches('\n')),
                 }
-                *text += own.trim_start_matches('\n');
             }
-            Content::Figure { .. } | Content::Data(_) => {}
+            Content::Figure { .. } | Content::Data(_) => String::new(),
+        };
+        if is_below_table && !own.is_empty() && !own.starts_with('\n') {
+            text.push('\n');
         }
+        if !own.is_empty() {
+            is_below_table = matches!(content, Content::Table(_));
+        }
+        *text += &own;
     }
 }
 
@@ -55,15 +59,16 @@ fn named<'v>(facts: impl Iterator<Item = (&'v str, &'v Value)>) -> String {
 
 /// A table in columns, with an empty line and its caption before it.
 fn grid(table: &Table, is_whole: bool) -> String {
-    if table.is_empty() {
+    let shown = table.shown();
+    if shown.is_empty() {
         return String::new();
     }
     let is_cut = !is_whole && table.rows.len() > SHOWN_ROWS + 1;
     let count = if is_cut { SHOWN_ROWS } else { table.rows.len() };
-    let columns = table.columns.iter().enumerate().filter(|(_, own)| !own.heading.is_empty());
-    let cells = columns.map(|(place, column)| {
+    let cells = shown.into_iter().map(|place| {
         let own = table.rows.iter().take(count).map(|(row, _)| row[place].in_line());
-        let cells: Vec<String> = [column.heading.to_string()].into_iter().chain(own).collect();
+        let cells: Vec<String> =
+            [table.columns[place].heading.to_string()].into_iter().chain(own).collect();
         let width = cells.iter().map(|cell| cell.chars().count()).max().unwrap_or(0);
         cells.into_iter().map(move |cell| match table.is_number(place) {
             true => format!("{cell:>width$}"),
