@@ -79,7 +79,7 @@ def main():
             print(f"{case}: {output.stderr.strip()}")
             continue
         found = json.loads(output.stdout)
-        print(f"{case}: {'an update' if found['is_update'] else 'findings: ' + '; '.join(found['findings'])}")
+        print(f"{case}: {'an update' if found['verdict']['is_update'] else 'findings: ' + '; '.join(found['findings'])}")
         for parameter in found["parameters"]:
             known = [z for name, z in TRUTH.items() if parameter["name"].endswith(name)]
             if known:

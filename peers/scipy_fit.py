@@ -230,7 +230,7 @@ def main():
         z = (parameter["value"] - parameter["nominal"]) / parameter["tolerance_sigma"]
         error = parameter["standard_error"] / parameter["tolerance_sigma"]
         apart = max(apart, abs(z - found.x[place]) / error)
-    print(f"largest difference of a parameter: {apart:.2f} standard errors; update: {own['is_update']}")
+    print(f"largest difference of a parameter: {apart:.2f} standard errors; update: {own['verdict']['is_update']}")
 
 
 if __name__ == "__main__":

@@ -1,18 +1,20 @@
-//! The reasons why a command fails, and their exit codes.
+//! The reason why a command does not finish: a message and an exit code. A result that calls for a person is no failure
+//! but a verdict.
 
-use crate::hint;
 use servotwin::campaign::CampaignError;
+use servotwin::document::Diagnostic;
 use servotwin::evaluation::EvaluationError;
 use servotwin::figure::FigureError;
+use servotwin::figure::document::{Content, Document, Form, Table, Verdict};
+use servotwin::figure::row;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin::job::JobError;
-use servotwin::nearest::{UnknownName, nearest};
+use servotwin::nearest::UnknownName;
 use servotwin::recordings::RecordingError;
-use servotwin::rest::{RestError, Stopped};
-use servotwin::signal::{QuantityError, SignalError};
-use servotwin::simulate::SimulationError;
+use servotwin::rest::RestError;
+use servotwin::signal::SignalError;
 use servotwin::study::StudyError;
 use servotwin::system::{RewriteError, SystemError};
 use servotwin::table::TableError;
@@ -25,461 +27,281 @@ use servotwin_watch::map::MapError;
 use servotwin_watch::sink::SinkError;
 use servotwin_watch::source::SourceError;
 use servotwin_watch::span::CutError;
-use std::borrow::Cow;
-use std::fmt;
-use std::io;
-use std::path::PathBuf;
+use std::fmt::Display;
+use std::path::Path;
 
-/// A file, with the option that names it.
+/// The run failed, or a result could not be written.
+const FAILED: u8 = 1;
+/// Wrong usage: an option, a signal, a name that the system does not have.
+const USAGE: u8 = 2;
+/// An input file is missing or has mistakes.
+const INPUT: u8 = 3;
+/// Stopped by Ctrl-C or another request to end.
+pub(crate) const STOPPED: u8 = 130;
+
+/// The reason why a command does not finish.
 #[derive(Debug)]
-pub(crate) struct Named {
-    /// The option, or a description of the file.
-    pub option: &'static str,
-    pub path: PathBuf,
-}
-
-/// The reason why a command fails.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum Failure {
-    /// The system file is missing or has mistakes.
-    #[error("{}", of_system(.0))]
-    System(#[from] SystemError),
-    /// The study file is missing or has mistakes.
-    #[error("{}", of_study(.0))]
-    Study(Box<StudyError>),
-    /// The live page cannot be served.
-    #[cfg(feature = "serve")]
-    #[error("error: {0}")]
-    Serve(#[from] servotwin_serve::ServeError),
-    /// A campaign could not be simulated or written.
-    #[error("error: {0}")]
-    Campaign(CampaignError),
-    /// A name that the system does not have.
-    #[error("error: {name}{list}", name = .0, list = if .0.is_long() { LIST_OF_NAMES } else { "" })]
-    UnknownName(#[from] UnknownName),
-    /// A word that no component has.
-    #[error(
-        "error: no component has '{word}'; {}",
-        meant(.nearest.as_deref(), "'servotwin catalog' lists all")
-    )]
-    NoComponent { word: String, nearest: Option<String> },
-    /// A word that no command has.
-    #[error(
-        "error: there is no command '{word}'; {}",
-        meant(nearest(.word, .known.iter().map(String::as_str)), &format!("there are: {}", .known.join(", ")))
-    )]
-    NoCommand { word: String, known: Vec<String> },
-    /// An output file exists already and would be overwritten.
-    #[error("error: {} is there already and stays as it is", .0.display())]
-    Exists(PathBuf),
-    /// An output file is also an input of the command.
-    #[error("error: {written} would overwrite {read}, which is read: name another file")]
-    Overwritten { written: Named, read: Named },
-    /// Two outputs are the same file.
-    #[error("error: {written} and {again} are the same file: name two")]
-    Twice { written: Named, again: Named },
-    /// An output has the extension of another kind of file.
-    #[error("error: {option} must end in .{ending}, not as {} does", .path.display())]
-    Ending { option: &'static str, path: PathBuf, ending: &'static str },
-    /// A simulation cannot start.
-    #[error(
-        "error: {}{error}",
-        .option.as_ref().map_or_else(String::new, |name| format!("{name}: "))
-    )]
-    Simulation { option: Option<String>, error: Box<SimulationError> },
-    /// An option that requires `name=value`.
-    #[error("error: {option} needs NAME=VALUE, not '{given}'")]
-    NoEqualSign { option: &'static str, given: String },
-    /// An input or a fault that is given twice.
-    #[error("error: {option}: '{name}' is given twice")]
-    Repeated { option: &'static str, name: String },
-    /// An option's number that cannot be parsed.
-    #[error("error: {option}: {error}")]
-    Number { option: &'static str, error: QuantityError },
-    /// An option's number outside its range.
-    #[error("error: {option} {given} is out of range: {range}")]
-    OutOfRange { option: &'static str, given: String, range: Cow<'static, str> },
-    /// A wrong combination of options.
-    #[error("error: {0}")]
-    Options(&'static str),
-    /// A signal that cannot be built.
-    #[error("error: {option}: {error}")]
-    Signal { option: String, error: SignalError },
-    /// The solver could not finish.
-    #[error("error: {0}")]
-    Run(Stopped),
-    /// The equations at rest produce numbers that are not finite.
-    #[error("error: the equations at rest give numbers that are not finite")]
-    Eigenvalues,
-    /// The user pressed Ctrl-C.
-    #[error("stopped")]
-    Stopped,
-    /// The user pressed Ctrl-C in a job that resumes when it is run again.
-    #[error("stopped; the same command again goes on where it was")]
-    StoppedOnTheWay,
-    /// A table cannot be made or written.
-    #[error("error: {0}")]
-    Table(#[from] TableError),
-    /// A figure cannot be written.
-    #[error("error: {0}")]
-    Figure(#[from] FigureError),
-    /// A data set or a model is unusable.
-    #[error("error: {0}")]
-    Evaluation(EvaluationError),
-    /// A stage of the main job stopped.
-    #[error("{}", hint::of_job(.0))]
-    Job(JobError),
-    /// A study file of recordings has mistakes, or the recordings contradict it.
-    #[error("{}", hint::of_recordings(.path, .error))]
-    Recording { path: PathBuf, error: RecordingError },
-    /// A table contradicts a study file of recordings.
-    #[error("error: {path} does not follow {study}: {error}")]
-    NotAs { path: PathBuf, study: PathBuf, error: Box<EvaluationError> },
-    /// The twin or the diagnosis could not run.
-    #[error("error: {0}")]
-    Runtime(RuntimeError),
-    /// The diagnoser in a file belongs to another system.
-    #[error("error: {}: {error}", .path.display())]
-    Diagnoser { path: PathBuf, error: RuntimeError },
-    /// A folder has no usable log.
-    #[error("error: {}: {reason}", .folder.display())]
-    NoLogs { folder: PathBuf, reason: String },
-    /// A log without samples to watch.
-    #[error("error: {log}: {reason}")]
-    NoSample { log: String, reason: String },
-    /// A system that does not belong to the default study.
-    #[error(
-        "error: tolerances and faults are a study's, and without --study those of '{study}' are taken, to which the \
-         system '{system}' does not belong: give --study {}",
-        .own.as_deref().unwrap_or("FILE")
-    )]
-    OtherSystem { system: String, study: String, own: Option<String> },
-    /// A log in which no sample was judged.
-    #[error("error: {log}: {reason}")]
-    Unjudged { output: String, log: String, reason: String },
-    /// An export cannot be written or proven.
-    #[error("error: {0}")]
-    Export(#[from] ExportError),
-    /// An export is not that of its diagnoser, or decides otherwise.
-    #[error("error: the export in {} is not proven", .folder.display())]
-    NotProven { folder: PathBuf, output: String },
-    /// A live watch continued after some files could not be written.
-    #[error("error: not complete: {}", .files.join("; "))]
-    SinksLost { output: String, files: Vec<String> },
-    /// The map of a log has mistakes.
-    #[error("{0}")]
-    Map(#[from] MapError),
-    /// A log or stream cannot be read, or its outputs cannot be written.
-    #[error("{}", hint::of_watch(.0))]
-    Watch(#[from] WatchError),
-    /// A fit failed.
-    #[error("error: {0}")]
-    Fit(FitError),
-    /// A fitted system cannot be written.
-    #[error("error: {0}")]
-    Rewrite(#[from] RewriteError),
-    /// An artefact of the safety case cannot be made.
-    #[error("error: {0}")]
-    Safety(SafetyError),
-    /// A file cannot be written.
-    #[error("error: {0}")]
-    File(#[from] FileError),
-    /// A record has findings that no tolerance explains, so the twin is not updated.
-    #[error("{}", first_findings(.findings))]
-    NoUpdate { output: String, findings: Vec<String> },
-    /// Wear reaches its threshold.
-    #[error("alarm: {}", .alarms.join("; "))]
-    Alarm { output: String, alarms: Vec<String> },
-    /// Standard output cannot be written.
-    #[error("error: standard output: {0}")]
-    Print(io::Error),
+pub(crate) struct Failure {
+    /// The exit code of the program, as listed at the top of `main.rs`.
+    pub exit_code: u8,
+    /// What a person reads.
+    pub message: String,
+    /// The mistakes of a file.
+    mistakes: Vec<Diagnostic>,
 }
 
 impl Failure {
-    /// Turns `Stopped` into the failure of a job that resumes when it is run again.
-    pub(crate) fn on_the_way(self) -> Self {
-        match self {
-            Failure::Stopped => Failure::StoppedOnTheWay,
-            other => other,
+    fn new(exit_code: u8, message: impl Display) -> Self {
+        Failure { exit_code, message: format!("error: {message}"), mistakes: vec![] }
+    }
+
+    /// Wrong usage.
+    pub(crate) fn usage(message: impl Display) -> Self {
+        Failure::new(USAGE, message)
+    }
+
+    /// An option with a wrong value.
+    pub(crate) fn option(option: impl Display, message: impl Display) -> Self {
+        Failure::new(USAGE, format!("{option}: {message}"))
+    }
+
+    /// A value outside its range.
+    pub(crate) fn out_of_range(option: &str, given: impl Display, range: impl Display) -> Self {
+        Failure::new(USAGE, format!("{option} {given} is out of range: {range}"))
+    }
+
+    /// Fails if a file is there already, which a person may have written.
+    pub(crate) fn if_exists(path: &Path) -> Result<(), Self> {
+        match path.exists() {
+            true => Err(Failure::usage(format!(
+                "{} is there already and stays as it is",
+                path.display()
+            ))),
+            false => Ok(()),
         }
     }
 
-    /// The failure of a log that cannot be read with its map.
+    /// An input that is missing or has mistakes.
+    pub(crate) fn input(message: impl Display) -> Self {
+        Failure::new(INPUT, message)
+    }
+
+    /// A run that failed, or a result that cannot be written.
+    pub(crate) fn work(message: impl Display) -> Self {
+        Failure::new(FAILED, message)
+    }
+
+    /// The user pressed Ctrl-C.
+    pub(crate) fn stopped() -> Self {
+        Failure { exit_code: STOPPED, message: "stopped".into(), mistakes: vec![] }
+    }
+
+    /// The failure of a job that resumes when it is run again.
+    pub(crate) fn on_the_way(mut self) -> Self {
+        if self.exit_code == STOPPED {
+            self.message = "stopped; the same command again goes on where it was".into();
+        }
+        self
+    }
+
+    /// A signal of an option that cannot be built.
+    pub(crate) fn signal(option: impl Display, error: &SignalError) -> Self {
+        let is_file = matches!(error, SignalError::Table(_) | SignalError::Rows { .. });
+        Failure::new(if is_file { INPUT } else { USAGE }, format!("{option}: {error}"))
+    }
+
+    /// A log that cannot be read with its map.
     pub(crate) fn of_intake(name: &str, error: IntakeError) -> Self {
         match error {
             IntakeError::Source(error) => error.into(),
             IntakeError::Map(error) => error.into(),
             IntakeError::Table(error) => error.into(),
-            IntakeError::Record(error) => {
-                Failure::Fit(FitError::Record { name: name.into(), error })
-            }
-            IntakeError::Refused { log, reason } => Failure::NoSample { log, reason },
+            IntakeError::Record(error) => FitError::Record { name: name.into(), error }.into(),
+            refused @ IntakeError::Refused { .. } => Failure::input(refused),
         }
     }
 
-    /// The exit code of the program, as listed at the top of `main.rs`.
-    pub(crate) fn exit_code(&self) -> u8 {
-        match self {
-            Failure::System(_)
-            | Failure::Study(_)
-            | Failure::Recording { .. }
-            | Failure::NotAs { .. }
-            | Failure::NoLogs { .. }
-            | Failure::NoSample { .. }
-            | Failure::OtherSystem { .. }
-            | Failure::Unjudged { .. } => 3,
-            Failure::Diagnoser { error: RuntimeError::Twin { .. }, .. } => 1,
-            Failure::Diagnoser { .. } => 3,
-            Failure::Evaluation(error) => of_evaluation(error),
-            Failure::Signal { error: SignalError::Table(_) | SignalError::Rows { .. }, .. } => 3,
-            Failure::UnknownName(_)
-            | Failure::NoComponent { .. }
-            | Failure::NoCommand { .. }
-            | Failure::Exists(_)
-            | Failure::Overwritten { .. }
-            | Failure::Twice { .. }
-            | Failure::Ending { .. }
-            | Failure::Simulation { .. }
-            | Failure::NoEqualSign { .. }
-            | Failure::Repeated { .. }
-            | Failure::Number { .. }
-            | Failure::OutOfRange { .. }
-            | Failure::Options(_)
-            | Failure::Signal { .. } => 2,
-            Failure::SinksLost { .. } => 1,
-            #[cfg(feature = "serve")]
-            Failure::Serve(servotwin_serve::ServeError::Session(_)) => 3,
-            #[cfg(feature = "serve")]
-            Failure::Serve(_) => 1,
-            Failure::Map(_) => 3,
-            Failure::Fit(FitError::Record { .. }) | Failure::Rewrite(_) => 3,
-            Failure::Watch(WatchError::Source(
-                SourceError::Address { .. }
-                | SourceError::Feature { .. }
-                | SourceError::Cut(CutError::NoTime { .. }),
-            )) => 2,
-            Failure::Watch(WatchError::Source(SourceError::Connection { .. })) => 1,
-            Failure::Watch(WatchError::Source(_)) => 3,
-            Failure::Watch(WatchError::Checkpoint(CheckpointError::File(_))) => 1,
-            Failure::Watch(WatchError::Checkpoint(_)) => 3,
-            Failure::Watch(WatchError::Sink(_)) => 1,
-            Failure::Table(error) => of_table(error),
-            Failure::Figure(FigureError::UnknownFormat { .. }) => 2,
-            Failure::Campaign(error) | Failure::Job(JobError::Campaign(error)) => {
-                of_campaign(error)
-            }
-            Failure::Job(JobError::File(FileError::Altered { .. })) => 3,
-            Failure::Job(JobError::File(_) | JobError::Busy { .. }) => 1,
-            Failure::Job(
-                JobError::OtherResults { .. } | JobError::NoFlights | JobError::NoRun { .. },
-            ) => 2,
-            Failure::Job(JobError::Evaluation(error)) => of_evaluation(error),
-            Failure::Job(_) => 3,
-            Failure::Run(_)
-            | Failure::Eigenvalues
-            | Failure::Figure(_)
-            | Failure::Runtime(_)
-            | Failure::Fit(_)
-            | Failure::File(_)
-            | Failure::NoUpdate { .. }
-            | Failure::Alarm { .. }
-            | Failure::Print(_) => 1,
-            Failure::Safety(error) => of_safety(error),
-            Failure::Export(error) => of_export(error),
-            Failure::NotProven { .. } => 1,
-            Failure::Stopped | Failure::StoppedOnTheWay => 130,
+    /// Recordings that contradict their study.
+    pub(crate) fn of_recordings(path: &Path, error: RecordingError) -> Self {
+        let hint = match &error {
+            RecordingError::Evaluation(EvaluationError::Cancelled) => return Failure::stopped(),
+            RecordingError::NoHealthyRows { .. } => " with --healthy",
+            _ => "",
+        };
+        Failure::input(format!("{}: {error}{hint}", path.display()))
+    }
+
+    /// A diagnoser that belongs to another system.
+    pub(crate) fn of_diagnoser(path: &Path, error: &RuntimeError) -> Self {
+        let code = if matches!(error, RuntimeError::Twin { .. }) { FAILED } else { INPUT };
+        Failure::new(code, format!("{}: {error}", path.display()))
+    }
+
+    /// Mistakes of a file, whose message begins with their place.
+    fn of_mistakes(message: &impl Display, mistakes: &[Diagnostic]) -> Self {
+        let (message, mistakes) = (message.to_string(), mistakes.to_vec());
+        Failure { exit_code: INPUT, message, mistakes }
+    }
+
+    /// The failure for programs.
+    pub(crate) fn document(&self) -> Document {
+        let mut document = Document::new("failure", Verdict::act(self.message.as_str()));
+        document.fact("exit_code", "", u64::from(self.exit_code));
+        let mut table = Table::of("line | column | message | help");
+        for Diagnostic { line, column, message, help, .. } in &self.mistakes {
+            table.push(row![*line, *column, message, help.clone()]);
         }
+        document.push("mistakes", Content::Table(table));
+        document.formed(Form::Line)
     }
 }
 
-/// The exit code for a campaign. Its files are written by servotwin, so they are no input mistake unless damaged.
-fn of_campaign(error: &CampaignError) -> u8 {
-    match error {
-        // The study lacks a section that the named scenario needs.
-        CampaignError::NoSection { .. } => 2,
-        CampaignError::Unfinished { damaged: Some(_), .. }
-        | CampaignError::File(FileError::Altered { .. })
-        | CampaignError::Table(TableError::File(FileError::Altered { .. })) => 3,
-        _ => 1,
-    }
+/// The failure of each error.
+macro_rules! failures {
+    ($($error:ty: |$name:ident| $failure:expr;)*) => {$(
+        impl From<$error> for Failure {
+            fn from($name: $error) -> Self {
+                $failure
+            }
+        }
+    )*};
 }
 
-/// The exit code for an artefact of the safety case.
-fn of_export(error: &ExportError) -> u8 {
-    match error {
-        ExportError::FolderInUse(_) | ExportError::Damaged { .. } => 2,
-        ExportError::File(error) => of_file(error),
+failures! {
+    RestError: |error| Failure::work(error);
+    RuntimeError: |error| Failure::work(error);
+    RewriteError: |error| Failure::input(error);
+    TableError: |error| Failure::new(of_table(&error), error);
+    FileError: |error| Failure::work(error);
+    FigureError: |error| match error {
+        FigureError::UnknownFormat { .. } => Failure::usage(error),
+        _ => Failure::work(error),
+    };
+    ExportError: |error| match error {
+        ExportError::File(error) => error.into(),
+        ExportError::FolderInUse(_) | ExportError::Damaged { .. } => Failure::usage(error),
         ExportError::NoExport(_)
         | ExportError::Classifier { .. }
         | ExportError::TooMany { .. }
-        | ExportError::Unsupported(_) => 3,
-        _ => 1,
-    }
-}
-
-fn of_safety(error: &SafetyError) -> u8 {
-    match error {
+        | ExportError::Unsupported(_) => Failure::input(error),
+        _ => Failure::work(error),
+    };
+    UnknownName: |name| {
+        let list = match name.is_long() {
+            true => "; 'servotwin describe' and 'servotwin describe --faults' list them",
+            false => "",
+        };
+        Failure::usage(format!("{name}{list}"))
+    };
+    SystemError: |error| match &error {
+        SystemError::Mistakes { mistakes, .. } => Failure::of_mistakes(&error, mistakes),
+        SystemError::File(error) => Failure::input(error),
+    };
+    StudyError: |error| match error {
+        StudyError::System(error) => error.into(),
+        StudyError::File(error) => Failure::input(error),
+        StudyError::Mistakes { ref mistakes, .. } => Failure::of_mistakes(&error, mistakes),
+    };
+    MapError: |error| Failure::of_mistakes(&error, &[]);
+    CampaignError: |error| match &error {
+        CampaignError::Cancelled => Failure::stopped(),
+        // The study lacks a section that the named scenario needs.
+        CampaignError::NoSection { .. } => Failure::usage(error),
+        CampaignError::Unfinished { damaged: Some(_), .. }
+        | CampaignError::File(FileError::Altered { .. })
+        | CampaignError::Table(TableError::File(FileError::Altered { .. })) => {
+            Failure::input(error)
+        }
+        _ => Failure::work(error),
+    };
+    FitError: |error| match error {
+        FitError::Cancelled => Failure::stopped(),
+        FitError::Record { .. } => Failure::input(error),
+        error => Failure::work(error),
+    };
+    EvaluationError: |error| match &error {
+        EvaluationError::Cancelled => Failure::stopped(),
+        EvaluationError::File(own) => Failure::new(of_file(own), error),
+        EvaluationError::Table(own) => Failure::new(of_table(own), error),
+        _ => Failure::input(error),
+    };
+    JobError: |error| match error {
+        JobError::Evaluation(error) => error.into(),
+        JobError::Campaign(error) => error.into(),
+        JobError::File(FileError::Altered { .. }) => Failure::input(error),
+        JobError::File(_) | JobError::Busy { .. } => Failure::work(error),
+        JobError::OtherResults { .. } => {
+            Failure::usage(format!("{error} (--out), or --replace removes them"))
+        }
+        JobError::NoFlights | JobError::NoRun { .. } => Failure::usage(error),
+        JobError::Study(error) => (*error).into(),
+        JobError::NoDataSet { ref folder } => {
+            let folder = folder.display();
+            Failure::input(format!(
+                "{error}; 'servotwin study --suite records --out {folder}' makes it"
+            ))
+        }
+        error => Failure::input(error),
+    };
+    SafetyError: |error| match error {
+        SafetyError::Cancelled => Failure::stopped(),
+        SafetyError::Job(error) => error.into(),
+        SafetyError::File(error) => error.into(),
+        SafetyError::Table(error) => error.into(),
         SafetyError::Hours { .. }
         | SafetyError::SheetFormat { .. }
         | SafetyError::NoSensor { .. }
         | SafetyError::TooManySensors { .. }
         | SafetyError::NoScenario { .. }
-        | SafetyError::NoFlights { .. } => 2,
-        SafetyError::File(error) => of_file(error),
-        SafetyError::Table(error) => of_table(error),
-        _ => 3,
-    }
+        | SafetyError::NoFlights { .. } => Failure::usage(error),
+        error => Failure::input(error),
+    };
+    WatchError: |error| match error {
+        WatchError::Source(error) => error.into(),
+        WatchError::Checkpoint(error) => error.into(),
+        WatchError::Sink(error) => error.into(),
+    };
+    SourceError: |error| match &error {
+        SourceError::Cut(CutError::NoTime { .. }) => Failure::usage(format!("--{error}")),
+        SourceError::Cut(_) => Failure::input(format!("{error} (--from, --to)")),
+        SourceError::Address { .. } | SourceError::Feature { .. } => Failure::usage(error),
+        SourceError::Connection { .. } => Failure::work(error),
+        _ => Failure::input(error),
+    };
+    SinkError: |error| Failure::work(error);
+    CheckpointError: |error| match &error {
+        CheckpointError::File(_) => Failure::work(error),
+        CheckpointError::Content { .. } | CheckpointError::Damaged { .. } => {
+            Failure::input(format!("{error}; begin anew without --resume"))
+        }
+        _ => Failure::input(error),
+    };
 }
 
-/// The exit code for a file. A failed write is no input mistake.
+#[cfg(feature = "serve")]
+failures! {
+    servotwin_serve::ServeError: |error| match error {
+        servotwin_serve::ServeError::Session(_) => Failure::input(error),
+        error => Failure::work(error),
+    };
+}
+
+/// A failed write is no input mistake.
 fn of_file(error: &FileError) -> u8 {
     match error {
         FileError::MissingFolder { .. }
         | FileError::DiskFull { .. }
         | FileError::ReadOnly { .. }
         | FileError::SizeLimit { .. }
-        | FileError::System { .. } => 1,
-        _ => 3,
+        | FileError::System { .. } => FAILED,
+        _ => INPUT,
     }
 }
 
 fn of_table(error: &TableError) -> u8 {
     match error {
-        TableError::UnknownFormat { .. } => 2,
+        TableError::UnknownFormat { .. } => USAGE,
         TableError::File(error) => of_file(error),
-        _ => 3,
-    }
-}
-
-fn of_evaluation(error: &EvaluationError) -> u8 {
-    match error {
-        EvaluationError::File(error) => of_file(error),
-        EvaluationError::Table(error) => of_table(error),
-        _ => 3,
-    }
-}
-
-/// The hint after a name whose list of alternatives is too long for a message.
-const LIST_OF_NAMES: &str = "; 'servotwin describe' and 'servotwin describe --faults' list them";
-
-impl fmt::Display for Named {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{} {}", self.option, self.path.display())
-    }
-}
-
-/// Suggests the name that was probably meant, or else the given text.
-fn meant(nearest: Option<&str>, else_text: &str) -> String {
-    nearest.map_or_else(|| else_text.to_owned(), |name| format!("did you mean '{name}'?"))
-}
-
-/// Formats an error of a system. Mistakes in a file begin with their place instead of `error`.
-fn of_system(error: &SystemError) -> String {
-    match error {
-        SystemError::File(error) => format!("error: {error}"),
-        error => error.to_string(),
-    }
-}
-
-fn of_study(error: &StudyError) -> String {
-    match error {
-        StudyError::File(error) => format!("error: {error}"),
-        error => error.to_string(),
-    }
-}
-
-/// Lists the first findings, and counts the others.
-fn first_findings(findings: &[String]) -> String {
-    const SHOWN: usize = 4;
-    let mut text =
-        "error: no update, nothing is written: the record shows what no tolerance explains"
-            .to_owned();
-    for finding in findings.iter().take(SHOWN) {
-        text += &format!("\n  {finding}");
-    }
-    match findings.len().saturating_sub(SHOWN) {
-        0 => {}
-        more => text += &format!("\n  and {more} more"),
-    }
-    text
-}
-
-impl From<RestError> for Failure {
-    fn from(error: RestError) -> Self {
-        match error {
-            RestError::Stopped(stopped) => Failure::Run(stopped),
-            RestError::NotFinite => Failure::Eigenvalues,
-        }
-    }
-}
-
-impl From<StudyError> for Failure {
-    fn from(error: StudyError) -> Self {
-        Failure::Study(Box::new(error))
-    }
-}
-
-impl From<CampaignError> for Failure {
-    fn from(error: CampaignError) -> Self {
-        match error {
-            CampaignError::Cancelled => Failure::Stopped,
-            error => Failure::Campaign(error),
-        }
-    }
-}
-
-impl From<FitError> for Failure {
-    fn from(error: FitError) -> Self {
-        match error {
-            FitError::Cancelled => Failure::Stopped,
-            error => Failure::Fit(error),
-        }
-    }
-}
-
-impl From<EvaluationError> for Failure {
-    fn from(error: EvaluationError) -> Self {
-        match error {
-            EvaluationError::Cancelled => Failure::Stopped,
-            error => Failure::Evaluation(error),
-        }
-    }
-}
-
-impl From<JobError> for Failure {
-    fn from(error: JobError) -> Self {
-        match error {
-            JobError::Evaluation(EvaluationError::Cancelled)
-            | JobError::Campaign(CampaignError::Cancelled) => Failure::Stopped,
-            error => Failure::Job(error),
-        }
-    }
-}
-
-impl From<SafetyError> for Failure {
-    fn from(error: SafetyError) -> Self {
-        match error {
-            SafetyError::Cancelled => Failure::Stopped,
-            SafetyError::Job(error) => error.into(),
-            error => Failure::Safety(error),
-        }
-    }
-}
-
-impl From<SourceError> for Failure {
-    fn from(error: SourceError) -> Self {
-        Failure::Watch(error.into())
-    }
-}
-
-impl From<SinkError> for Failure {
-    fn from(error: SinkError) -> Self {
-        Failure::Watch(error.into())
-    }
-}
-
-impl From<CheckpointError> for Failure {
-    fn from(error: CheckpointError) -> Self {
-        Failure::Watch(error.into())
+        _ => INPUT,
     }
 }

@@ -6,19 +6,18 @@
 //! | code | meaning |
 //! |---|---|
 //! | 0 | success |
-//! | 1 | the run failed, or a result could not be written |
+//! | 1 | the run failed, a result could not be written, or the result calls for a person |
 //! | 2 | wrong usage: an option, a signal, a name that the system does not have |
 //! | 3 | a system file (or another input file) is missing or has mistakes |
 //! | 130 | stopped by Ctrl-C or another request to end; no file was left half-written |
 
 mod commands;
 mod failure;
-mod hint;
 mod out;
 mod paths;
-mod render;
 mod stop;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 #[cfg(feature = "serve")]
 use commands::serve;
@@ -30,6 +29,8 @@ use failure::Failure;
 use paths::Paths;
 use servotwin::compiled::{self, Policy};
 use servotwin::sanitize;
+use servotwin_view::document::{Call, Document, Form, Verdict};
+use servotwin_view::render;
 use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
@@ -52,6 +53,9 @@ pub(crate) struct Global {
     /// Write no progress, no notes, and no summary of what the command ran, checked or wrote to files.
     #[arg(long, short, global = true)]
     quiet: bool,
+    /// Show everything that the command found, not only the beginning.
+    #[arg(long, global = true, conflicts_with_all = ["json", "quiet"])]
+    details: bool,
     /// When to compile the equations with the C compiler: where it saves time (auto, the default), never, or always
     /// (only). With only, a failed compilation ends the run. The results are the same.
     #[arg(
@@ -96,7 +100,7 @@ impl Compile {
     }
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 success, 1 the run failed, 2 wrong usage, \
+const EXIT_CODES: &str = "Exit codes: 0 success, 1 the run failed or its result calls for a person, 2 wrong usage, \
     3 an input file is missing or has mistakes, 130 stopped by Ctrl-C or another request to end.";
 
 /// The groups of commands in the help, each with the command that it begins with.
@@ -149,55 +153,81 @@ enum Command {
     Tools(tools::Options),
 }
 
-impl Command {
+/// What every command does.
+trait Run {
     /// The files that the command reads and writes, if the user names its outputs. Commands that write into a folder of
     /// results check its files themselves.
     fn paths(&self) -> Paths {
-        match self {
-            Command::Simulate(options) => options.paths(),
-            Command::Features(options) => options.paths(),
-            Command::Fit(options) => options.paths(),
-            Command::History(options) => options.paths(),
-            Command::Watch(options) => options.paths(),
-            #[cfg(feature = "serve")]
-            Command::Serve(options) => options.paths(),
-            Command::Fmea(options) => options.paths(),
-            Command::FaultTree(options) => options.paths(),
-            Command::Sensors(options) => options.paths(),
-            Command::Export(options) => options.paths(),
-            Command::Describe(options) => options.paths(),
-            _ => Paths::default(),
-        }
+        Paths::default()
     }
 
-    /// Returns the text for standard output.
-    fn run(&self, global: Global) -> Result<String, Failure> {
+    /// Runs the command. Its result is printed by [`main`].
+    ///
+    /// # Errors
+    /// The command cannot be run to its end.
+    fn run(&self, global: Global) -> Result<Document, Failure>;
+}
+
+impl Command {
+    fn chosen(&self) -> &dyn Run {
         match self {
-            Command::Catalog(options) => catalog::run(options, global),
-            Command::Init(options) => init::run(options, global),
-            Command::Check(options) => check::run(options, global),
-            Command::Describe(options) => describe::run(options, global),
-            Command::Simulate(options) => simulate::run(options, global),
-            Command::Study(options) => study::run(options, global),
-            Command::Run(options) => run::run(options, global),
-            Command::Report(options) => report::run(options, global),
-            Command::Fly(options) => fly::run(options, global),
-            Command::Watch(options) => watch::run(options, global),
+            Command::Catalog(options) => options,
+            Command::Init(options) => options,
+            Command::Check(options) => options,
+            Command::Describe(options) => options,
+            Command::Simulate(options) => &**options,
+            Command::Study(options) => options,
+            Command::Run(options) => options,
+            Command::Report(options) => options,
+            Command::Fly(options) => &**options,
+            Command::Watch(options) => &**options,
             #[cfg(feature = "serve")]
-            Command::Serve(options) => serve::run(options, global),
-            Command::Test(options) => test::run(options, global),
-            Command::Fit(options) => fit::run(options, global),
-            Command::History(options) => history::run(options, global),
-            Command::Features(options) => features::run(options, global),
-            Command::Fmea(options) => fmea::run(options, global),
-            Command::FaultTree(options) => fault_tree::run(options, global),
-            Command::Sensors(options) => sensors::run(options, global),
-            Command::WorstCase(options) => worst_case::run(options, global),
-            Command::Export(options) => export::run(options, global),
-            Command::Prove(options) => prove::run(options, global),
-            Command::Tools(options) => tools::run(options, global),
+            Command::Serve(options) => &**options,
+            Command::Test(options) => options,
+            Command::Fit(options) => options,
+            Command::History(options) => options,
+            Command::Features(options) => options,
+            Command::Fmea(options) => options,
+            Command::FaultTree(options) => options,
+            Command::Sensors(options) => options,
+            Command::WorstCase(options) => options,
+            Command::Export(options) => options,
+            Command::Prove(options) => options,
+            Command::Tools(options) => options,
         }
     }
+}
+
+/// Words that people try as commands, and what does it.
+const TIPS: [(&str, &str); 13] = [
+    ("campaign", "study --suite records"),
+    ("merge", "study --suite records"),
+    ("train", "study"),
+    ("evaluate", "study"),
+    ("flights", "study --suite flights"),
+    ("explain", "run"),
+    ("results", "report --markdown"),
+    ("predict", "watch --model FOLDER/model.json"),
+    ("faults", "describe --faults"),
+    ("components", "catalog"),
+    ("schema", "tools schema"),
+    ("function-rate", "fault-tree"),
+    ("monitor", "watch"),
+];
+
+/// Reads the options. A guessed command gets a tip.
+fn read_options() -> Cli {
+    let matches = command_line().try_get_matches().unwrap_or_else(|error| {
+        let word = match error.get(ContextKind::InvalidSubcommand) {
+            Some(ContextValue::String(word)) => word.as_str(),
+            _ => error.exit(),
+        };
+        let Some((_, tip)) = TIPS.iter().find(|(known, _)| *known == word) else { error.exit() };
+        let failure =
+            Failure::usage(format!("there is no command '{word}'; 'servotwin {tip}' does that"));
+        std::process::exit(i32::from(tell(&failure, false).exit_code));
+    });
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
 /// The command line with its commands in groups.
@@ -221,33 +251,56 @@ fn command_line() -> clap::Command {
 fn main() -> ExitCode {
     stop::listen();
     report_full_files();
-    let cli =
-        Cli::from_arg_matches(&command_line().get_matches()).unwrap_or_else(|error| error.exit());
-    cli.global.compile.set(cli.global.quiet);
-    let paths = cli.command.paths();
+    let Cli { global, command } = read_options();
+    global.compile.set(global.quiet);
+    let command = command.chosen();
+    let paths = command.paths();
     paths.remove_leftovers();
-    let outcome = paths.check().and_then(|()| match cli.global.dry_run {
-        true => Ok(()),
-        false => cli.command.run(cli.global).and_then(|text| print(&text)),
+    let outcome = paths.check().and_then(|()| match global.dry_run {
+        true => Ok(0),
+        false => {
+            let mut document = command.run(global)?;
+            warn_of(&mut document, global);
+            print(&rendered(&document, global)).map(|()| document.exit_code)
+        }
     });
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            if let Failure::NoUpdate { output, .. }
-            | Failure::Alarm { output, .. }
-            | Failure::SinksLost { output, .. }
-            | Failure::NotProven { output, .. }
-            | Failure::Unjudged { output, .. } = &failure
-            {
-                let _ = print(output);
-            }
-            // If standard error is closed too, there is no way to report that.
-            for line in failure.to_string().lines() {
-                let _ = writeln!(out::stderr(), "{}", sanitize::clip(line.into()));
-            }
-            ExitCode::from(failure.exit_code())
+    ExitCode::from(outcome.unwrap_or_else(|failure| tell(&failure, global.json).exit_code))
+}
+
+/// A result for its reader.
+fn rendered(document: &Document, global: Global) -> String {
+    match &document.verdict {
+        _ if global.json => render::json(document),
+        Some(Verdict { call: Call::Act, line }) if global.quiet => format!("{}\n", line.text),
+        _ if global.quiet && document.form != Form::Listing => String::new(),
+        _ => render::terminal(document, global.details),
+    }
+}
+
+/// Writes a verdict to standard error if it calls for a person, and standard output is for programs or the input is at
+/// fault.
+fn warn_of(document: &mut Document, global: Global) {
+    let is_input = document.exit_code > 1;
+    if let Some(Verdict { call: Call::Act, line }) = &document.verdict
+        && (global.json || is_input)
+    {
+        let _ = writeln!(out::stderr(), "{}", sanitize::clip(line.text.clone()));
+        if !global.json {
+            document.verdict = None;
         }
     }
+}
+
+/// Writes a failure for people, and for programs that want JSON.
+fn tell(failure: &Failure, is_json: bool) -> &Failure {
+    if is_json {
+        let _ = print(&render::json(&failure.document()));
+    }
+    // If standard error is closed too, there is no way to report that.
+    for line in failure.message.lines() {
+        let _ = writeln!(out::stderr(), "{}", sanitize::clip(line.into()));
+    }
+    failure
 }
 
 /// Lets a write beyond the limit on the size of files (`ulimit -f`) fail as on a full disk, instead of ending the
@@ -264,7 +317,9 @@ fn report_full_files() {
 fn print(text: &str) -> Result<(), Failure> {
     let mut out = out::stdout();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Failure::Print(error)),
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::work(format!("standard output: {error}")))
+        }
         _ => Ok(()),
     }
 }

@@ -4,7 +4,7 @@
 //! another output, under any name or link. No output may have the extension of another kind of
 //! file.
 
-use crate::failure::{Failure, Named};
+use crate::failure::Failure;
 use servotwin::figure::{FigureError, PngError};
 use servotwin::files::{check_writable, resolve_links};
 use servotwin::leftovers::remove_abandoned_files;
@@ -12,8 +12,15 @@ use servotwin::study::Study;
 use servotwin::table;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fmt, fs};
+
+/// A file, with the option that names it or a description of it.
+#[derive(Debug)]
+struct Named {
+    option: &'static str,
+    path: PathBuf,
+}
 
 /// The kind of an output, which determines the allowed extensions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,8 +57,8 @@ impl Format {
                 Err(FigureError::Png(PngError::Feature).into())
             }
             Format::Only(allowed) if !ending.is_empty() && !allowed.contains(&&*ending) => {
-                let ending = allowed[0];
-                Err(Failure::Ending { option, path: path.into(), ending })
+                let (ending, path) = (allowed[0], path.display());
+                Err(Failure::usage(format!("{option} must end in .{ending}, not as {path} does")))
             }
             _ => Ok(()),
         }
@@ -117,12 +124,16 @@ impl Paths {
         for (written, format) in writes {
             let is_same = |other: &Named| are_one(&written.path, &other.path);
             if let Some(place) = reads.iter().position(is_same) {
-                let read = reads.swap_remove(place);
-                return Err(Failure::Overwritten { written, read });
+                return Err(Failure::usage(format!(
+                    "{written} would overwrite {}, which is read: name another file",
+                    reads.swap_remove(place)
+                )));
             }
             if let Some(place) = before.iter().position(|(other, _)| is_same(other)) {
                 let (first, _) = before.swap_remove(place);
-                return Err(Failure::Twice { written: first, again: written });
+                return Err(Failure::usage(format!(
+                    "{first} and {written} are the same file: name two"
+                )));
             }
             before.push((written, format));
         }
@@ -135,41 +146,31 @@ impl Paths {
     }
 }
 
+impl fmt::Display for Named {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(out, "{} {}", self.option, self.path.display())
+    }
+}
+
 /// Whether two paths lead, or would lead, to the same regular file. Devices and pipes may be shared.
 fn are_one(one: &Path, other: &Path) -> bool {
     match (fs::metadata(one), fs::metadata(other)) {
         (Ok(own), Ok(others)) => {
-            own.is_file() && others.is_file() && (is_same_file(&own, &others) || leads(one, other))
+            own.is_file()
+                && others.is_file()
+                && same_file::is_same_file(one, other).unwrap_or(false)
         }
-        (Err(_), Err(_)) => leads(one, other),
+        (Err(_), Err(_)) => resolved(one) == resolved(other),
         _ => false,
     }
 }
 
-/// Whether two paths are the same after links are resolved.
-fn leads(one: &Path, other: &Path) -> bool {
-    match (resolved(one), resolved(other)) {
-        (Some(one), Some(other)) => one == other,
-        _ => one == other,
-    }
-}
-
-/// Resolves the links of a path. If the file does not exist yet, those of its folder are resolved.
-fn resolved(path: &Path) -> Option<PathBuf> {
+/// Resolves the links of a path to a file that does not exist yet, and those of its folder.
+fn resolved(path: &Path) -> PathBuf {
     let path = resolve_links(path);
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let folder = fs::canonicalize(folder.unwrap_or(Path::new("."))).ok()?;
-    Some(folder.join(path.file_name()?))
-}
-
-/// Whether both are the same file, perhaps through hard links.
-#[cfg(unix)]
-fn is_same_file(one: &fs::Metadata, other: &fs::Metadata) -> bool {
-    use std::os::unix::fs::MetadataExt;
-    (one.dev(), one.ino()) == (other.dev(), other.ino())
-}
-
-#[cfg(not(unix))]
-fn is_same_file(_: &fs::Metadata, _: &fs::Metadata) -> bool {
-    false
+    match (fs::canonicalize(folder.unwrap_or(Path::new("."))), path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path,
+    }
 }

@@ -24,8 +24,9 @@ pub(crate) fn listen() {
     let _ = ctrlc::set_handler(|| {
         if STOP.swap(true, Ordering::Relaxed) || !HEEDED.load(Ordering::Relaxed) {
             // If standard error is closed, there is no way to report that.
-            let _ = writeln!(out::stderr(), "{}", Failure::Stopped);
-            std::process::exit(i32::from(Failure::Stopped.exit_code()));
+            let stopped = Failure::stopped();
+            let _ = writeln!(out::stderr(), "{}", stopped.message);
+            std::process::exit(i32::from(stopped.exit_code));
         }
     });
 }
@@ -37,5 +38,5 @@ pub(crate) fn heed() {
 
 /// Ends a job between two of its steps if the flag is set.
 pub(crate) fn check() -> Result<(), Failure> {
-    if STOP.load(Ordering::Relaxed) { Err(Failure::Stopped) } else { Ok(()) }
+    if STOP.load(Ordering::Relaxed) { Err(Failure::stopped()) } else { Ok(()) }
 }

@@ -1,13 +1,13 @@
-//! What a proof showed, as data and as a page.
+//! What a proof showed, as data and for readers.
 
 use crate::comparison::FolderComparison;
 use crate::description::Description;
 use crate::prove::{ProofEvidence, RowDifference};
 use crate::source_file::SourceFile;
 use serde::Serialize;
-use servotwin_io::text::escaped;
+use servotwin::figure::document::{Document, Fact, Table, Value, Verdict, fact};
+use servotwin::figure::row;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 /// What no proof compares.
 const NEVER_COMPARED: [&str; 3] = [
@@ -60,72 +60,52 @@ impl Certificate {
         }
     }
 
-    /// The certificate as a page that needs no other file.
-    pub(crate) fn page(&self) -> String {
-        let mut page = format!(
-            "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Proof of an export</title>\n\
-             <style>body {{ font: 16px/1.5 sans-serif; max-width: 60em; margin: 2em auto; padding: 0 1em }} \
-             td, th {{ text-align: left; padding: 0 1em 0 0; vertical-align: top }} td {{ font-family: monospace; \
-             overflow-wrap: break-word }}</style>\n<h1>Proof of an export</h1>\n<p><strong>{}</strong></p>\n",
-            self.verdict()
-        );
-        write_list(&mut page, "Differences", self.differences.iter().map(RowDifference::to_string));
-        self.write_builds(&mut page);
-        write_list(&mut page, "Not compared", self.not_compared.iter().cloned());
-        let Description { version, diagnoser, diagnoser_sha256, sources_sha256, .. } = &self.export;
-        let own = BTreeMap::from([(diagnoser.display().to_string(), diagnoser_sha256.clone())]);
-        let _ = writeln!(page, "<p>Exported by servotwin {}.</p>", escaped(version));
-        for (title, hashes) in [
-            ("Diagnoser", &own),
-            ("System, study and data", sources_sha256),
-            ("Compiled files", &self.compiled_sha256),
-        ] {
-            write_hashes(&mut page, title, hashes);
-        }
-        page + "</html>\n"
-    }
-
-    fn write_builds(&self, page: &mut String) {
-        *page += "<h2>Builds</h2>\n<table>\n<tr><th>Same bits<th>Compiler<th>Leaves<th>Thresholds<th>Rows<th>Samples\
-             <th>Points and variants of the twin<th>Without a steady state<th>Samples of variants\
-             <th>Samples of both together\n";
+    /// The certificate for readers.
+    pub fn document(&self) -> Document {
+        let verdict = self.verdict();
+        let verdict = if self.holds { Verdict::good(verdict) } else { Verdict::act(verdict) };
+        let mut document = Document::new("prove", verdict);
+        document.title = "Proof of an export".into();
+        document.list("differences", self.differences.iter().map(RowDifference::to_string));
+        let mut builds = Table::of("verdict:_ | command:build | version: | leaves_not_reached");
         for build in &self.builds {
-            let same = if build.holds() { "yes" } else { "no" };
-            let (command, version) = (escaped(&build.command), escaped(&build.version));
-            let _ = writeln!(
-                page,
-                "<tr><td>{same}<td>{command}<br>{version}<td>{}<td>{}<td>{}<td>{}<td>{}, {}<td>{}<td>{}<td>{}",
-                build.leaves,
-                build.thresholds,
-                build.rows + build.random_rows,
-                build.samples,
-                build.points,
-                build.variants,
-                build.unsettled,
-                build.twin_samples,
-                build.hybrid_samples
-            );
+            let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
+            builds.push(row![verdict, &build.command, &build.version, build.leaves_not_reached]);
         }
-        *page += "</table>\n";
-        if let Some(first) = self.builds.first() {
-            let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
-            let raised = raised.collect::<Vec<_>>().join(", ");
-            let _ = writeln!(page, "<p>Actions raised by the samples: {}.</p>", escaped(&raised));
+        document.table("builds", builds);
+        let differences = self.builds.iter().flat_map(|build| build.differences.iter().take(3));
+        document.list("differences_of_builds", differences.map(RowDifference::to_string));
+        document.facts("compared", self.builds.first().map_or_else(Vec::new, compared));
+        document.heading("Not compared").detail();
+        document.list("not_compared", self.not_compared.iter().map(String::as_str)).detail();
+        let Description { version, diagnoser, diagnoser_sha256, sources_sha256, .. } = &self.export;
+        document.text(format!("Exported by servotwin {version}.")).detail();
+        let own = BTreeMap::from([(diagnoser.display().to_string(), diagnoser_sha256.clone())]);
+        let mut files = Table::headed(["file", "SHA-256"]);
+        for (name, hash) in own.iter().chain(sources_sha256).chain(&self.compiled_sha256) {
+            files.push([name, hash]);
         }
+        document.table("", files.captioned("Diagnoser, sources and compiled files")).detail();
+        document.data("certificate", self);
+        document
     }
 }
 
-fn write_list(page: &mut String, title: &str, items: impl Iterator<Item = String>) {
-    let items: String = items.map(|item| format!("<li>{}\n", escaped(&item))).collect();
-    if !items.is_empty() {
-        let _ = writeln!(page, "<h2>{title}</h2>\n<ul>\n{items}</ul>");
-    }
-}
-
-fn write_hashes(page: &mut String, title: &str, hashes: &BTreeMap<String, String>) {
-    let _ = writeln!(page, "<h2>{title}</h2>\n<table>\n<tr><th>File<th>SHA-256");
-    for (name, hash) in hashes {
-        let _ = writeln!(page, "<tr><td>{}<td>{hash}", escaped(name));
-    }
-    *page += "</table>\n";
+/// What a build was compared on.
+fn compared(build: &ProofEvidence) -> Vec<Fact> {
+    let raised = build.raised.iter().map(|(action, count)| format!("{action} {count}"));
+    let raised = raised.collect::<Vec<_>>().join(", ");
+    vec![
+        fact("leaves", "leaves of trees", build.leaves),
+        fact("thresholds", "thresholds", build.thresholds),
+        fact("rows", "rows", build.rows),
+        fact("random_rows", "random rows", build.random_rows),
+        fact("points", "points of the twin", build.points),
+        fact("variants", "variants of the twin", build.variants),
+        fact("unsettled", "of them without a steady state", build.unsettled),
+        fact("twin_samples", "samples of the twin", build.twin_samples),
+        fact("samples", "samples of the diagnosis", build.samples),
+        fact("hybrid_samples", "samples of both together", build.hybrid_samples),
+        fact("raised", "raised on the way", Value::of(raised, &build.raised)),
+    ]
 }

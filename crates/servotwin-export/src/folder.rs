@@ -176,7 +176,8 @@ impl ExportFolder {
     ) -> Result<[PathBuf; 2], ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
         let page = self.file(PAGE);
-        write_atomically(&page, |out| out.write_all(certificate.page().as_bytes()))?;
+        let html = servotwin::figure::render::page(&certificate.document());
+        write_atomically(&page, |out| out.write_all(html.as_bytes()))?;
         Ok([self.file(CERTIFICATE), page])
     }
 

@@ -11,7 +11,6 @@ pub mod lines;
 mod looks;
 pub mod measured;
 mod overview;
-pub mod page;
 pub mod schematic;
 mod sections;
 mod stages;
@@ -22,7 +21,6 @@ mod write;
 
 use examples::Example;
 use looks::Looks;
-use page::{ContentsEntry, Page};
 use sections::*;
 use servotwin::campaign::Comparison;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -33,7 +31,7 @@ use servotwin::job::{Results, Subject};
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
-use servotwin_plot::Figure;
+use servotwin_view::document::{Content, Document, Form};
 use vocabulary::Vocabulary;
 pub use write::write;
 
@@ -68,8 +66,11 @@ pub struct Section {
     /// The heading of the section.
     pub title: &'static str,
     /// Writes the section, or nothing if the study has no content for it.
-    pub write: fn(&Material, &mut Page),
+    pub write: SectionWriter,
 }
+
+/// Writes a section, or nothing if the study has no content for it.
+pub type SectionWriter = fn(&Material, &mut Document);
 
 /// Sections that answer the same question. On screen the reader picks one of them; on paper they follow one another.
 pub struct Chapter {
@@ -85,115 +86,95 @@ pub struct Chapter {
 
 /// The chapters of the report in their order. A new section is one file and one line here.
 pub static CHAPTERS: &[Chapter] = &[
-    Chapter {
-        id: "findings",
-        title: "Findings",
-        is_appendix: false,
-        sections: &[Section { id: "summary", title: "Summary", write: summary::write }],
-    },
-    Chapter {
-        id: "setup",
-        title: "System, faults and commands",
-        is_appendix: false,
-        sections: &[
-            Section { id: "faults", title: "Faults", write: faults::write },
-            Section { id: "system", title: "The system", write: system::write },
-            Section { id: "commands", title: "Commands", write: commands::write },
+    chapter("findings", "Findings", &[section("summary", "Summary", summary::write)]),
+    chapter(
+        "setup",
+        "System, faults and commands",
+        &[
+            section("faults", "Faults", faults::write),
+            section("system", "The system", system::write),
+            section("commands", "Commands", commands::write),
         ],
-    },
-    Chapter {
-        id: "visible",
-        title: "Which faults are detected",
-        is_appendix: false,
-        sections: &[Section {
-            id: "detectability",
-            title: "Detectability",
-            write: detectability::write,
-        }],
-    },
-    Chapter {
-        id: "errors",
-        title: "What errors do",
-        is_appendix: false,
-        sections: &[Section { id: "safety", title: "Safety", write: safety::write }],
-    },
-    Chapter {
-        id: "work",
-        title: "Faults that begin at work",
-        is_appendix: false,
-        sections: &[
-            Section { id: "flights", title: "The diagnosis at work", write: flights::write },
-            Section { id: "unseen", title: "Faults never trained on", write: unseen::write },
+    ),
+    chapter(
+        "visible",
+        "Which faults are detected",
+        &[section("detectability", "Detectability", detectability::write)],
+    ),
+    chapter(
+        "errors",
+        "What errors do",
+        &[
+            section("safety", "Safety", safety::write),
         ],
-    },
-    Chapter {
-        id: "limits",
-        title: "Bands and the twin behind them",
-        is_appendix: true,
-        sections: &[
-            Section { id: "bands", title: "Bands", write: bands::write },
-            Section { id: "twin", title: "The twin and its confidence", write: twin::write },
+    ),
+    chapter(
+        "work",
+        "Faults that begin at work",
+        &[
+            section("flights", "The diagnosis at work", flights::write),
+            section("unseen", "Faults never trained on", unseen::write),
         ],
-    },
-    Chapter {
-        id: "decisions",
-        title: "How the trees decide",
-        is_appendix: true,
-        sections: &[
-            Section {
-                id: "macrostructure",
-                title: "How the trees hang together",
-                write: macrostructure::write,
-            },
-            Section { id: "trees", title: "The trees", write: actuator_tree::write },
+    ),
+    appendix(
+        "limits",
+        "Bands and the twin behind them",
+        &[
+            section("bands", "Bands", bands::write),
+            section("twin", "The twin and its confidence", twin::write),
         ],
-    },
-    Chapter {
-        id: "examples",
-        title: "Examples",
-        is_appendix: true,
-        sections: &[Section {
-            id: "residuals",
-            title: "Residuals of examples",
-            write: residuals::write,
-        }],
-    },
-    Chapter {
-        id: "rates",
-        title: "Rates by scenario and protocol",
-        is_appendix: true,
-        sections: &[
-            Section {
-                id: "protocols",
-                title: "The trees under every protocol",
-                write: protocols::write,
-            },
-            Section { id: "committee", title: "The committee", write: committee::write },
-            Section { id: "settings", title: "Settings", write: settings::write },
-            Section {
-                id: "uncertainty",
-                title: "Answers that hang on less than a sensor shows",
-                write: uncertainty::write,
-            },
-            Section { id: "confusion", title: "Confusion matrices", write: confusion::write },
-            Section { id: "classifiers", title: "Classifiers compared", write: classifiers::write },
+    ),
+    appendix(
+        "decisions",
+        "How the trees decide",
+        &[
+            section("macrostructure", "How the trees hang together", macrostructure::write),
+            section("trees", "The trees", actuator_tree::write),
         ],
-    },
-    Chapter {
-        id: "origin",
-        title: "The data and how it was made",
-        is_appendix: true,
-        sections: &[
-            Section { id: "exclusions", title: "What was left out", write: exclusions::write },
-            Section {
-                id: "constants",
-                title: "Constants of the diagnosis",
-                write: constants::write,
-            },
-            Section { id: "making", title: "How this was made", write: making::write },
+    ),
+    appendix(
+        "examples",
+        "Examples",
+        &[section("residuals", "Residuals of examples", residuals::write)],
+    ),
+    appendix(
+        "rates",
+        "Rates by scenario and protocol",
+        &[
+            section("protocols", "The trees under every protocol", protocols::write),
+            section("committee", "The committee", committee::write),
+            section("settings", "Settings", settings::write),
+            section(
+                "uncertainty",
+                "Answers that hang on less than a sensor shows",
+                uncertainty::write,
+            ),
+            section("confusion", "Confusion matrices", confusion::write),
+            section("classifiers", "Classifiers compared", classifiers::write),
         ],
-    },
+    ),
+    appendix(
+        "origin",
+        "The data and how it was made",
+        &[
+            section("exclusions", "What was left out", exclusions::write),
+            section("constants", "Constants of the diagnosis", constants::write),
+            section("making", "How this was made", making::write),
+        ],
+    ),
 ];
+
+const fn section(id: &'static str, title: &'static str, write: SectionWriter) -> Section {
+    Section { id, title, write }
+}
+
+const fn chapter(id: &'static str, title: &'static str, sections: &'static [Section]) -> Chapter {
+    Chapter { id, title, is_appendix: false, sections }
+}
+
+const fn appendix(id: &'static str, title: &'static str, sections: &'static [Section]) -> Chapter {
+    Chapter { id, title, is_appendix: true, sections }
+}
 
 impl Material<'_> {
     /// The study's vocabulary.
@@ -221,8 +202,8 @@ impl Material<'_> {
 /// Shows the last (hardest) scenario, and folds the others.
 fn hardest_first(
     results: &[&SubjectResult],
-    page: &mut Page,
-    show: &dyn Fn(&SubjectResult, &mut Page),
+    page: &mut Document,
+    show: &dyn Fn(&SubjectResult, &mut Document),
 ) {
     let Some((hardest, others)) = results.split_last() else { return };
     show(hardest, page);
@@ -231,45 +212,28 @@ fn hardest_first(
     }
 }
 
-/// Returns the report as HTML, and its figures with their file names.
-pub fn render(material: &Material) -> (String, Vec<(String, Figure)>) {
-    let mut chapters = vec![];
-    for chapter in CHAPTERS {
-        let mut page = Page::default();
-        page.section(chapter.id, chapter.title, |page| chapter.write(material, page));
-        if !page.is_empty() {
-            chapters.push((chapter, page));
-        }
-    }
-    let mut page = Page::default();
-    let entry = |(chapter, _): &(&Chapter, Page)| ContentsEntry {
-        id: chapter.id.to_owned(),
-        title: chapter.title.to_owned(),
-        is_appendix: chapter.is_appendix,
-    };
-    let entries: Vec<ContentsEntry> = chapters.iter().map(entry).collect();
+/// The report.
+pub fn document(material: &Material) -> Document {
+    let mut page = Document::section("report", material.study.title.as_str());
     overview::write(material, &mut page);
-    page.contents(&entries);
-    let mut in_appendix = false;
-    for (chapter, written) in chapters {
-        if chapter.is_appendix && !in_appendix {
-            page.appendix();
-            in_appendix = true;
+    for chapter in CHAPTERS {
+        let written = chapter.document(material);
+        if !written.is_empty() {
+            page.push(chapter.id, Content::Section(written)).is_detail = chapter.is_appendix;
         }
-        page.append(written);
     }
-    page.finish(&material.study.title)
+    page
 }
 
 impl Chapter {
-    /// Writes the sections that have content. The reader chooses among several.
-    fn write(&self, material: &Material, page: &mut Page) {
-        let written = self.sections.iter().map(|section| {
-            let mut inner = Page::default();
+    /// The sections that have content. The reader chooses among several.
+    fn document(&self, material: &Material) -> Document {
+        let mut chapter = Document::section(self.id, self.title).formed(Form::Choices);
+        for section in self.sections {
+            let mut inner = Document::section(section.id, section.title);
             (section.write)(material, &mut inner);
-            (section.id, section.title, inner)
-        });
-        let written: Vec<_> = written.filter(|(.., inner)| !inner.is_empty()).collect();
-        page.choices(self.id, written);
+            chapter.add(inner);
+        }
+        chapter
     }
 }

@@ -3,7 +3,7 @@
 use servotwin::job::Subject;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::{Look, SemanticColor};
+use servotwin_view::{Look, SemanticColor};
 
 /// The plot styles of a study's actuators, commands and failures.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,9 +1,8 @@
-//! The first screen: figures of merit with their targets, the intensity at which each fault becomes detectable, and the
-//! faults that need attention. One tab for each scenario; the hardest is in front.
+//! The first screen: figures of merit with their targets, the faults that need attention, and the share detected of each
+//! kind of fault. One tab for each scenario; the hardest is in front.
 
 use crate::Material;
 use crate::lines::{self, Who};
-use crate::page::{Page, counted};
 use crate::vocabulary::Vocabulary;
 use crate::words::{begun, chosen, percent, spoken};
 use servotwin::evaluation::detection::Curve;
@@ -11,8 +10,8 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::study::{Purpose, Scenario};
-use servotwin_io::text::escaped;
-use std::fmt::Write;
+use servotwin_view::document::{Call, Document, Fact, Form, Value, fact};
+use servotwin_view::value_map::ValueMap;
 
 /// The target share of detected and isolated faults. The flight study has the same target for strong shutdown faults.
 const TARGET: f64 = 0.95;
@@ -29,54 +28,40 @@ enum Target {
     AtLeast(f64),
 }
 
-/// A figure of merit.
-struct Card {
-    name: String,
-    rate: Rate,
-    target: Target,
-}
-
-/// A card; `value`, `note` and `verdict` are HTML. A figure without a target has no verdict.
-fn card(class: &str, name: &str, [value, note]: [&str; 2], verdict: Option<&str>) -> String {
-    let verdict = verdict.map_or(String::new(), |text| format!("<p class=\"verdict\">{text}</p>"));
-    format!(
-        "<div class=\"card {class}\"><p>{}</p><p class=\"value\">{value}</p><p class=\"note\">{note}</p>{verdict}</div>\n",
-        escaped(name)
-    )
-}
-
-impl Card {
-    /// Whether the target is met. If the interval contains the target, the verdict stays open.
-    fn verdict(&self) -> (&'static str, &'static str) {
-        match self.target {
-            Target::Never if self.rate.count == 0 => ("met", "target: never · none seen"),
-            Target::Never => ("missed", "target: never · missed"),
-            Target::AtLeast(share) if self.rate.low >= share => ("met", "target: 95 % · met"),
-            Target::AtLeast(share) if self.rate.high < share => ("missed", "target: 95 % · missed"),
-            Target::AtLeast(_) => ("open", "target: 95 % · not certain"),
-        }
-    }
-
-    fn html(&self) -> String {
-        let (class, verdict) = self.verdict();
-        let interval = format!("{:.2} … {:.2} %", 100.0 * self.rate.low, 100.0 * self.rate.high);
-        let value = counted(&percent(self.rate.share), self.rate);
-        card(class, &self.name, [&value, &interval], Some(verdict))
-    }
+/// A share beside its target. If the interval contains the target, the verdict stays open.
+fn card(name: String, rate: Rate, target: Target) -> Fact {
+    let (call, verdict) = match target {
+        Target::Never if rate.count == 0 => (Call::Good, "target: never · none seen"),
+        Target::Never => (Call::Act, "target: never · missed"),
+        Target::AtLeast(share) if rate.low >= share => (Call::Good, "target: 95 % · met"),
+        Target::AtLeast(share) if rate.high < share => (Call::Act, "target: 95 % · missed"),
+        Target::AtLeast(_) => (Call::Neutral, "target: 95 % · not certain"),
+    };
+    let text = format!(
+        "{}\n{} of {}, {:.2} … {:.2} %\n{verdict}",
+        percent(rate.share),
+        rate.count,
+        rate.of,
+        100.0 * rate.low,
+        100.0 * rate.high
+    );
+    fact("", name, Value { call: Some(call), ..Value::of(text, &rate) })
 }
 
 /// Writes the first screen, or nothing if there are no results.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     if let Some(missing) = missing(material) {
-        page.note(&missing);
+        page.note(missing);
     }
     let words = material.words();
-    let scenarios = lines::scenarios(material.results);
-    let tabs: Vec<(String, String)> = scenarios
-        .iter()
-        .map(|result| (result.title.clone(), scenario(material, result, &words)))
-        .collect();
-    page.tabs("scenario", &tabs);
+    let mut tabs = Document::section("scenario", "").formed(Form::Choices);
+    for result in lines::scenarios(material.results).into_iter().rev() {
+        let name = format!("scenario-{}", result.subject.name());
+        let mut section = Document::section(name, result.title.as_str());
+        scenario(material, result, &words, &mut section);
+        tabs.add(section);
+    }
+    page.add(tabs);
 }
 
 /// Reports results that a reader may expect and that this report lacks.
@@ -109,42 +94,53 @@ fn missing(material: &Material) -> Option<String> {
     })
 }
 
-fn scenario(material: &Material, result: &SubjectResult, words: &Vocabulary) -> String {
-    let mut cards: String = cards(result, words).iter().map(Card::html).collect();
+fn scenario(
+    material: &Material,
+    result: &SubjectResult,
+    words: &Vocabulary,
+    section: &mut Document,
+) {
     let flown = in_flight(material, result, words);
-    cards += flown.as_deref().unwrap_or_default();
-    let covered = flown.and_then(|_| lines::flown_ranges(material.study)).map(|ranges| {
-        let run = begun(words.run());
-        format!("<p class=\"note\">{run}s cover {}.</p>\n", escaped(&ranges))
-    });
-    format!(
-        "<div class=\"overview\">\n<div><div class=\"cards\">\n{cards}</div>\n{}{}</div>\n{}</div>\n",
-        covered.unwrap_or_default(),
-        weakest(material, result),
-        heat_map(result),
-    )
+    let covered = lines::flown_ranges(material.study).filter(|_| !flown.is_empty());
+    section.facts("", cards(result, words).into_iter().chain(flown));
+    if let Some(ranges) = covered {
+        section.note(format!("{}s cover {ranges}.", begun(words.run())));
+    }
+    weakest(material, result, section);
+    let map = share_detected(result);
+    section.figure(
+        format!("detected_{}", result.subject.name()),
+        map.draw(),
+        "Share detected of each kind of fault at each intensity, the least detected first.",
+    );
 }
 
-/// The cards of the flights in a scenario; `None` without any.
-fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) -> Option<String> {
+/// The cards of the flights in a scenario.
+fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) -> Vec<Fact> {
     let scenario = result.subject.scenario().name();
-    let metrics = material.flights?.judged().find(|metrics| metrics.group.scenario == scenario)?;
+    let flights = material.flights.into_iter().flat_map(|flights| flights.judged());
+    let Some(metrics) = flights.into_iter().find(|own| own.group.scenario == scenario) else {
+        return vec![];
+    };
     let run = words.run();
     let rates = lines::in_flight(metrics, words).into_iter().map(|(title, rate)| {
-        let interval = format!("{:.2} … {:.2} %", 100.0 * rate.low, 100.0 * rate.high);
-        let note = format!("{} of {} {run}s, {interval}", rate.count, rate.of);
-        card("open", &format!("In {run}: {title}"), [&percent(rate.share), &note], None)
+        let (Rate { count, of, .. }, share) = (rate, percent(rate.share));
+        let text = format!(
+            "{share}\n{count} of {of} {run}s, {:.2} … {:.2} %",
+            100.0 * rate.low,
+            100.0 * rate.high
+        );
+        fact("", format!("In {run}: {title}"), Value::of(text, &rate))
     });
-    let mut cards: String = rates.collect();
+    let mut cards: Vec<Fact> = rates.collect();
     if metrics.healthy.hours > 0.0 {
-        let [value, limit, counts] = lines::alarms_per_hour(&metrics.healthy);
-        let note = format!("{limit}, {counts}");
-        cards += &card("open", &format!("In {run}: false alarms"), [&value, &note], None);
+        let text = lines::alarms_per_hour(&metrics.healthy).join("\n");
+        cards.push(fact("", format!("In {run}: false alarms"), text));
     }
-    Some(cards)
+    cards
 }
 
-fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Card> {
+fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Fact> {
     let evaluation = &result.evaluation;
     let who =
         if Who::Committee.headline(evaluation).is_some() { Who::Committee } else { Who::Trees };
@@ -152,7 +148,7 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Card> {
     let mut cards = vec![];
     let mut push = |name: String, rate: Option<Rate>, target| {
         let rate = rate.filter(|rate| rate.of > 0);
-        cards.extend(rate.map(|rate| Card { name, rate, target }));
+        cards.extend(rate.map(|rate| card(name, rate, target)));
     };
     let safety = headline.and_then(|headline| headline.safety.as_ref()).filter(|_| words.has_off());
     if words.has_several() {
@@ -212,11 +208,16 @@ struct Seen<'r> {
     from: f64,
 }
 
+/// The detection rate of a kind of fault over all its intensities.
+fn whole(curve: &Curve) -> Rate {
+    let sum = |of: fn(&Rate) -> u64| curve.points.iter().map(|(_, rate)| of(rate)).sum();
+    Rate::new(sum(|rate| rate.count), sum(|rate| rate.of))
+}
+
 /// Lists every kind of fault, the least detected first.
 fn seen<'r>(result: &'r SubjectResult) -> Vec<Seen<'r>> {
     let detection = &result.evaluation.detection;
     let of_curve = |curve: &'r Curve| {
-        let sum = |of: fn(&Rate) -> u64| curve.points.iter().map(|(_, rate)| of(rate)).sum();
         let own: Vec<_> = detection
             .least
             .iter()
@@ -233,13 +234,7 @@ fn seen<'r>(result: &'r SubjectResult) -> Vec<Seen<'r>> {
                 None => never.push(least.case.as_str()),
             }
         }
-        Seen {
-            kind: &curve.kind,
-            rate: Rate::new(sum(|rate| rate.count), sum(|rate| rate.of)),
-            never,
-            cases: cases.len(),
-            from,
-        }
+        Seen { kind: &curve.kind, rate: whole(curve), never, cases: cases.len(), from }
     };
     let mut all: Vec<Seen> = detection.curves.iter().map(of_curve).collect();
     all.retain(|seen| seen.rate.of > 0);
@@ -249,24 +244,24 @@ fn seen<'r>(result: &'r SubjectResult) -> Vec<Seen<'r>> {
 }
 
 /// The faults with the lowest detection rates, each with advice.
-fn weakest(material: &Material, result: &SubjectResult) -> String {
+fn weakest(material: &Material, result: &SubjectResult, section: &mut Document) {
     let all = seen(result);
     let weak = all.iter().filter(|seen| seen.rate.count < seen.rate.of).take(WEAKEST);
-    let mut html =
-        String::from("<h3>Faults that are detected least</h3>\n<ol class=\"weakest\">\n");
-    let mut any = false;
-    for seen in weak {
-        any = true;
-        let _ = writeln!(
-            html,
-            "<li><b>{}</b> is detected in {} of its tests. {}</li>",
-            escaped(&begun(&spoken(seen.kind))),
-            counted(&percent(seen.rate.share), seen.rate),
-            escaped(&advice(material, result, seen))
-        );
+    let lines = weak.map(|seen| {
+        let (kind, Rate { count, of, .. }) = (begun(&spoken(seen.kind)), seen.rate);
+        let advice = advice(material, result, seen);
+        format!(
+            "{kind} is detected in {} of its tests ({count} of {of}). {advice}",
+            percent(seen.rate.share)
+        )
+    });
+    let lines: Vec<String> = lines.collect();
+    section.heading("Faults that are detected least");
+    if lines.is_empty() {
+        section.text("Every fault is detected in each of its tests.");
+    } else {
+        section.list("weakest", lines);
     }
-    html += "</ol>\n";
-    if any { html } else { "<p>Every fault is detected in each of its tests.</p>\n".into() }
 }
 
 /// One sentence about how to make the fault visible.
@@ -310,38 +305,30 @@ fn advice(material: &Material, result: &SubjectResult, weak: &Seen) -> String {
 }
 
 /// The share detected for every kind of fault and intensity, the hardest kind first.
-fn heat_map(result: &SubjectResult) -> String {
-    let mut curves: Vec<_> = result.evaluation.detection.curves.iter().collect();
-    let share = |curve: &&Curve| {
-        let (count, of) = curve
-            .points
-            .iter()
-            .fold((0, 0), |(count, of), (_, rate)| (count + rate.count, of + rate.of));
-        count as f64 / of.max(1) as f64
-    };
+fn share_detected(result: &SubjectResult) -> ValueMap {
+    let mut curves: Vec<&Curve> = result.evaluation.detection.curves.iter().collect();
+    let share = |curve: &Curve| whole(curve).share.unwrap_or(0.0);
     curves.sort_by(|a, b| share(a).total_cmp(&share(b)));
-    let mut html = String::from(
-        "<figure class=\"heat\"><figcaption>Share detected of each kind of fault: one cell for each intensity, \
-         weak to strong; blue for all, orange for none</figcaption>\n",
-    );
-    for curve in curves {
-        let kind = spoken(&curve.kind);
-        let _ = write!(html, "<div><span>{}</span>", escaped(&kind));
-        for (intensity, rate) in curve.points.iter().filter(|(_, rate)| rate.of > 0) {
-            let share = rate.count as f64 / rate.of as f64;
-            let _ = write!(
-                html,
-                "<i style=\"--share:{:.0}%\" title=\"{}, intensity {}: {} of {} detected\"></i>",
-                100.0 * share,
-                escaped(&kind),
-                chosen(*intensity),
-                rate.count,
-                rate.of
-            );
-        }
-        html += "</div>\n";
+    let points = curves.iter().flat_map(|curve| &curve.points);
+    let mut intensities: Vec<f64> =
+        points.filter(|(_, rate)| rate.of > 0).map(|(intensity, _)| *intensity).collect();
+    intensities.sort_by(f64::total_cmp);
+    intensities.dedup();
+    let value = |curve: &Curve, intensity: f64| {
+        let found = curve.points.iter().find(|(own, rate)| *own == intensity && rate.of > 0);
+        found.and_then(|(_, rate)| rate.share).map(|share| 100.0 * share)
+    };
+    ValueMap {
+        rows: curves.iter().map(|curve| spoken(&curve.kind)).collect(),
+        columns: intensities.iter().map(|intensity| chosen(*intensity)).collect(),
+        values: curves
+            .iter()
+            .map(|curve| intensities.iter().map(|own| value(curve, *own)).collect())
+            .collect(),
+        range: (0.0, 100.0),
+        meaning: "detected / %, by intensity".into(),
+        ..ValueMap::default()
     }
-    html + "</figure>\n"
 }
 
 #[cfg(test)]
@@ -350,15 +337,14 @@ mod tests {
 
     #[test]
     fn a_target_is_met_missed_or_open_by_the_interval() {
-        let card =
-            |count, of, target| Card { name: "a".into(), rate: Rate::new(count, of), target };
-        let verdict = |count, of, target| card(count, of, target).verdict().0;
-        assert_eq!(verdict(0, 100, Target::Never), "met");
-        assert_eq!(verdict(1, 100, Target::Never), "missed");
-        assert_eq!(verdict(999, 1000, Target::AtLeast(TARGET)), "met");
-        assert_eq!(verdict(50, 100, Target::AtLeast(TARGET)), "missed");
-        assert_eq!(verdict(96, 100, Target::AtLeast(TARGET)), "open");
-        let html = card(96, 100, Target::AtLeast(TARGET)).html();
-        assert!(html.contains("title=\"96 of 100\"") && html.contains("90.16 … 98.43"), "{html}");
+        let card = |count, of, target| card("a".into(), Rate::new(count, of), target).2;
+        let call = |count, of, target| card(count, of, target).call;
+        assert_eq!(call(0, 100, Target::Never), Some(Call::Good));
+        assert_eq!(call(1, 100, Target::Never), Some(Call::Act));
+        assert_eq!(call(999, 1000, Target::AtLeast(TARGET)), Some(Call::Good));
+        assert_eq!(call(50, 100, Target::AtLeast(TARGET)), Some(Call::Act));
+        assert_eq!(call(96, 100, Target::AtLeast(TARGET)), Some(Call::Neutral));
+        let text = card(96, 100, Target::AtLeast(TARGET)).text;
+        assert!(text.contains("96 of 100, 90.16 … 98.43"), "{text}");
     }
 }

@@ -6,8 +6,8 @@ use servotwin::system::System;
 use servotwin_model::network::{Network, PortOf};
 use servotwin_model::component::Component;
 use servotwin_model::spec::PortKind;
-use servotwin_plot::SemanticColor;
-use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
+use servotwin_view::SemanticColor;
+use servotwin_view::schematic::{Net, NetEnd, Part, Schematic};
 use std::collections::BTreeMap;
 
 /// The kinds of connections, in the order of their colors. The order is the same in every drawing.

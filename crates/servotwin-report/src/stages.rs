@@ -7,7 +7,7 @@ use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 use servotwin_diagnosis::tree::Tree;
-use servotwin_plot::tree::{Node, TreeFigure as Drawing};
+use servotwin_view::tree::{Node, TreeFigure as Drawing};
 
 /// Draws the tree of a stage; `None` if its classifier is not a tree.
 pub(crate) fn drawing(

@@ -4,6 +4,7 @@ use servotwin::evaluation::metrics::{Rate, Tail};
 use servotwin::flight::judge::{EnvironmentMetrics, HealthyMetrics};
 
 pub use servotwin_io::text::{number, spoken};
+use servotwin_view::document::Value;
 
 /// The environments with a false alarm: their count and the upper limit of their share.
 pub(crate) fn by_environment(all: EnvironmentMetrics) -> String {
@@ -61,6 +62,12 @@ pub fn rate(rate: Option<Rate>) -> String {
         }
         _ => NONE.into(),
     }
+}
+
+/// A share with its count: `99.10 % (218 of 220)`. Programs read its interval too.
+pub fn share_of(rate: Rate) -> Value {
+    let text = format!("{} ({} of {})", percent(rate.share), rate.count, rate.of);
+    Value::of(text, &rate)
 }
 
 /// A rate with its interval below it; the line feed switches to small type.

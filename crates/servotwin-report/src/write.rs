@@ -1,6 +1,6 @@
 //! The stage that writes the report.
 
-use crate::{self as report, Material, examples};
+use crate::{Material, document, examples};
 use serde::Deserialize;
 use servotwin::campaign;
 use servotwin::evaluation::model_file;
@@ -11,6 +11,7 @@ use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_io::files::{create_folder, write_atomically};
+use servotwin_view::render::page;
 
 /// Writes the report, its figures and the manifest from the results of the other stages. Without an evaluation of
 /// records, the report has the flights alone.
@@ -35,7 +36,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let calibrations =
         Purpose::OF_RECORDS.map(|purpose| campaign::calibrations(folder.path(), purpose));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
-    let (html, figures) = report::render(&Material {
+    let report = document(&Material {
         study,
         results: &results,
         hierarchies: &hierarchies,
@@ -49,12 +50,13 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     });
     create_folder(folder.figures())?;
     let mut drawn = vec![];
-    for (name, figure) in figures {
+    for (name, figure) in report.figures() {
         let path = folder.figures().join(format!("{name}.svg"));
         write_atomically(&path, |out| out.write_all(figure.svg.as_bytes()))?;
         drawn.push(path);
     }
     drawn.sort();
+    let html = page(&report);
     write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
     manifest::write_with(folder, study, &drawn).map(drop)
 }

@@ -41,7 +41,6 @@ pub mod plausibility;
 pub mod recording;
 pub mod rest;
 pub mod schema;
-pub mod shown;
 pub mod signal;
 pub mod simulate;
 pub mod study;
@@ -52,4 +51,6 @@ pub mod validity;
 
 // Modules name the crates below by these short paths, as the modules of `servotwin` do.
 use servotwin_io::{document, files, leftovers, nearest, table};
-use servotwin_plot as figure;
+use servotwin_view as figure;
+#[doc(no_inline)]
+pub use servotwin_view::shown;

@@ -90,9 +90,9 @@ pub use servotwin_io::{
     document, files, leftovers, manifest, moment, nearest, sanitize, table, text,
 };
 #[doc(no_inline)]
-pub use servotwin_plot as figure;
-#[doc(no_inline)]
 pub use servotwin_system::{
     built_in, catalogue, compiled, eigenvalues, ensemble, format, kind, parallel, plausibility,
     recording, rest, schema, shown, signal, simulate, study, system, template, units, validity,
 };
+#[doc(no_inline)]
+pub use servotwin_view as figure;

@@ -1,14 +1,16 @@
 //! `servotwin describe`: the parts of a system and its behavior at rest.
 
-use super::{SystemOption, faults, note};
-use crate::Global;
+use super::{SystemOption, note};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Side, TextTable, json, number, number_and_unit, shown};
+use crate::{Global, Run};
 use servotwin::rest::{self, Rest};
 use servotwin::system::System;
-use servotwin_model::network::Network;
+use servotwin::system::listing::fault_table;
+use servotwin::table::csv;
 use servotwin_report::schematic;
+use servotwin_view::document::{Document, Form, Table, Value};
+use servotwin_view::row;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
@@ -28,129 +30,148 @@ pub(crate) struct Options {
     csv: bool,
 }
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         let read = Paths::default().read("SYSTEM", &self.system.path);
         read.write("--schematic", Format::Figure, &self.schematic)
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let system = options.system.read()?;
-    if let Some(path) = &options.schematic {
-        schematic::of(&system).draw().save(path)?;
-    }
-    if options.faults {
-        return Ok(faults::text(&system, options.csv, global));
-    }
-    let rest = rest::of(&system)?;
-    if !rest.is_found {
-        let why = if rest.limit_cycle { ", a limit cycle was measured" } else { "" };
-        let text = format!(
-            "no rest was found{why}: the states and eigenvalues are those where the search for it ended"
-        );
-        note(global, &text);
-    }
-    Ok(if global.json { json(&rest::describe(&system, &rest)) } else { people(&system, &rest) })
-}
-
-fn people(system: &System, rest: &Rest) -> String {
-    let network = system.network();
-    format!(
-        "{}: {}\n\nComponents\n{}\nStates at rest\n{}\nInputs\n{}\nSensors\n{}\n\
-         Eigenvalues at rest\n{}",
-        system.name,
-        system.title,
-        components(network),
-        states(system, rest),
-        inputs(network),
-        sensors(system),
-        eigenvalue_table(rest),
-    )
-}
-
-fn components(network: &Network) -> String {
-    let mut text = String::new();
-    for instance in &network.components {
-        let spec = instance.component.spec();
-        text += &format!("{} ({}): {}\n", instance.id, spec.kind, spec.summary);
-        for (declared, &value) in spec.parameters.iter().zip(&instance.parameters) {
-            text += &format!("    {:<32} {}\n", declared.name, shown(value, declared.unit));
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let system = self.system.read()?;
+        if let Some(path) = &self.schematic {
+            schematic::of(&system).draw().save(path)?;
         }
+        if self.csv {
+            return Ok(Document::raw(csv_of_faults(&system)));
+        }
+        if self.faults {
+            return Ok(faults(&system));
+        }
+        let rest = rest::of(&system)?;
+        if !rest.is_found {
+            let why = if rest.limit_cycle { ", a limit cycle was measured" } else { "" };
+            let text = format!(
+                "no rest was found{why}: the states and eigenvalues are those where the search for it ended"
+            );
+            note(global, &text);
+        }
+        Ok(described(&system, &rest))
     }
-    text
+}
+
+fn csv_of_faults(system: &System) -> String {
+    let mut text = Vec::new();
+    csv::write_to(&mut text, &fault_table(&system.fault_list()))
+        .expect("writing to memory does not fail");
+    String::from_utf8(text).expect("a CSV table is UTF-8")
+}
+
+/// Every fault that the components of a system can have.
+fn faults(system: &System) -> Document {
+    let mut table = Table::of(
+        "id:fault | component: | kind: | category | parameter: | unit: | healthy | at_intensity_1 | summary:meaning",
+    );
+    let list = system.fault_list();
+    for own in &list {
+        table.push(row![
+            own.id.as_str(),
+            own.component.as_str(),
+            own.kind,
+            own.category,
+            own.parameter,
+            own.unit.symbol(),
+            Value::mixed(own.healthy, own.unit),
+            Value::mixed(own.full, own.unit),
+            own.summary,
+        ]);
+    }
+    let verdict = format!("{} faults; intensities go from 0 (healthy) to 1.", list.len());
+    let mut document = Document::listing("faults", verdict);
+    document.table("faults", table);
+    document
+}
+
+fn described(system: &System, rest: &Rest) -> Document {
+    let verdict = format!("{}: {}", system.name, system.title);
+    let mut document = Document::listing("describe", verdict);
+    document.fact("name", "", system.name.as_str());
+    document.fact("title", "", system.title.as_str());
+    document.fact("rest_is_found", "", rest.is_found);
+    document.fact("limit_cycle_measured", "", rest.limit_cycle);
+    components(system, &mut document);
+    states(system, rest, &mut document);
+    let mut inputs = Table::of("id:input | default | unit:");
+    for input in &system.network().inputs {
+        let default = Value::mixed(input.default, input.unit);
+        inputs.push(row![input.id.as_str(), default, input.unit.symbol()]);
+    }
+    document.table("inputs", inputs.captioned("Inputs"));
+    let mut sensors = Table::of("id:sensor | label: | signal | unit: | scale");
+    for sensor in &system.sensors {
+        let scale = Value::difference(sensor.scale, sensor.unit, 5);
+        let (id, label, signal) = (&sensor.id, &sensor.label, &sensor.signal);
+        sensors.push(row![id, label, signal, sensor.unit.symbol(), scale]);
+    }
+    document.table("sensors", sensors.captioned("Sensors"));
+    eigenvalues(rest, &mut document);
+    document
+}
+
+fn components(system: &System, document: &mut Document) {
+    let mut section = Document::section("components", "Components").formed(Form::Listing);
+    for instance in &system.network().components {
+        let spec = instance.component.spec();
+        let title = format!("{} ({}): {}", instance.id, spec.kind, spec.summary);
+        let mut own = Document::section(instance.id.clone(), title);
+        let mut table = Table::of("name:parameter | unit: | value");
+        for (declared, &value) in spec.parameters.iter().zip(&instance.parameters) {
+            table.push(row![
+                declared.name,
+                declared.unit.symbol(),
+                Value::mixed(value, declared.unit)
+            ]);
+        }
+        own.fact("kind", "", spec.kind);
+        own.fact("summary", "", spec.summary);
+        own.fact("faults", "", Value::list(spec.faults.iter().map(|fault| fault.name)));
+        own.table("parameters", table);
+        section.add(own);
+    }
+    document.add(section);
 }
 
 /// The accuracy of a state at rest, as a share of its scale.
 const KNOWN: f64 = 1e-12;
 
-fn states(system: &System, rest: &Rest) -> String {
-    let mut grid = TextTable::new(&[
-        ("state", Side::Left),
-        ("rest", Side::Right),
-        ("scale", Side::Right),
-        ("unit", Side::Left),
-    ]);
+fn states(system: &System, rest: &Rest, document: &mut Document) {
+    let mut table = Table::of("name:state | unit: | rest | scale");
     for (state, &value) in system.program.states().iter().zip(&rest.states) {
         // A smaller value is only noise of the search for rest.
-        let value = if value.abs() < KNOWN * state.scale { 0.0 } else { value };
-        grid.push(vec![
-            state.name.clone(),
-            number(state.unit.to_shown(value), 5),
-            number(state.unit.difference_to_shown(state.scale), 5),
-            state.unit.shown().into(),
+        let shown = if value.abs() < KNOWN * state.scale { 0.0 } else { value };
+        table.push(row![
+            state.name.as_str(),
+            state.unit.symbol(),
+            Value::number(value, Value::mixed(shown, state.unit).text),
+            Value::difference(state.scale, state.unit, 5),
         ]);
     }
-    grid.text()
+    document.table("states", table.captioned("States at rest"));
 }
 
-fn inputs(network: &Network) -> String {
-    let mut grid =
-        TextTable::new(&[("input", Side::Left), ("default", Side::Right), ("unit", Side::Left)]);
-    for input in &network.inputs {
-        let (value, unit) = number_and_unit(input.default, input.unit);
-        grid.push(vec![input.id.clone(), value, unit.into()]);
-    }
-    grid.text()
-}
-
-fn sensors(system: &System) -> String {
-    let mut grid = TextTable::new(&[
-        ("sensor", Side::Left),
-        ("signal", Side::Left),
-        ("scale", Side::Right),
-        ("unit", Side::Left),
-    ]);
-    for sensor in &system.sensors {
-        grid.push(vec![
-            sensor.id.clone(),
-            sensor.signal.clone(),
-            number(sensor.unit.difference_to_shown(sensor.scale), 5),
-            sensor.unit.shown().into(),
-        ]);
-    }
-    grid.text()
-}
-
-fn eigenvalue_table(rest: &Rest) -> String {
-    let mut grid = TextTable::new(&[
-        ("real 1/s", Side::Right),
-        ("imaginary rad/s", Side::Right),
-        ("frequency Hz", Side::Right),
-        ("damping ratio", Side::Right),
-    ]);
-    // Show one value of each conjugate pair, and no oscillation from rounding noise.
+/// The eigenvalues. People see one of each conjugate pair, and no oscillation from rounding noise.
+fn eigenvalues(rest: &Rest, document: &mut Document) {
+    let pairs: Vec<[f64; 2]> = rest.eigenvalues.iter().map(|value| [value.re, value.im]).collect();
+    document.data("eigenvalues_per_s", &pairs);
+    let mut table = Table::of(":real 1/s | :imaginary rad/s | :frequency Hz | :damping ratio");
     for value in rest.eigenvalues.iter().filter(|value| value.im >= 0.0) {
         let swings = value.im > 1e-9 * value.abs();
-        let only = |number: String| if swings { number } else { String::new() };
-        grid.push(vec![
-            number(value.re, 5),
-            only(number(value.im, 5)),
-            only(number(value.abs() / TAU, 4)),
-            only(number(-value.re / value.abs(), 3)),
+        let only = |number: f64, digits| swings.then(|| Value::digits(number, digits));
+        table.push(row![
+            Value::digits(value.re, 5),
+            only(value.im, 5),
+            only(value.abs() / TAU, 4),
+            only(-value.re / value.abs(), 3),
         ]);
     }
-    grid.text()
+    document.table("", table.captioned("Eigenvalues at rest"));
 }

@@ -1,14 +1,14 @@
 //! `servotwin fit --design`: finds the command that determines the parameters best.
 
+use super::{POSITIVE, quantity};
 use crate::failure::Failure;
-use crate::render::{Side, TextTable, json, number};
-use crate::{Global, stop};
-use serde_json::json;
 use servotwin::fit::Fit;
 use servotwin::fit::design::{self, Design, Rig};
-use servotwin::signal::WrittenQuantity;
+use servotwin::shown::number;
 use servotwin::study::Study;
 use servotwin_model::spec::Unit;
+use servotwin_view::document::{Document, Table, Value, Verdict, line};
+use servotwin_view::row;
 
 /// What the command may do.
 #[derive(clap::Args)]
@@ -25,13 +25,12 @@ pub(crate) struct AllowedCommand {
     duration: String,
 }
 
-/// Returns the text for standard output.
+/// Finds the best commands within the limits.
 pub(crate) fn run(
     limits: &AllowedCommand,
-    mut problem: Fit,
+    problem: &Fit,
     study: &Study,
-    global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let unit = study.system.network().inputs[study.command_input].unit;
     let rate = match unit {
         Unit::Radian => Unit::RadianPerSecond,
@@ -39,86 +38,52 @@ pub(crate) fn run(
         // Other rates have no unit here and are plain numbers.
         _ => Unit::None,
     };
+    let positive = |option, text, unit| quantity(option, text, unit, POSITIVE, "greater than 0");
     let limits = design::Limits {
         amplitude: positive("--amplitude", &limits.amplitude, unit)?,
         rate: positive("--rate", &limits.rate, rate)?,
-        duration_s: positive("--duration", &limits.duration, Unit::Second)?,
+        duration_s: {
+            let range = "5 s to 3600 s";
+            quantity("--duration", &limits.duration, Unit::Second, 5.0..=3600.0, range)?
+        },
     };
-    if !(5.0..=3600.0).contains(&limits.duration_s) {
-        let (option, given) = ("--duration", format!("{} s", limits.duration_s));
-        return Err(Failure::OutOfRange { option, given, range: "5 s to 3600 s".into() });
-    }
     let rig = Rig {
         input: study.command_input,
         sensors: study.measured[..study.base_sensors()].to_vec(),
         period_s: study.sample_period_s,
     };
-    problem.cancel = Some(stop::flag());
     let found = problem.design(&rig, limits)?;
     let Some(best) = found.first() else {
-        return Err(Failure::Options("no signal of the catalogue keeps these limits"));
+        return Err(Failure::usage("no signal of the catalogue keeps these limits"));
     };
-    Ok(match global {
-        Global { json: true, .. } => {
-            json(&json!(found.iter().map(|design| as_json(design, &problem)).collect::<Vec<_>>()))
-        }
-        Global { quiet: true, .. } => format!("{}\n", best.command),
-        _ => people(&found, best, &problem, unit),
-    })
+    Ok(described(&found, best, problem, unit))
 }
 
-fn positive(option: &'static str, text: &str, unit: Unit) -> Result<f64, Failure> {
-    let value =
-        WrittenQuantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
-    match value > 0.0 && value.is_finite() {
-        true => Ok(value),
-        false => {
-            Err(Failure::OutOfRange { option, given: text.into(), range: "greater than 0".into() })
-        }
-    }
-}
-
-fn as_json(design: &Design, problem: &Fit) -> serde_json::Value {
-    let errors = problem.unknowns.iter().enumerate().map(|(k, unknown)| {
-        json!({
-            "name": unknown.name,
-            "error_sigma": design.known.error(k),
-            "knowledge": design.known.forecast(&problem.unknowns, k),
-        })
-    });
-    json!({
-        "command": design.command,
-        "gain_bits": design.gain,
-        "amplitude": design.amplitude,
-        "rate": design.rate,
-        "parameters": errors.collect::<Vec<_>>(),
-    })
-}
-
-fn people(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> String {
-    let mut grid = TextTable::new(&[
-        ("command", Side::Left),
-        ("gain, bits", Side::Right),
-        ("size", Side::Right),
-        ("rate", Side::Right),
-    ]);
-    let shown =
-        |value: f64| format!("{} {}", number(unit.difference_to_shown(value), 3), unit.shown());
+fn described(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> Document {
+    let command = line("{command}", [("command", best.command.as_str().into())]);
+    let mut document = Document::listing("design", "");
+    document.verdict = Some(Verdict::neutral(command));
+    let mut commands =
+        Table::of("command | gain_bits:gain, bits | amplitude:size | rate | error_sigmas:");
     for design in found {
-        grid.push(vec![
-            design.command.clone(),
-            number(design.gain, 4),
-            shown(design.amplitude),
-            format!("{}/s", shown(design.rate)),
+        let rate = Value::difference(design.rate, unit, 3);
+        let errors: Vec<f64> = (0..problem.unknowns.len()).map(|k| design.known.error(k)).collect();
+        commands.push(row![
+            &design.command,
+            Value::digits(design.gain, 4),
+            Value { suffix: unit.suffix(), ..Value::difference(design.amplitude, unit, 3) },
+            Value { text: format!("{}/s", rate.text), ..rate },
+            Value::of("", &errors),
         ]);
     }
-    let mut text = grid.text();
-    text += "\nWith the first, errors in parts of the tolerances' standard deviations:\n\n";
-    let mut grid =
-        TextTable::new(&[("parameter", Side::Left), ("± 1 σ", Side::Right), ("", Side::Left)]);
+    document.table("commands", commands);
+    let mut parameters = Table::of("name:parameter | error_sigma:± 1 σ | knowledge:_")
+        .captioned("With the first, errors in parts of the tolerances' standard deviations");
     for (k, unknown) in problem.unknowns.iter().enumerate() {
-        let sentence = best.known.forecast(&problem.unknowns, k);
-        grid.push(vec![unknown.name.clone(), number(best.known.error(k), 2), sentence]);
+        let error = best.known.error(k);
+        let error = Value::number(error, number(error, 2));
+        parameters.push(row![&unknown.name, error, best.known.forecast(&problem.unknowns, k)]);
     }
-    text + &grid.text()
+    document.table("parameters", parameters);
+    document
 }

@@ -2,11 +2,9 @@
 
 use super::watch::input::usual_diagnoser;
 use super::{find_study, note, recordings};
-use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::json;
-use serde_json::json;
+use crate::{Global, Run};
 use servotwin::evaluation::model_file;
 use servotwin::flight::runtime::{RuntimeError, between, slots};
 use servotwin::study::Study;
@@ -15,6 +13,7 @@ use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::{ExportError, ExportedReaction, ExportedTwin};
 use servotwin_model::solver::SolverSettings;
+use servotwin_view::document::{Document, Verdict, line};
 use servotwin_watch::guard;
 use std::path::{Path, PathBuf};
 
@@ -90,9 +89,8 @@ struct COptions {
     out: PathBuf,
 }
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         match &self.target {
             Target::C(options) => {
                 let file = options.model.clone().unwrap_or_else(usual_diagnoser);
@@ -103,17 +101,16 @@ impl Options {
                 .write("--out", Format::Any, &options.out),
         }
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    match &options.target {
-        Target::C(options) => write_c(options, global),
-        Target::Fmu(options) => run_fmu(options, global),
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        match &self.target {
+            Target::C(options) => write_c(options, global),
+            Target::Fmu(options) => write_fmu(options),
+        }
     }
 }
 
-fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
+fn write_fmu(options: &FmuOptions) -> Result<Document, Failure> {
     let file = options.model.as_deref();
     let diagnoser = file.map(model_file::read_diagnoser).transpose()?;
     let place = options.study.clone().or_else(|| file.map(study_beside));
@@ -130,34 +127,27 @@ fn run_fmu(options: &FmuOptions, global: Global) -> Result<String, Failure> {
     let out = options.out.clone().unwrap_or_else(|| format!("{name}.fmu").into());
     let title = (name, study.system.title.as_str());
     let variables = fmu::write(&twin, diagnoser.as_ref(), version, title, &out)?;
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({ "file": out, "variables": variables })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{}: {variables} variables\n", out.display()),
-    })
+    let values = [("file", (&out).into()), ("variables", variables.into())];
+    Ok(Document::new("export", Verdict::good(line("{file}: {variables} variables", values))))
 }
 
 /// Writes a diagnosis and its twin to a folder.
-fn write_c(options: &COptions, global: Global) -> Result<String, Failure> {
+fn write_c(options: &COptions, global: Global) -> Result<Document, Failure> {
     let file = options.model.clone().unwrap_or_else(usual_diagnoser);
     if recordings::is_model(&file) {
-        return recordings::export(&file, &options.out, global);
+        return recordings::export(&file, &options.out);
     }
     let diagnoser = model_file::read_diagnoser(&file)?;
     guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
     let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;
     let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
-    let folder = ExportFolder::new(&options.out);
-    let written = folder.write((&diagnoser, &file), (&twin, &place))?;
-    Ok(match global {
-        Global { json: true, .. } => json(&json!(written)),
-        Global { quiet: true, .. } => String::new(),
-        _ => {
-            let (out, count) = (options.out.display(), written.files_sha256.len());
-            format!("{out}: {count} files; 'servotwin prove {out}' proves them\n")
-        }
-    })
+    let written = ExportFolder::new(&options.out).write((&diagnoser, &file), (&twin, &place))?;
+    let values = [("folder", (&options.out).into()), ("files", written.files_sha256.len().into())];
+    let verdict = line("{folder}: {files} files; 'servotwin prove {folder}' proves them", values);
+    let mut document = Document::new("export", Verdict::good(verdict));
+    document.data("description", &written);
+    Ok(document)
 }
 
 /// The study of a diagnoser: the folder that it lies in, if that holds one.
@@ -170,7 +160,7 @@ pub(crate) fn study_beside(diagnoser: &Path) -> PathBuf {
 
 /// The failure of a diagnoser that does not fit its study.
 pub(crate) fn unfit(file: &Path) -> impl Fn(RuntimeError) -> Failure {
-    move |error| Failure::Diagnoser { path: file.into(), error }
+    move |error| Failure::of_diagnoser(file, &error)
 }
 
 /// The twin that runs beside a diagnoser.

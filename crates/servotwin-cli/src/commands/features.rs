@@ -1,18 +1,19 @@
 //! `servotwin features`: computes the features of windows of measured and nominal signals.
 
 use super::read_table;
-use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::number;
-use serde_json::json;
+use crate::{Global, Run};
 use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::recordings::{NominalFit, NominalSource, RecordingError, RecordingStudy};
+use servotwin::shown::number;
 use servotwin::study::Study;
 use servotwin::table::Table;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
+use servotwin_view::document::{Document, Table as Rows, Value, Verdict, line};
+use servotwin_view::{render, row};
 use std::path::{Path, PathBuf};
 
 /// Compute the features of traces.
@@ -39,67 +40,64 @@ pub(crate) struct Options {
     out: Option<PathBuf>,
 }
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         Paths::default()
             .read("INPUT", &self.input)
             .read("--study", &self.study)
             .read("--healthy", &self.healthy)
             .write("--out", Format::Table, &self.out)
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    match (&options.input, &options.study, &options.out) {
-        (Some(traces), Some(study), Some(out)) => of_traces(options, traces, study, out, global),
-        _ => list(options.study.as_ref(), global),
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        match (&self.input, &self.study, &self.out) {
+            (Some(traces), Some(study), Some(out)) => of_traces(self, traces, study, out, global),
+            _ => list(self.study.as_ref(), global),
+        }
     }
 }
 
 /// Describes every feature of some sensors. The text is valid Markdown.
-fn list(study: Option<&PathBuf>, global: Global) -> Result<String, Failure> {
+fn list(study: Option<&PathBuf>, global: Global) -> Result<Document, Failure> {
     let sensors = match study {
         Some(path) => {
-            let in_study = |error| Failure::Recording { path: path.clone(), error };
-            read_recording_study(path)?.sensors().map_err(in_study)?
+            let sensors = read_recording_study(path)?.sensors();
+            sensors.map_err(|error| Failure::of_recordings(path, error))?
         }
         None => Study::default().sensors,
     };
-    let mut entries = vec![];
-    let mut text = String::from(LIST_HEAD);
+    let mut page = Document::listing("features", "");
+    page.verdict = None;
+    page.title = "Features".into();
+    LIST_HEAD.lines().for_each(|line| _ = page.text(line));
     for family in ALL {
-        let features = family.features(&sensors);
-        text += &format!("\n## {}\n\n{}\n\n", family.name, family.summary);
-        if features.is_empty() {
-            text += "None: these sensors have nothing for it to compare.\n";
-            continue;
+        let mut section = Document::section(family.name, family.name);
+        section.text(family.summary);
+        let mut table = Rows::of("name:feature | unit | meaning");
+        for Feature { name, unit, meaning, .. } in family.features(&sensors) {
+            table.push(row![Value::of(format!("`{name}`"), &name), unit, meaning]);
         }
-        text += "| feature | unit | meaning |\n|---|---|---|\n";
-        for feature in features {
-            let Feature { name, unit, meaning, .. } = feature;
-            text += &format!("| `{name}` | {unit} | {} |\n", meaning.replace('|', "\\|"));
-            entries.push(json!({
-                "family": family.name, "name": name, "unit": unit, "meaning": meaning
-            }));
+        if table.is_empty() {
+            section.text("None: these sensors have nothing for it to compare.");
         }
+        section.table("features", table);
+        page.add(section);
     }
-    Ok(if global.json { crate::render::json(&json!(entries)) } else { text })
+    Ok(if global.json { page } else { Document::raw(render::markdown(&page)) })
 }
 
 /// The introduction of the list.
-const LIST_HEAD: &str = "# Features\n\n\
+const LIST_HEAD: &str = "\
     This reference lists every feature of the default study's sensors, by family.\n\
     `servotwin features --list` prints it, and `--study` lists the features of another study.\n\
     A family has features only where the sensors exist that it compares.\n\
     r' is a residual: the measured value less the twin's value, over the sensor's scale.\n\
-    The threshold of a tree is in the unit given here.\n";
+    The threshold of a tree is in the unit given here.";
 
 /// Reads a study file of recordings.
 pub(crate) fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
     let text = files::read_document(path).map_err(EvaluationError::File)?;
-    RecordingStudy::parse(&text).map_err(|error| Failure::Recording { path: path.into(), error })
+    RecordingStudy::parse(&text).map_err(|error| Failure::of_recordings(path, error))
 }
 
 fn of_traces(
@@ -108,22 +106,21 @@ fn of_traces(
     study: &Path,
     out: &Path,
     global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let parsed = read_recording_study(study)?;
     let of = |path: &Path| {
         let path = path.to_owned();
         move |error| match error {
             RecordingError::Evaluation(error) => {
-                Failure::NotAs { path: path.clone(), study: study.into(), error: Box::new(error) }
+                let (path, study) = (path.display(), study.display());
+                Failure::input(format!("{path} does not follow {study}: {error}"))
             }
-            error @ RecordingError::TooFar { .. } => {
-                Failure::Recording { path: path.clone(), error }
-            }
-            error => Failure::Recording { path: study.into(), error },
+            error @ RecordingError::TooFar { .. } => Failure::of_recordings(&path, error),
+            error => Failure::of_recordings(study, error),
         }
     };
     let system = parsed.system(study.parent().unwrap_or(Path::new("")));
-    let system = system.map_err(|error| Failure::Recording { path: study.into(), error })?;
+    let system = system.map_err(|error| Failure::of_recordings(study, error))?;
     let read = |path: &Path| {
         let mut table = read_table(path, global)?;
         if let Some(system) = &system {
@@ -148,36 +145,37 @@ fn of_traces(
     let windows = parsed.windows(&table, &nominals).map_err(of(traces))?;
     table::write(out, &windows.table)?;
     let fits = parsed.fits(&teacher, &nominals, &healthy).map_err(of(traces))?;
-    let (count, columns) = (windows.table.row_count(), windows.table.columns().len());
-    Ok(match (global.json, global.quiet) {
-        (true, _) => crate::render::json(&json!({
-            "windows": count, "columns": columns, "left_over_rows": windows.left_over,
-            "incomplete_rows": windows.incomplete, "nominals": fits,
-        })),
-        (false, true) => String::new(),
-        (false, false) => {
-            let head = format!("{}: {count} windows, {columns} columns\n", out.display());
-            head + &remarks(windows.left_over, windows.incomplete, &fits)
-        }
-    })
+    let values = [
+        ("file", out.into()),
+        ("windows", windows.table.row_count().into()),
+        ("columns", windows.table.columns().len().into()),
+    ];
+    let verdict = Verdict::good(line("{file}: {windows} windows, {columns} columns", values));
+    let mut document = Document::new("features", verdict);
+    remarks(&mut document, windows.left_over, windows.incomplete, &fits);
+    Ok(document)
 }
 
 /// What the windows do not show: rows that are not used, and how well nominal values fit.
-pub(crate) fn remarks(left_over: usize, incomplete: usize, fits: &[NominalFit]) -> String {
-    let mut text = String::new();
-    if left_over > 0 {
-        text += &format!("{} beyond whole windows: not used\n", counted(left_over, "row"));
-    }
-    if incomplete > 0 {
-        text += &format!("{} without a number of every sensor\n", counted(incomplete, "row"));
-    }
+pub(crate) fn remarks(
+    document: &mut Document,
+    left_over: usize,
+    incomplete: usize,
+    fits: &[NominalFit],
+) {
+    let rows = |count| Value::of(counted(count, "row"), &count);
+    document.fact("left_over_rows", "beyond whole windows, not used", rows(left_over));
+    document.fact("incomplete_rows", "without a number of every sensor", rows(incomplete));
+    let mut table = Rows::of(
+        "sensor | source:nominal value | rows:healthy rows | deviation:remaining deviation | r2:R²",
+    );
     for NominalFit { sensor, source, rows, deviation, r2 } in fits {
         let (how, r2) = match source {
-            NominalSource::Column(name) => (format!("the column {name}"), r2),
+            NominalSource::Column(name) => (format!("the column {name}"), *r2),
             NominalSource::Regression(inputs, conditions) => {
                 let (how, r2) = match inputs.as_slice() {
-                    [] => ("the mean".into(), &None),
-                    inputs => (format!("a regression on {}", inputs.join(", ")), r2),
+                    [] => ("the mean".into(), None),
+                    inputs => (format!("a regression on {}", inputs.join(", ")), *r2),
                 };
                 match conditions {
                     1 => (how, r2),
@@ -185,11 +183,9 @@ pub(crate) fn remarks(left_over: usize, incomplete: usize, fits: &[NominalFit]) 
                 }
             }
         };
-        let r2 = r2.map_or(String::new(), |r2| format!(", R² {r2:.3}"));
-        text += &format!(
-            "{sensor}: nominal is {how}; in {rows} healthy rows the remaining deviation is {}{r2}\n",
-            number(*deviation, 3)
-        );
+        let r2 = r2.map(|r2| Value::number(r2, format!("{r2:.3}")));
+        let deviation = Value::number(*deviation, number(*deviation, 3));
+        table.push(row![sensor, Value::of(how, source), *rows, deviation, r2]);
     }
-    text
+    document.table("nominals", table);
 }

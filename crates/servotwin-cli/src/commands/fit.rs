@@ -1,12 +1,10 @@
 //! `servotwin fit`: estimates the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::{SpanOptions, design, note, read_log};
+use super::{POSITIVE, SpanOptions, design, note, quantity, read_log};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Side, TextTable, json, number, shown};
-use crate::{Global, stop};
-use serde_json::{Value, json};
+use crate::{Global, Run, stop};
 use servotwin::built_in;
 use servotwin::files;
 use servotwin::fit::intensity::{Diagnosed, intensity_and_onset};
@@ -15,12 +13,15 @@ use servotwin::fit::{
     Fit, FitError, FitRecord, FitResults, FitVerdict, FoundOnset, LeftOut, Unknown,
 };
 use servotwin::nearest::UnknownName;
-use servotwin::signal::WrittenQuantity;
+use servotwin::shown::number;
 use servotwin::study::{Study, StudyError, Tolerance};
 use servotwin::system::System;
 use servotwin_model::spec::Unit;
+use servotwin_view::document::{Document, Table, Value, Verdict, line};
+use servotwin_view::row;
 use servotwin_watch::map::Map;
 use servotwin_watch::span::LogSpan;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -83,9 +84,8 @@ fn usual_runs(unknowns: usize, suspects: usize) -> usize {
     3 * (unknowns + 1) + 20 + suspects
 }
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         Paths::default()
             .read("LOG", self.log.iter().chain(&self.more))
             .read("SYSTEM", &self.system)
@@ -93,78 +93,217 @@ impl Options {
             .read("--map", &self.map)
             .write("--out", Format::TOML, &self.out)
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = read_study(options.study.as_deref(), options.system.as_deref())?;
-    let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
-    let logs = options.log.iter().chain(&options.more);
-    let span = options.span.read()?;
-    let read = |path: &PathBuf| read_record(path, map.as_ref(), span, &study, global);
-    let records = logs.map(read).collect::<Result<_, _>>()?;
-    stop::heed();
-    let stages = Stages::new(global);
-    let runs = AtomicUsize::new(0);
-    let mut problem = Fit::of_study(&study, records);
-    if !options.parameters.is_empty() {
-        problem.unknowns = chosen(&options.parameters, &problem.unknowns, &study)?;
-    }
-    if options.draws {
-        problem.unknowns.extend(Unknown::of_draws(&study));
-    }
-    if options.design {
-        problem.threads = options.threads.unwrap_or(problem.threads).max(1);
-        return design::run(&options.limits, problem, &study, global);
-    }
-    let usual = usual_runs(problem.unknowns.len(), problem.suspects.len()) * problem.records.len();
-    let progress = || {
-        let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
-        stages.show(&format!("{done} runs"), (done as f64 / usual as f64).min(0.99));
-    };
-    let problem = Fit {
-        threads: options.threads.unwrap_or(problem.threads).max(1),
-        cancel: Some(stop::flag()),
-        progress: &progress,
-        ..problem
-    };
-    if !options.faults.is_empty() {
-        let found = intensities(options, &problem)?;
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let study = read_study(self.study.as_deref(), self.system.as_deref())?;
+        let map = self.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
+        let logs = self.log.iter().chain(&self.more);
+        let span = self.span.read()?;
+        let read = |path: &PathBuf| read_record(path, map.as_ref(), span, &study, global);
+        let records = logs.map(read).collect::<Result<_, _>>()?;
+        stop::heed();
+        let stages = Stages::new(global);
+        let runs = AtomicUsize::new(0);
+        let mut problem = Fit::of_study(&study, records);
+        if !self.parameters.is_empty() {
+            problem.unknowns = chosen(&self.parameters, &problem.unknowns, &study)?;
+        }
+        if self.draws {
+            problem.unknowns.extend(Unknown::of_draws(&study));
+        }
+        let usual =
+            usual_runs(problem.unknowns.len(), problem.suspects.len()) * problem.records.len();
+        let progress = || {
+            let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
+            stages.show(&format!("{done} runs"), (done as f64 / usual as f64).min(0.99));
+        };
+        let problem = Fit {
+            threads: self.threads.unwrap_or(problem.threads).max(1),
+            cancel: Some(stop::flag()),
+            progress: &progress,
+            ..problem
+        };
+        if self.design {
+            return design::run(&self.limits, &problem, &study);
+        }
+        if !self.faults.is_empty() {
+            let faults = chosen_faults(&self.faults, &problem)?;
+            let found = intensity_and_onset(&problem, &faults)?;
+            stages.end();
+            return Ok(intensities(&found));
+        }
+        let fitted = problem.solve()?;
+        let verdict = problem.verdict(&fitted)?;
         stages.end();
-        return Ok(match global {
-            Global { json: true, .. } => {
-                json(&json!(found.iter().map(diagnosed).collect::<Vec<_>>()))
-            }
-            _ => intensity_text(&found),
-        });
+        let path = self.out.as_ref().filter(|_| fitted.is_update());
+        if let Some(path) = path {
+            let system = fitted.system_text(&problem)?;
+            files::write_atomically(path, |out| out.write_all(system.as_bytes()))?;
+        }
+        Ok(described(&fitted, &verdict, &problem, self))
     }
-    let fitted = problem.solve()?;
-    let verdict = problem.verdict(&fitted)?;
-    stages.end();
-    let text = match global {
-        Global { json: true, .. } => json(&as_json(&fitted, &verdict, &problem)),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{}\n\n{}", first_line(&verdict, options), people(&fitted, &problem)),
-    };
-    if !fitted.is_update() {
-        let sentences = fitted.findings.iter().map(|finding| finding.sentence(&problem)).collect();
-        return Err(Failure::NoUpdate { output: text, findings: sentences });
-    }
-    if let Some(path) = &options.out {
-        let system = fitted.system_text(&problem)?;
-        files::write_atomically(path, |out| out.write_all(system.as_bytes()))?;
-    }
-    Ok(text)
 }
 
-/// The verdict, and what happens to the parameters.
-fn first_line(verdict: &FitVerdict, options: &Options) -> String {
-    let written = match (verdict, &options.out) {
-        (FitVerdict::Healthy, Some(path)) => format!("; parameters updated in {}", path.display()),
-        (_, Some(_)) => "; no update, nothing is written".into(),
+/// A fit: what it found, and what happens to the parameters.
+fn described(
+    fitted: &FitResults,
+    verdict: &FitVerdict,
+    problem: &Fit,
+    options: &Options,
+) -> Document {
+    let written = match (fitted.is_update(), &options.out) {
+        (true, Some(path)) => format!("; parameters updated in {}", path.display()),
+        (false, Some(_)) => "; no update, nothing is written".into(),
         (_, None) => String::new(),
     };
-    verdict.sentence() + &written
+    let values = [("state", verdict.name().into()), ("is_update", fitted.is_update().into())];
+    let sentence = line(&(verdict.sentence() + &written), values);
+    let mut document = Document::new(
+        "fit",
+        match fitted.is_update() {
+            true => Verdict::good(sentence),
+            false => Verdict::act(sentence),
+        },
+    );
+    document.fact("system", "system", &problem.system.title);
+    let mut records = Table::of("name:record | duration | sensors");
+    for record in &problem.records {
+        let duration = Value::seconds(record.duration_s(), 4);
+        records.push(row![&record.name, duration, record.sensors.len()]);
+    }
+    document.table("records", records);
+    let sentences = fitted.findings.iter().map(|finding| finding.sentence(problem));
+    document.list("findings", sentences);
+    document.table("fault", likely_faults(verdict.fault()));
+    document.table("parameters", parameters(fitted, problem));
+    let unseen = fitted.known.directions.iter().filter(|own| own.information < 1.0).count();
+    document.text(line(
+        "In {unseen} of {all} directions the record adds less than the tolerances already give.",
+        [("unseen", unseen.into()), ("all", problem.unknowns.len().into())],
+    ));
+    document.table("sensors", residuals(fitted, problem)).detail();
+    evidence(fitted, problem, &mut document);
+    document
+}
+
+/// What programs read beside the tables: left out samples, and how the parameters are known together.
+fn evidence(fitted: &FitResults, problem: &Fit, document: &mut Document) {
+    let mut left_out = Table::of("column: | count: | first: | value:");
+    for LeftOut { column, count, place, value, .. } in
+        problem.records.iter().flat_map(|record| &record.left_out)
+    {
+        left_out.push([
+            column.into(),
+            Value::of("", count),
+            Value::of("", place),
+            Value::of("", value),
+        ]);
+    }
+    document.table("left_out", left_out);
+    let size = problem.unknowns.len();
+    let correlations: Vec<Vec<f64>> =
+        (0..size).map(|i| (0..size).map(|j| fitted.known.correlation(i, j)).collect()).collect();
+    document.data("correlations", &correlations);
+    let mut directions = Table::of("information: | weights:");
+    for own in &fitted.known.directions {
+        directions.push([Value::of("", &own.information), Value::of("", &own.weights)]);
+    }
+    document.table("directions", directions);
+    let mut suspects = Table::of("name: | score: | intensity: | onset:");
+    for own in fitted.suspects.iter().take(5) {
+        let onset = onset(own.onset);
+        let (score, intensity) = (Value::of("", &own.score), Value::of("", &own.intensity));
+        suspects.push([Value::from(&own.name), score, intensity, onset]);
+    }
+    document.table("suspects", suspects);
+    document.fact("steps", "", Value::of("", &fitted.steps));
+}
+
+fn parameters(fitted: &FitResults, problem: &Fit) -> Table {
+    let mut table = Table::of(
+        "name:parameter | unit: | nominal | value:fitted | standard_error:± 1 σ | tolerance_sigma: | knowledge:_",
+    );
+    for (k, unknown) in problem.unknowns.iter().enumerate() {
+        let per_sigma = unknown.per_sigma(unknown.nominal());
+        let others = match &unknown.moved {
+            Moved::Parameters { members, .. } if members.len() > 1 => {
+                format!(" and {} more", members.len() - 1)
+            }
+            _ => String::new(),
+        };
+        table.push(row![
+            Value::of(format!("{}{others}", unknown.name), &unknown.name),
+            unknown.unit.symbol(),
+            Value::mixed(unknown.nominal(), unknown.unit),
+            Value::mixed(unknown.value(fitted.z[k]), unknown.unit),
+            Value::difference((fitted.known.error(k) * per_sigma).abs(), unknown.unit, 2),
+            Value::of("", &per_sigma.abs()),
+            fitted.known.sentence(&problem.unknowns, k),
+        ]);
+    }
+    table
+}
+
+/// What is left of each sensor.
+fn residuals(fitted: &FitResults, problem: &Fit) -> Table {
+    let mut table = Table::of(
+        "record: | sensor: | :residual of | mean_square:mean square / noise | limit | largest_mean:largest mean / σ | largest_mean_at:at",
+    );
+    for left in &fitted.left {
+        let sensor = &problem.system.sensors[left.sensor];
+        table.push(row![
+            &problem.records[left.record].name,
+            &sensor.id,
+            &sensor.label,
+            Value::digits(left.mean_square, 3),
+            Value::digits(left.limit, 3),
+            Value::digits(left.largest_mean, 2),
+            Value::seconds(left.at_s, 3),
+        ]);
+    }
+    table
+}
+
+/// How probable each of some faults is, and how intense.
+fn intensities(found: &[Diagnosed]) -> Document {
+    let likely = found.iter().max_by(|a, b| a.probability.total_cmp(&b.probability));
+    let verdict = likely.map_or_else(String::new, |one| {
+        format!("most probable is {}, {:.1} %", one.name, 100.0 * one.probability)
+    });
+    let mut document = Document::listing("fit", verdict);
+    document.table("faults", likely_faults(found));
+    document
+}
+
+fn likely_faults<'f>(found: impl IntoIterator<Item = &'f Diagnosed>) -> Table {
+    let mut table = Table::of(
+        "fault | intensity | interval_95:95 % | onset:from | log_likelihood: | probability",
+    );
+    for one in found {
+        let (low, high) = one.interval;
+        let interval = format!("{} … {}", number(low, 3), number(high, 3));
+        table.push(row![
+            &one.name,
+            Value::digits(one.intensity, 3),
+            Value::of(interval, &[low, high]),
+            onset(one.onset),
+            Value::of("", &one.log_likelihood),
+            Value::percent(one.probability, 1),
+        ]);
+    }
+    table
+}
+
+/// When a fault began; a log that begins with it has no onset.
+fn onset(onset: Option<FoundOnset>) -> Value {
+    let Some(FoundOnset { at_s, interval_s: (low, high), score }) = onset else {
+        return Value::of("first sample", &None::<f64>);
+    };
+    let text = format!("{at_s:.2} s ({low:.2} … {high:.2})");
+    Value::of(
+        text,
+        &BTreeMap::from([("at_s", at_s), ("low_s", low), ("high_s", high), ("score", score)]),
+    )
 }
 
 /// Reads a study, with another system if one is named.
@@ -194,7 +333,11 @@ fn other_system(path: &Path) -> Result<Failure, Failure> {
         Some(_) => Some(system.clone()),
         None => beside.exists().then(|| beside.display().to_string()),
     };
-    Ok(Failure::OtherSystem { system, study: USUAL.into(), own })
+    Ok(Failure::input(format!(
+        "tolerances and faults are a study's, and without --study those of '{USUAL}' are taken, to which the system \
+         '{system}' does not belong: give --study {}",
+        own.as_deref().unwrap_or("FILE")
+    )))
 }
 
 fn read_record(
@@ -207,7 +350,7 @@ fn read_record(
     let table = read_log(path, map, span, study, global)?;
     let name = path.display().to_string();
     let record = FitRecord::from_table(&name, &table, &study.system)
-        .map_err(|error| Failure::Fit(FitError::Record { name: name.clone(), error }))?;
+        .map_err(|error| FitError::Record { name: name.clone(), error })?;
     tell(&name, &record, study, global);
     Ok(record)
 }
@@ -258,8 +401,8 @@ fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknow
         }
         for unknown in own {
             if found.iter().any(|other| other.name == unknown.name) {
-                let option = "--parameters";
-                return Err(Failure::Repeated { option, name: unknown.name });
+                let twice = format!("'{}' is given twice", unknown.name);
+                return Err(Failure::option("--parameters", twice));
             }
             found.push(unknown);
         }
@@ -271,12 +414,9 @@ fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unk
     let instance = &study.system.network().components[place.0];
     let unit = instance.component.spec().parameters[place.1].unit;
     let relative = sigma.trim_end().ends_with('%') && unit != Unit::None;
-    let read = WrittenQuantity::in_unit(sigma, if relative { Unit::None } else { unit });
-    let value = read.map_err(|error| Failure::Number { option: "--parameters", error })?;
-    if !(value > 0.0 && value.is_finite()) {
-        let (option, range) = ("--parameters", "a standard deviation is greater than 0");
-        return Err(Failure::OutOfRange { option, given: sigma.into(), range: range.into() });
-    }
+    let unit = if relative { Unit::None } else { unit };
+    let words = "a standard deviation is greater than 0";
+    let value = quantity("--parameters", sigma, unit, POSITIVE, words)?;
     let tolerance = Tolerance { parameters: vec![place], sigma: value, absolute: !relative };
     Ok(Unknown::tolerance(&study.system, &tolerance))
 }
@@ -288,159 +428,4 @@ pub(crate) fn chosen_faults(
 ) -> Result<Vec<(usize, usize)>, Failure> {
     let of = |id: &String| problem.system.find_fault(id);
     Ok(names.iter().map(of).collect::<Result<_, _>>()?)
-}
-
-fn intensities(options: &Options, problem: &Fit) -> Result<Vec<Diagnosed>, Failure> {
-    Ok(intensity_and_onset(problem, &chosen_faults(&options.faults, problem)?)?)
-}
-
-fn diagnosed(one: &Diagnosed) -> Value {
-    json!({
-        "fault": one.name,
-        "intensity": one.intensity,
-        "interval_95": [one.interval.0, one.interval.1],
-        "log_likelihood": one.log_likelihood,
-        "probability": one.probability,
-        "onset": one.onset.map(onset),
-    })
-}
-
-fn onset(onset: FoundOnset) -> Value {
-    let (low, high) = onset.interval_s;
-    json!({ "at_s": onset.at_s, "interval_95_s": [low, high], "score": onset.score })
-}
-
-fn intensity_text(found: &[Diagnosed]) -> String {
-    let heads = [
-        ("fault", Side::Left),
-        ("intensity", Side::Right),
-        ("95 %", Side::Left),
-        ("from", Side::Left),
-        ("probability", Side::Right),
-    ];
-    let mut grid = TextTable::new(&heads);
-    for one in found {
-        grid.push(vec![
-            one.name.clone(),
-            number(one.intensity, 3),
-            format!("{} … {}", number(one.interval.0, 3), number(one.interval.1, 3)),
-            one.onset.map_or("first sample".into(), |onset| {
-                let (low, high) = onset.interval_s;
-                format!("{:.2} s ({low:.2} … {high:.2})", onset.at_s)
-            }),
-            format!("{:.1} %", 100.0 * one.probability),
-        ]);
-    }
-    grid.text()
-}
-
-fn as_json(fitted: &FitResults, verdict: &FitVerdict, problem: &Fit) -> Value {
-    let parameters = problem.unknowns.iter().enumerate().map(|(k, unknown)| {
-        let per_sigma = unknown.per_sigma(unknown.nominal());
-        json!({
-            "name": unknown.name,
-            "unit": unknown.unit.symbol(),
-            "nominal": unknown.nominal(),
-            "value": unknown.value(fitted.z[k]),
-            "standard_error": (fitted.known.error(k) * per_sigma).abs(),
-            "tolerance_sigma": per_sigma.abs(),
-            "knowledge": fitted.known.sentence(&problem.unknowns, k),
-        })
-    });
-    let size = problem.unknowns.len();
-    let correlations: Vec<Vec<f64>> =
-        (0..size).map(|i| (0..size).map(|j| fitted.known.correlation(i, j)).collect()).collect();
-    let sensors = fitted.left.iter().map(|left| {
-        json!({
-            "record": problem.records[left.record].name,
-            "sensor": problem.system.sensors[left.sensor].id,
-            "mean_square": left.mean_square,
-            "limit": left.limit,
-            "largest_mean": left.largest_mean,
-            "largest_mean_at_s": left.at_s,
-        })
-    });
-    let directions = fitted.known.directions.iter();
-    let directions =
-        directions.map(|d| json!({ "information": d.information, "weights": d.weights }));
-    let suspects = fitted.suspects.iter().take(5);
-    let suspects =
-        suspects.map(|s| json!({ "name": s.name, "score": s.score, "intensity": s.intensity, "onset": s.onset.map(onset) }));
-    json!({
-        "system": problem.system.name,
-        "records": problem.records.iter().map(|r| &r.name).collect::<Vec<_>>(),
-        "left_out": problem.records.iter().flat_map(|r| &r.left_out).map(left_out).collect::<Vec<_>>(),
-        "is_update": fitted.is_update(),
-        "verdict": verdict.name(),
-        "sentence": verdict.sentence(),
-        "fault": verdict.fault().map(diagnosed),
-        "findings": fitted.findings.iter().map(|f| f.sentence(problem)).collect::<Vec<_>>(),
-        "parameters": parameters.collect::<Vec<_>>(),
-        "correlations": correlations,
-        "directions": directions.collect::<Vec<_>>(),
-        "sensors": sensors.collect::<Vec<_>>(),
-        "suspects": suspects.collect::<Vec<_>>(),
-        "steps": fitted.steps,
-    })
-}
-
-fn left_out(one: &LeftOut) -> Value {
-    let LeftOut { column, count, place, value, .. } = one;
-    json!({ "column": column, "count": count, "first": place, "value": value })
-}
-
-fn people(fitted: &FitResults, problem: &Fit) -> String {
-    let mut text = format!("{}\n", problem.system.title);
-    for record in &problem.records {
-        let (name, duration) = (&record.name, number(record.duration_s(), 4));
-        text += &format!("{name}: {duration} s, {} sensors\n\n", record.sensors.len());
-    }
-    let mut grid = TextTable::new(&[
-        ("parameter", Side::Left),
-        ("nominal", Side::Right),
-        ("fitted", Side::Right),
-        ("± 1 σ", Side::Right),
-        ("", Side::Left),
-    ]);
-    for (k, unknown) in problem.unknowns.iter().enumerate() {
-        let per_sigma = unknown.per_sigma(unknown.nominal());
-        let others = match &unknown.moved {
-            Moved::Parameters { members, .. } if members.len() > 1 => {
-                format!(" and {} more", members.len() - 1)
-            }
-            _ => String::new(),
-        };
-        let error = (fitted.known.error(k) * per_sigma).abs();
-        grid.push(vec![
-            unknown.name.clone() + &others,
-            shown(unknown.nominal(), unknown.unit),
-            shown(unknown.value(fitted.z[k]), unknown.unit),
-            number(unknown.unit.difference_to_shown(error), 2),
-            fitted.known.sentence(&problem.unknowns, k),
-        ]);
-    }
-    text += &grid.text();
-    let unseen = fitted.known.directions.iter().filter(|direction| direction.information < 1.0);
-    text += &format!(
-        "\nIn {} of {} directions the record adds less than the tolerances already give.\n\n",
-        unseen.count(),
-        problem.unknowns.len()
-    );
-    let mut grid = TextTable::new(&[
-        ("residual of", Side::Left),
-        ("mean square / noise", Side::Right),
-        ("limit", Side::Right),
-        ("largest mean / σ", Side::Right),
-        ("at", Side::Right),
-    ]);
-    for left in &fitted.left {
-        grid.push(vec![
-            problem.system.sensors[left.sensor].label.clone(),
-            number(left.mean_square, 3),
-            number(left.limit, 3),
-            number(left.largest_mean, 2),
-            format!("{} s", number(left.at_s, 3)),
-        ]);
-    }
-    text + &grid.text()
 }

@@ -4,11 +4,7 @@ use super::progress::Stages;
 use super::study::Options;
 use super::{StudyOptions, workers};
 use crate::failure::Failure;
-use crate::render::json;
 use crate::{Global, stop};
-use serde_json::json;
-use servotwin::document::counted;
-use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::judge::FlightMetrics;
 use servotwin::flight::unseen_faults::UnseenFaultOutcome;
 use servotwin::job::flights::{self, Crew, FlightResults, scenarios};
@@ -21,12 +17,13 @@ use servotwin::study::suites::{FLIGHTS, RECORDS};
 use servotwin::study::{Purpose, Scenario, Study, Suite};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{by_environment_and_tail, rate};
+use servotwin_report::words::{by_environment_and_tail, share_of};
+use servotwin_view::document::{Document, Table, Verdict, line};
+use servotwin_view::row;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
-/// Flies the suites of the options. Returns the text for standard output.
-pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> {
+/// Flies the suites of the options.
+pub(super) fn run(options: &Options, global: Global) -> Result<Document, Failure> {
     let study = options.study.read(global)?;
     let scenarios = chosen_scenarios(&study, options.scenario.as_deref())?;
     match options.sealed {
@@ -56,8 +53,8 @@ fn chosen_scenarios(study: &Study, named: Option<&str>) -> Result<Vec<Scenario>,
         Some(&scenario) => Ok(vec![scenario]),
         None => {
             let known: Vec<&str> = all.iter().map(|scenario| scenario.name()).collect();
-            let range = format!("this study flies in {}", known.join(" and ")).into();
-            Err(Failure::OutOfRange { option: "--scenario", given: name.into(), range })
+            let range = format!("this study flies in {}", known.join(" and "));
+            Err(Failure::out_of_range("--scenario", name, range))
         }
     }
 }
@@ -75,7 +72,7 @@ fn chosen_suites(options: &Options, study: &Study, is_full: bool) -> Result<Vec<
                 "{RECORDS}, {FLIGHTS}, or the suites of the study, {}; the first two stand alone",
                 known.join(", ")
             );
-            Failure::OutOfRange { option: "--suite", given: name.clone(), range: range.into() }
+            Failure::out_of_range("--suite", name, range)
         };
         let mut suite = all().find(|suite| suite.name == *name).ok_or_else(unknown)?.clone();
         suite.seed = options.seed.unwrap_or(suite.seed);
@@ -93,7 +90,7 @@ pub(super) fn in_parts(
     (study, changed): (&Study, &[Suite]),
     is_wanted: impl Fn(Scenario) -> bool,
     global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     stop::heed();
     let folder = options.study.folder();
     let _hold = folder.join_study(study)?;
@@ -103,26 +100,31 @@ pub(super) fn in_parts(
     let own: Vec<Task> =
         all.iter().enumerate().filter(is_own).map(|(_, task)| task.clone()).collect();
     with_crew(options.study.threads, global, |crew| run_all(place, &own, crew))?;
-    let mut counts: BTreeMap<String, [usize; 2]> = BTreeMap::new();
+    let mut counts: BTreeMap<(&str, String), [usize; 2]> = BTreeMap::new();
     for (place, list) in [&own, &all].into_iter().enumerate() {
         for Task { suite, scenarios, .. } in list {
             let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-            counts.entry(format!("{suite}, {}", names.join(" and "))).or_default()[place] += 1;
+            counts.entry((suite, names.join(" and "))).or_default()[place] += 1;
         }
     }
-    let line = |(what, [own, all]): (&String, &[usize; 2])| {
-        format!("{what}: {own} of {}\n", counted(*all, "part"))
-    };
-    let text: String = counts.iter().map(line).collect();
-    Ok(match global {
-        Global { json: true, .. } => json(&json!(counts)),
-        Global { quiet: true, .. } => String::new(),
-        _ => text + NEXT,
-    })
+    let mut table = Table::of("suite | scenario | parts | all:of");
+    for ((suite, scenario), [own, all]) in counts {
+        table.push(row![suite, scenario, own, all]);
+    }
+    let values = [
+        ("folder", folder.path().into()),
+        ("parts", own.len().into()),
+        ("all", all.len().into()),
+    ];
+    let verdict = line(
+        "{folder}: {parts} of {all} parts are there. When all are, the same command without --share joins those that are \
+         judged, and 'servotwin study --suite flights' learns from those to learn from.",
+        values,
+    );
+    let mut document = Document::new("share", Verdict::good(verdict));
+    document.table("suites", table);
+    Ok(document)
 }
-
-const NEXT: &str = "When all parts are there, the same command without --share joins them, and 'servotwin study --suite \
-                    flights' learns from those to learn from.\n";
 
 /// Flies some suites with the diagnosers in the folder of the options; without any, learns first, and flies every suite
 /// that is not on request.
@@ -131,7 +133,7 @@ pub(super) fn flown(
     study: &Study,
     (suites, scenarios): (&[Suite], &[Scenario]),
     global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let is_full = check(options, study)?;
     stop::heed();
     let folder = options.folder();
@@ -145,11 +147,7 @@ pub(super) fn flown(
     })?;
     manifest::write(&folder, study)?;
     let names: Vec<String> = suites.iter().map(|suite| suite.name.clone()).collect();
-    Ok(match global {
-        Global { json: true, .. } => json(&json!(results)),
-        Global { quiet: true, .. } => String::new(),
-        _ => text(&folder, &results, study, &names)?,
-    })
+    described(&folder, &results, study, &names)
 }
 
 /// Whether the full size is wanted, which the study must have.
@@ -158,7 +156,7 @@ fn check(options: &StudyOptions, study: &Study) -> Result<bool, Failure> {
         return Err(JobError::NoFlights.into());
     }
     if options.full && !study.has_full_suites() {
-        return Err(Failure::Options(
+        return Err(Failure::usage(
             "the [suites] of the study have no full sizes, which --full asks for",
         ));
     }
@@ -171,7 +169,7 @@ fn sealed(
     study: &Study,
     scenarios: &[Scenario],
     global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let is_full = check(options, study)?;
     stop::heed();
     let folder = options.folder();
@@ -182,31 +180,12 @@ fn sealed(
         flights::fly_sealed(&folder, (study, is_full), scenarios, &record, crew)
     })?;
     manifest::write(&folder, study)?;
-    Ok(match global {
-        Global { json: true, .. } => json(&json!(sealed)),
-        Global { quiet: true, .. } => String::new(),
-        _ => {
-            let text = text(&folder, &sealed.results, study, &[])?;
-            let recorded = format!("Recorded in {}.", record.path().display());
-            format!("{}\n{recorded}\n{text}", sealed.in_words(None))
-        }
-    })
-}
-
-/// Describes the healthy flights of a suite in a scenario.
-fn of_healthy(flown: &FlownSuite) -> String {
-    let (count, failed, healthy) = (flown.outcomes.len(), flown.failed(), flown.healthy());
-    let mut out = format!(
-        "{}: {count} healthy flights of {} s, each in an environment of its own (seed {}), {failed} not finished; {:.1} h\n",
-        flown.title(),
-        flown.longest_s(),
-        flown.seed,
-        healthy.hours
-    );
-    for line in by_environment_and_tail(&healthy) {
-        let _ = writeln!(out, "  {line}");
-    }
-    out
+    let mut document = described(&folder, &sealed.results, study, &[])?;
+    document.text(sealed.in_words(None));
+    document.text(format!("Recorded in {}.", record.path().display()));
+    document.data("opening", &sealed.opening);
+    document.data("openings", &sealed.openings);
+    Ok(document)
 }
 
 /// Runs work with threads and its progress on a terminal. Ctrl-C stops it.
@@ -228,69 +207,87 @@ where
 }
 
 /// Describes the results of the named suites for readers, or of those that are always flown; the report has the details.
-fn text(
+fn described(
     folder: &Folder,
     results: &FlightResults,
     study: &Study,
     suites: &[String],
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let words = Vocabulary::of(study);
     let is_shown = |metrics: &&FlightMetrics| match suites.is_empty() {
         true => metrics.group.missing.is_empty(),
         false => suites.contains(&metrics.group.suite),
     };
-    let mut shown = results.suites.iter().filter(is_shown).peekable();
-    let mut out = String::new();
-    if shown.peek().is_some() {
-        let run = words.run();
-        let _ =
-            writeln!(out, "summary, of all {run}s with a fault, whether a sensor shows it or not");
-    }
-    shown.for_each(|metrics| summary(&mut out, metrics, &words));
+    let shown: Vec<&FlightMetrics> = results.suites.iter().filter(is_shown).collect();
+    let run = words.run();
+    let flown: u64 = shown.iter().map(|metrics| metrics.flights).sum();
+    let named = |flown: &&FlownSuite| suites.contains(&flown.suite);
+    let all_healthy = outcomes::healthy(folder)?;
+    let healthy_runs: Vec<&FlownSuite> = all_healthy.iter().filter(named).collect();
+    let verdict = match healthy_runs.first().filter(|_| shown.is_empty()) {
+        Some(own) => format!("{}: {}", own.title(), by_environment_and_tail(&own.healthy())[0]),
+        None => format!("{flown} {run}s with a fault are judged, whether a sensor shows it or not"),
+    };
+    let mut document = Document::new("flights", Verdict::neutral(verdict));
+    shown.iter().for_each(|metrics| summary(&mut document, metrics, &words));
     if suites.is_empty() {
         let lines = results.left_out.iter();
         let lines = lines.filter_map(|(scenario, own)| own.without_steady_state(scenario));
-        lines.for_each(|line| out += &format!("  {line}\n"));
+        lines.for_each(|line| _ = document.note(line));
     }
     for metrics in results.unseen.iter().filter(|metrics| suites.contains(&metrics.suite)) {
-        let _ = writeln!(out, "{}", metrics.scenario);
+        let mut section = Document::section("", metrics.scenario.as_str());
         for set in &metrics.sets {
-            let _ = writeln!(out, "  {}", challenge_line(set, &words));
+            section.text(challenge_line(set, &words));
         }
+        document.add(section);
     }
-    let named = |flown: &&FlownSuite| suites.contains(&flown.suite);
-    out.extend(outcomes::healthy(folder)?.iter().filter(named).map(of_healthy));
+    healthy_runs.into_iter().for_each(|own| healthy(&mut document, own));
     if let Some(ranges) = lines::flown_ranges(study) {
-        let _ = writeln!(out, "  flown: {ranges}");
+        document.text(format!("flown: {ranges}"));
     }
-    Ok(
-        out + "\nEvery flight is a row of the files outcomes-*.parquet; 'servotwin report' shows more.\n"
-    )
+    document.text(
+        "Every flight is a row of the files outcomes-*.parquet; 'servotwin report' shows more.",
+    );
+    document.data("results", results);
+    Ok(document)
 }
 
 /// What the flights of a suite in a scenario show, over all faults and intensities.
-fn summary(out: &mut String, metrics: &FlightMetrics, words: &Vocabulary) {
+fn summary(document: &mut Document, metrics: &FlightMetrics, words: &Vocabulary) {
     let FlightMetrics { flights, failed, .. } = metrics;
     let (title, run) = (metrics.title(), words.run());
-    let _ = writeln!(out, "  {title}: {flights} {run}s with a fault, {failed} not finished");
-    let rates = lines::in_flight(metrics, words);
-    let of_rate = |(title, own): (String, Rate)| {
-        format!("{title} {} ({} of {})", rate(Some(own)), own.count, own.of)
-    };
-    let rates: Vec<String> = rates.into_iter().map(of_rate).collect();
-    let _ = writeln!(out, "    {}", rates.join("; "));
-    let _ = writeln!(out, "    false alarms {}", lines::alarms_in_words(&metrics.healthy));
+    document.text(format!("{title}: {flights} {run}s with a fault, {failed} not finished"));
+    let rates = lines::in_flight(metrics, words).into_iter();
+    let rates = rates.map(|(title, rate)| format!("{title} {}", share_of(rate).text));
+    document.text(format!("  {}", rates.collect::<Vec<_>>().join("; ")));
+    document.text(format!("  false alarms {}", lines::alarms_in_words(&metrics.healthy)));
     if let Some(calibration) = &metrics.calibration {
-        *out += &fitted_plants(calibration);
+        document.text(fitted_plants(calibration));
     }
+}
+
+/// Describes the healthy flights of a suite in a scenario.
+fn healthy(document: &mut Document, flown: &FlownSuite) {
+    let (count, failed, healthy) = (flown.outcomes.len(), flown.failed(), flown.healthy());
+    let title = format!(
+        "{}: {count} healthy flights of {} s, each in an environment of its own (seed {}), {failed} not finished; {:.1} h",
+        flown.title(),
+        flown.longest_s(),
+        flown.seed,
+        healthy.hours
+    );
+    let mut section = Document::section("", title);
+    by_environment_and_tail(&healthy).into_iter().for_each(|line| _ = section.text(line));
+    document.add(section);
 }
 
 /// Describes the flights beside twins that are fitted to plants of another structure.
 fn fitted_plants(calibration: &CalibrationRecords) -> String {
     let CalibrationRecords { flown, rejected, with_findings } = calibration;
     format!(
-        "    of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left \
-         a deviation\n"
+        "  of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left a \
+         deviation"
     )
 }
 

@@ -1,30 +1,28 @@
 //! `servotwin fly`: flies a plant with a fault and its twin, with the diagnosis and a flight control
 //! computer that reacts.
 
-use super::fly_cost::FlightCosts;
-use super::fly_truth::{FlightVerdict, Truth};
+use super::fly_truth::{self, AnsweredFault};
 use super::simulate::{fault, onset};
-use super::{StudyOptions, learned, note};
+use super::{StudyOptions, learned, note, quantity};
 use crate::failure::Failure;
-use crate::render::json;
-use crate::{Global, stop};
-use serde_json::json;
+use crate::{Global, Run, stop};
 use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
-use servotwin::flight::cost::Cost;
+use servotwin::flight::cost::{Cost, Fluid};
 use servotwin::flight::tracking::{TrackedQuantities, command_unit, first_report_s};
 use servotwin::job::{Folder, JobError, flights};
 use servotwin::recording::with_suffix;
-use servotwin::signal::{Signal, WrittenQuantity};
+use servotwin::signal::Signal;
 use servotwin::study::{FaultCase, Scenario, Study};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
 use servotwin_report::words::{number, spoken};
+use servotwin_view::document::{Document, Table as Rows, Value, Verdict};
+use servotwin_view::row;
 use servotwin_watch::shipped;
-use std::fmt::Write;
 use std::sync::Arc;
 
 /// Fly a plant in which a fault begins, with and without the diagnosis, and show the benefit.
@@ -54,18 +52,6 @@ pub(crate) struct Options {
     /// twin].
     #[arg(long, value_name = "NUMBER")]
     specimen: Option<usize>,
-}
-
-/// The value of a time option, s.
-fn seconds(option: &'static str, text: &str) -> Result<f64, Failure> {
-    let value = WrittenQuantity::in_unit(text, Unit::Second)
-        .map_err(|error| Failure::Number { option, error })?;
-    match (0.0..=1e4).contains(&value) {
-        true => Ok(value),
-        false => {
-            Err(Failure::OutOfRange { option, given: text.into(), range: "0 to 10,000 s".into() })
-        }
-    }
 }
 
 /// The default fault: if the study has it, one whose reaction shows the benefit of the diagnosis.
@@ -115,52 +101,51 @@ fn title(faults: &[Begins]) -> String {
     }
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read(global)?;
-    stop::heed();
-    let folder = options.study.folder();
-    let scenario = if options.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
-    let duration_s = seconds("--duration", &options.duration)?;
-    let mut inputs = study.system.default_inputs();
-    let unit = study.system.network().inputs[study.command_input].unit;
-    inputs[study.command_input] = match &options.command {
-        Some(command) => command
-            .build(unit, duration_s)
-            .map_err(|error| Failure::Signal { option: "--command".into(), error })?,
-        None => study.cases[0].inputs[study.command_input].clone(),
-    };
-    let begins = faults(options, &study, duration_s)?;
-    let onset_s = begins.first().map_or(USUAL_ONSET * duration_s, |first| first.onset_s);
-    let diagnoser = diagnoser(&options.study, &folder, &study, scenario, global)?;
-    let kept = TrackedQuantities::of(&study);
-    let fly = |reacts: bool| {
-        let inputs = inputs.clone();
-        let faults = begins.iter().map(|one| (one.onset_s, one.fault)).collect();
-        let specimen = options.specimen;
-        let scenario = ClosedLoop { study: &study, inputs, faults, duration_s, specimen, reacts };
-        closed_loop::fly(&scenario, &diagnoser, &kept.slots).map_err(Failure::Runtime)
-    };
-    let truths: Vec<Truth> =
-        begins.iter().map(|one| Truth::of(&study, one.fault, one.onset_s)).collect();
-    let flown = Flown {
-        truths: &truths,
-        study: &study,
-        diagnoser: &diagnoser,
-        kept: &kept,
-        with: fly(true)?,
-        without: fly(false)?,
-    };
-    let path = folder.path().join("flight");
-    create_folder(&path).map_err(JobError::from)?;
-    table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
-    table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
-    flown.figure(&title(&begins)).draw().save(path.join("flight.svg"))?;
-    Ok(match global {
-        Global { json: true, .. } => json(&flown.json(onset_s)),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{}{}\n", flown.text(onset_s), path.join("flight.svg").display()),
-    })
+impl Run for Options {
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let study = self.study.read(global)?;
+        stop::heed();
+        let folder = self.study.folder();
+        let scenario = if self.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
+        let range = "0 to 10,000 s";
+        let duration_s = quantity("--duration", &self.duration, Unit::Second, 0.0..=1e4, range)?;
+        let mut inputs = study.system.default_inputs();
+        let unit = study.system.network().inputs[study.command_input].unit;
+        inputs[study.command_input] = match &self.command {
+            Some(command) => command
+                .build(unit, duration_s)
+                .map_err(|error| Failure::signal("--command", &error))?,
+            None => study.cases[0].inputs[study.command_input].clone(),
+        };
+        let begins = faults(self, &study, duration_s)?;
+        let onset_s = begins.first().map_or(USUAL_ONSET * duration_s, |first| first.onset_s);
+        let diagnoser = diagnoser(&self.study, &folder, &study, scenario, global)?;
+        let kept = TrackedQuantities::of(&study);
+        let fly = |reacts: bool| {
+            let inputs = inputs.clone();
+            let faults = begins.iter().map(|one| (one.onset_s, one.fault)).collect();
+            let specimen = self.specimen;
+            let scenario =
+                ClosedLoop { study: &study, inputs, faults, duration_s, specimen, reacts };
+            closed_loop::fly(&scenario, &diagnoser, &kept.slots)
+        };
+        let flown = Flown {
+            begins: &begins,
+            study: &study,
+            diagnoser: &diagnoser,
+            kept: &kept,
+            with: fly(true)?,
+            without: fly(false)?,
+        };
+        let path = folder.path().join("flight");
+        create_folder(&path).map_err(JobError::from)?;
+        table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
+        table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
+        flown.figure(&title(&begins)).draw().save(path.join("flight.svg"))?;
+        let mut document = flown.document(onset_s);
+        document.files([path.join("flight.svg")]);
+        Ok(document)
+    }
 }
 
 /// The diagnoser of a scenario in a folder. If it is missing, the built-in aileron without tolerances has a shipped
@@ -190,7 +175,7 @@ pub(crate) fn diagnoser(
 }
 
 struct Flown<'f> {
-    truths: &'f [Truth],
+    begins: &'f [Begins],
     study: &'f Study,
     diagnoser: &'f Diagnoser,
     kept: &'f TrackedQuantities,
@@ -301,8 +286,8 @@ impl Flown<'_> {
     fn marks(&self) -> Vec<Mark> {
         let mark = |at: f64, what: &str| Mark { at, name: format!("{what} {at:.2} s") };
         let mut marks: Vec<Mark> =
-            self.truths.iter().map(|truth| mark(truth.onset_s, "onset")).collect();
-        let since_s = self.truths.first().map_or(0.0, |truth| truth.onset_s);
+            self.begins.iter().map(|fault| mark(fault.onset_s, "onset")).collect();
+        let since_s = self.begins.first().map_or(0.0, |fault| fault.onset_s);
         marks.extend(first_report_s(&self.with, since_s).map(|at| mark(at, "detection")));
         marks.extend(self.with.actions.iter().map(|action| mark(action.time_s, "reaction")));
         marks
@@ -317,6 +302,7 @@ impl Flown<'_> {
         (0..record.time_s.len()).map(|k| 100.0 * of(k)).collect()
     }
 
+    /// The root mean square and the largest tracking error, SI, and the root mean square of the force fight, N.
     fn numbers(&self, record: &FlightRecord, onset_s: f64) -> [Option<f64>; 3] {
         let since = record.time_s.iter().position(|time| *time >= onset_s).unwrap_or(0);
         let rms = |v: Vec<f64>| {
@@ -324,119 +310,176 @@ impl Flown<'_> {
             (tail.iter().map(|x| x * x).sum::<f64>() / tail.len().max(1) as f64).sqrt()
         };
         let largest = |v: Vec<f64>| v[since..].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-        let shown = |error: f64| self.unit().difference_to_shown(error);
         [
-            self.tracking_error(record).map(|e| shown(rms(e))),
-            self.tracking_error(record).map(|e| shown(largest(e))),
+            self.tracking_error(record).map(rms),
+            self.tracking_error(record).map(largest),
             self.force_fight(record).map(rms),
         ]
     }
 
     /// The verdict, what the diagnosis is good for, and its evidence.
-    fn text(&self, onset_s: f64) -> String {
-        let verdict = FlightVerdict::of(self.truths, &self.with, self.diagnoser);
-        let mut out = verdict.text();
-        if self.with.actions.is_empty() {
-            let _ = writeln!(out, "nothing had to be done");
+    fn document(&self, onset_s: f64) -> Document {
+        let answered = |fault: &Begins| {
+            let at = (fault.fault, fault.onset_s);
+            AnsweredFault::new(self.study, at, &self.with, self.diagnoser)
+        };
+        let faults: Vec<AnsweredFault> = self.begins.iter().map(answered).collect();
+        let first_s = self.begins.first().map_or(f64::INFINITY, |fault| fault.onset_s);
+        let false_alarms = self.with.actions.iter().filter(|own| own.time_s < first_s).count();
+        let mut sentences: Vec<String> = faults.iter().map(AnsweredFault::sentence).collect();
+        match (faults.is_empty(), false_alarms) {
+            (true, 0) => sentences.push("truth: no fault; right: no action was raised".into()),
+            (_, 0) => {}
+            (_, 1) => {
+                sentences.push("false alarm: an action was raised before any fault began".into());
+            }
+            (_, n) => sentences
+                .push(format!("{n} false alarms: actions were raised before any fault began")),
         }
-        let unit = self.unit().shown();
-        let names = [
-            format!("rms tracking error / {unit}"),
-            format!("largest tracking error / {unit}"),
-            "rms force fight / N".into(),
-        ];
-        let (with, without) =
-            (self.numbers(&self.with, onset_s), self.numbers(&self.without, onset_s));
-        for (name, (with, without)) in names.iter().zip(with.into_iter().zip(without)) {
-            if let (Some(with), Some(without)) = (with, without) {
-                let _ = writeln!(
-                    out,
-                    "{name}: {} without the diagnosis, {} with it",
-                    number(without),
-                    number(with)
-                );
+        let of = |record| Cost::of(self.study, record, onset_s);
+        let (with, without) = (of(&self.with), of(&self.without));
+        let mut document = Document::new("fly", Verdict::neutral(sentences.join("\n")));
+        faults.iter().for_each(|fault| _ = document.text(fault.truth()));
+        if self.with.actions.is_empty() {
+            document.text("nothing had to be done");
+        }
+        document.table("benefit", self.benefit(onset_s, &with, &without));
+        let fight = |record| self.numbers(record, onset_s)[2];
+        let why = self.drag().filter(|_| fight(&self.with) > fight(&self.without));
+        why.into_iter().for_each(|line| _ = document.text(line));
+        if !with.fluids.is_empty() {
+            document.text(weighed(&with, &without));
+        }
+        document.table("changes", self.changes()).detail();
+        document.table("actions", self.actions(onset_s));
+        document.table("faults", fly_truth::table(&faults));
+        document.fact("false_alarms", "", false_alarms);
+        document
+    }
+
+    /// Explains why a shutdown may raise the force fight; `None` for one actuator, or without a shutdown.
+    fn drag(&self) -> Option<String> {
+        let names = &self.diagnoser.names().actuators;
+        let off = self.with.actions.iter().find(|action| action.reaction.switches_off)?;
+        (names.len() > 1).then(|| {
+            format!(
+                "The force fight rises because {} is passive after its shutdown: its bypass lets it move, and the other \
+                 actuator drags it along. The forces in the rods are then the drag, not two controllers that disagree.",
+                spoken(&names[off.raised.actuator as usize])
+            )
+        })
+    }
+
+    /// What the flight was and cost without the diagnosis, and with it.
+    fn benefit(&self, onset_s: f64, with: &Cost, without: &Cost) -> Rows {
+        let mut table = Rows::of(
+            "quantity:since the onset | unit: | without:without the diagnosis | with:with it",
+        );
+        let unit = self.unit();
+        let shown = |si: f64, unit: Unit| {
+            let text = format!("{} {}", number(unit.difference_to_shown(si)), unit.shown());
+            Value::number(si, text)
+        };
+        let mut add = |name: String, unit: Unit, values: [Value; 2]| {
+            let [without, with] = values;
+            table.push(row![name, unit.symbol(), without, with]);
+        };
+        let names = ["rms tracking error", "largest tracking error", "rms force fight"];
+        let units = [unit, unit, Unit::Newton];
+        let both = [&self.without, &self.with].map(|record| self.numbers(record, onset_s));
+        for (place, (name, unit)) in names.into_iter().zip(units).enumerate() {
+            if let [Some(without), Some(with)] = both.map(|numbers| numbers[place]) {
+                add(name.into(), unit, [without, with].map(|value| shown(value, unit)));
             }
         }
-        let fight = |record| self.numbers(record, onset_s)[2];
-        out += &verdict.on_force_fight(fight(&self.with), fight(&self.without));
-        out + &self.costs(onset_s).text() + "\n" + &self.events(onset_s)
+        let costs = [without, with];
+        for (with, without) in leaking(with, without) {
+            let name = spoken(&with.reservoir);
+            let lost = |fluid: &Fluid| {
+                Value::number(fluid.lost_m3, format!("{} L", number(1e3 * fluid.lost_m3)))
+            };
+            let empty = |fluid: &Fluid| Value::of(emptied(fluid), &fluid.empty_s);
+            add(format!("fluid lost from {name}"), Unit::CubicMetre, [lost(without), lost(with)]);
+            add(format!("{name} is empty"), Unit::Second, [empty(without), empty(with)]);
+        }
+        if !with.fluids.is_empty() {
+            let seconds = |cost: &Cost| shown(cost.in_fault_s, Unit::Second);
+            add("time in fault".into(), Unit::Second, costs.map(seconds));
+            let authority = |cost: &Cost| {
+                Value::number(cost.authority, format!("{} %", number(100.0 * cost.authority)))
+            };
+            add("authority at the end".into(), Unit::None, costs.map(authority));
+        }
+        table
     }
 
-    /// What the diagnosis said and did, in the order of time.
-    fn events(&self, onset_s: f64) -> String {
-        let mut out = String::new();
+    /// What the diagnosis said, in the order of time.
+    fn changes(&self) -> Rows {
+        let mut table = Rows::of("time | alarm | finding | confidence:");
         for change in &self.with.changes {
-            let said = spoken(&self.diagnoser.describe(change.finding));
-            let alarm = format!("{:?}", change.alarm).to_lowercase();
-            let _ = writeln!(out, "{:8.2} s  {alarm:10} {said}", change.time_s);
+            let finding = self.diagnoser.describe(change.finding);
+            let alarm = Value::of(format!("{:?}", change.alarm).to_lowercase(), &change.alarm);
+            let confidence = Value::of("", &change.confidence);
+            let time = Value::seconds(change.time_s, 4);
+            table.push(row![time, alarm, Value::name(&finding), confidence]);
         }
-        for action in &self.with.actions {
-            let names = self.diagnoser.names();
-            let (unit, command) = (
-                &names.actuators[action.raised.actuator as usize],
-                &names.actions[action.raised.action as usize],
-            );
-            let after = action.time_s - onset_s;
-            let of = if unit.is_empty() { String::new() } else { format!(" of {}", spoken(unit)) };
-            let _ = writeln!(
-                out,
-                "{:8.2} s  carried out: {}{of}, {after:.2} s after the onset",
-                action.time_s,
-                spoken(command),
-            );
-        }
-        out
+        table
     }
 
-    fn costs(&self, onset_s: f64) -> FlightCosts {
-        let of = |record| Cost::of(self.study, record, onset_s);
-        FlightCosts { with: of(&self.with), without: of(&self.without) }
-    }
-
-    fn json(&self, onset_s: f64) -> serde_json::Value {
-        let changes: Vec<_> = self
-            .with
-            .changes
-            .iter()
-            .map(|change| {
-                json!({
-                    "time_s": change.time_s,
-                    "alarm": change.alarm,
-                    "finding": self.diagnoser.describe(change.finding),
-                    "confidence": change.confidence,
-                })
-            })
-            .collect();
+    /// What the flight control computer did.
+    fn actions(&self, onset_s: f64) -> Rows {
+        let mut table =
+            Rows::of("time | command:carried out | unit:_ | after_onset:after the onset");
         let names = self.diagnoser.names();
-        let actions: Vec<_> = self
-            .with
-            .actions
-            .iter()
-            .map(|action| {
-                let unit = &names.actuators[action.raised.actuator as usize];
-                json!({
-                    "time_s": action.time_s,
-                    "unit": (!unit.is_empty()).then_some(unit),
-                    "command": names.actions[action.raised.action as usize],
-                })
-            })
-            .collect();
-        let numbers = |record| {
-            let [rms, largest, fight_n] = self.numbers(record, onset_s);
-            json!({
-                "tracking_unit": self.unit().shown(),
-                "rms_tracking_error": rms,
-                "largest_tracking_error": largest,
-                "rms_force_fight_n": fight_n,
-            })
-        };
-        json!({
-            "changes": changes,
-            "actions": actions,
-            "truth": FlightVerdict::of(self.truths, &self.with, self.diagnoser).json(),
-            "cost": self.costs(onset_s).json(),
-            "with_diagnosis": numbers(&self.with),
-            "without": numbers(&self.without),
-        })
+        for action in &self.with.actions {
+            let unit = names.actuators[action.raised.actuator as usize].as_str();
+            let unit = Some(unit).filter(|unit| !unit.is_empty());
+            table.push(row![
+                Value::seconds(action.time_s, 4),
+                Value::name(&names.actions[action.raised.action as usize]),
+                unit.map(Value::name),
+                Value::seconds(action.time_s - onset_s, 3),
+            ]);
+        }
+        table
+    }
+}
+
+/// Reservoirs that lose fluid in either flight.
+fn leaking<'c>(with: &'c Cost, without: &'c Cost) -> impl Iterator<Item = (&'c Fluid, &'c Fluid)> {
+    let both = with.fluids.iter().zip(&without.fluids);
+    both.filter(|(with, without)| with.empty_s.or(without.empty_s).is_some())
+}
+
+/// Weighs the authority given up against the fluid kept.
+fn weighed(with: &Cost, without: &Cost) -> String {
+    let price = match without.authority - with.authority {
+        share if share > 0.0 => format!("costs {} % of the authority", number(100.0 * share)),
+        _ => "costs no authority".into(),
+    };
+    let Some((with, without)) = leaking(with, without).next() else {
+        return format!(
+            "Weighed: no reservoir would be empty within a day. The diagnosis {price}."
+        );
+    };
+    let gain = match with.empty_s {
+        None => "stops the loss".into(),
+        Some(_) => format!("does not stop the loss: {}", emptied(with)),
+    };
+    let name = spoken(&without.reservoir);
+    format!(
+        "Weighed: without the diagnosis, {name} is empty {}, and everything that it feeds stops. The diagnosis {price} \
+         and {gain}.",
+        emptied(without)
+    )
+}
+
+/// When a reservoir is empty, counted from the onset.
+fn emptied(fluid: &Fluid) -> String {
+    match fluid.empty_s {
+        None => "not within a day".into(),
+        Some(time_s) if time_s < 120.0 => format!("{time_s:.0} s after the onset"),
+        Some(time_s) if time_s < 7200.0 => format!("{:.0} min after the onset", time_s / 60.0),
+        Some(time_s) => format!("{:.1} h after the onset", time_s / 3600.0),
     }
 }

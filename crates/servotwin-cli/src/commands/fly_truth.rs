@@ -1,29 +1,40 @@
 //! Compares the diagnosis of a flight with the truth: the time of detection, and whether actuator, action and component
 //! were right.
 
-use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{Action, FlightRecord};
 use servotwin::flight::tracking::first_report_s;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_report::words::spoken;
+use servotwin_view::document::{Table, Value};
+use servotwin_view::row;
 
-/// A simulated fault, with the answer that the study expects.
-pub(crate) struct Truth {
+/// A simulated fault with the answer that the study expects, and the first action raised for it.
+pub(crate) struct AnsweredFault {
     /// The fault's full name.
-    pub name: String,
+    name: String,
     /// The onset, s.
-    pub onset_s: f64,
+    onset_s: f64,
     /// The name of the actuator; empty if the study has one without a name.
-    pub actuator: String,
+    actuator: String,
     /// The action and the component; `None` for a fault that the study does not list.
-    pub expected: Option<(String, String)>,
+    expected: Option<[String; 2]>,
+    detected_s: Option<f64>,
+    /// The time, the action and the component of the answer.
+    said: Option<(f64, String, Option<String>)>,
+    /// Whether actuator, action and component were right; `None` if there was no answer or none is expected.
+    is_right: [Option<bool>; 3],
 }
 
-impl Truth {
-    /// The truth about a fault and its onset.
-    pub(crate) fn of(study: &Study, fault: FaultAt, onset_s: f64) -> Self {
+impl AnsweredFault {
+    /// Pairs a fault with the first action after its onset for its actuator, or for any actuator if there is none.
+    pub(crate) fn new(
+        study: &Study,
+        (fault, onset_s): (FaultAt, f64),
+        record: &FlightRecord,
+        diagnoser: &Diagnoser,
+    ) -> Self {
         let instance = &study.system.network().components[fault.component];
         let name =
             format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name);
@@ -31,181 +42,84 @@ impl Truth {
         let known = study.faults.iter().find(|case| same(case.at));
         let begins = |unit: &&String| unit.is_empty() || name.starts_with(&format!("{unit}."));
         let actuator = match known {
-            Some(case) => study.units.get(case.unit).cloned(),
-            None => study.units.iter().find(begins).cloned(),
+            Some(case) => study.units.get(case.unit),
+            None => study.units.iter().find(begins),
         };
-        let expected = known.map(|case| {
-            let class = &study.classes[case.class];
-            (class.command.clone(), class.detail.clone())
-        });
-        Truth { name, onset_s, actuator: actuator.unwrap_or_default(), expected }
-    }
-}
-
-/// The raised alarm, by names.
-struct Said {
-    time_s: f64,
-    actuator: String,
-    action: String,
-    component: Option<String>,
-}
-
-impl Said {
-    fn of(action: &Action, diagnoser: &Diagnoser) -> Self {
+        let actuator = actuator.cloned().unwrap_or_default();
+        let class = known.map(|case| &study.classes[case.class]);
+        let expected = class.map(|class| [class.command.clone(), class.detail.clone()]);
         let names = diagnoser.names();
-        let raised = &action.raised;
-        Said {
-            time_s: action.time_s,
-            actuator: names.actuators[raised.actuator as usize].clone(),
-            action: names.actions[raised.action as usize].clone(),
-            component: raised.detail.map(|detail| names.details[detail as usize].clone()),
-        }
-    }
-}
-
-/// A fault and the first action raised for it.
-pub(crate) struct AnsweredFault<'t> {
-    truth: &'t Truth,
-    detected_s: Option<f64>,
-    said: Option<Said>,
-}
-
-impl<'t> AnsweredFault<'t> {
-    /// Pairs a fault with the first action after its onset for its actuator, or for any actuator if there is none.
-    fn of(truth: &'t Truth, record: &FlightRecord, diagnoser: &Diagnoser) -> Self {
-        let later = || {
-            let later = record.actions.iter().filter(|action| action.time_s >= truth.onset_s);
-            later.map(|action| Said::of(action, diagnoser))
+        let of = |action: &Action| names.actuators[action.raised.actuator as usize].as_str();
+        let later = || record.actions.iter().filter(|action| action.time_s >= onset_s);
+        let answer = later().find(|action| of(action) == actuator).or_else(|| later().next());
+        let said = answer.map(|Action { time_s, raised, .. }| {
+            let component = raised.detail.map(|detail| names.details[detail as usize].clone());
+            (*time_s, names.actions[raised.action as usize].clone(), component)
+        });
+        let right = |place: usize, said: &String| {
+            expected.as_ref().map(|expected| expected[place] == *said)
         };
-        let said = later().find(|said| said.actuator == truth.actuator).or_else(|| later().next());
-        AnsweredFault { truth, detected_s: first_report_s(record, truth.onset_s), said }
+        let is_right = [
+            answer.map(|action| of(action) == actuator),
+            said.as_ref().and_then(|(_, action, _)| right(0, action)),
+            said.as_ref().and_then(|(.., component)| right(1, component.as_ref()?)),
+        ];
+        let detected_s = first_report_s(record, onset_s);
+        AnsweredFault { name, onset_s, actuator, expected, detected_s, said, is_right }
     }
 
-    /// Whether actuator, action and component were right; `None` if there was no answer or none is expected.
-    fn right(&self) -> [Option<bool>; 3] {
-        let Some(said) = &self.said else { return [None; 3] };
-        let expected = self.truth.expected.as_ref();
-        let component = said.component.as_ref().zip(expected);
-        [
-            Some(said.actuator == self.truth.actuator),
-            expected.map(|(action, _)| *action == said.action),
-            component.map(|(said, (_, component))| said == component),
-        ]
+    /// The fault, and what is right.
+    pub(crate) fn truth(&self) -> String {
+        let AnsweredFault { name, onset_s, actuator, expected, .. } = self;
+        let text = format!("truth: {} from {onset_s} s on", spoken(name));
+        let Some([action, component]) = expected else { return text };
+        let of = if actuator.is_empty() { "" } else { " of " };
+        let actuator = spoken(actuator);
+        format!("{text}; right is: {}{of}{actuator}, {}", spoken(action), spoken(component))
     }
 
-    fn sentence(&self) -> String {
-        let Truth { name, onset_s, actuator, expected } = self.truth;
-        let mut text = format!("truth: {} from {onset_s} s on", spoken(name));
-        if let Some((action, component)) = expected {
-            let of = if actuator.is_empty() {
-                String::new()
-            } else {
-                format!(" of {}", spoken(actuator))
-            };
-            text += &format!("; right is: {}{of}, {}", spoken(action), spoken(component));
-        }
-        text.push('\n');
-        text += &match self.detected_s {
-            Some(time_s) => format!("detected {:.2} s after the onset; ", time_s - onset_s),
+    /// The answer beside the truth.
+    pub(crate) fn sentence(&self) -> String {
+        let mut text = match self.detected_s {
+            Some(time_s) => format!("detected {:.2} s after the onset; ", time_s - self.onset_s),
             None => "never detected; ".into(),
         };
-        let Some(said) = &self.said else { return text + "missed: no action was raised\n" };
+        let Some((time_s, action, component)) = &self.said else {
+            return text + "missed: no action was raised";
+        };
         let words = |is_right: Option<bool>| match is_right {
             Some(true) => "right",
             Some(false) => "wrong",
             None => "not known",
         };
-        let [unit, action, component] = self.right();
-        text += &format!("first action {:.2} s after the onset: ", said.time_s - onset_s);
-        if !actuator.is_empty() {
-            text += &format!("actuator {}, ", words(unit));
+        text += &format!("first action {:.2} s after the onset: ", time_s - self.onset_s);
+        if !self.actuator.is_empty() {
+            text += &format!("actuator {}, ", words(self.is_right[0]));
         }
-        let named = match (&said.component, component) {
+        let named = match (component, self.is_right[2]) {
             (Some(said), Some(false)) => format!("component wrong ({})", spoken(said)),
             (Some(_), is_right) => format!("component {}", words(is_right)),
             (None, _) => "component not named".into(),
         };
-        text + &format!("action {} ({}), {named}\n", words(action), spoken(&said.action))
-    }
-
-    fn json(&self) -> Value {
-        let Truth { name, onset_s, actuator, expected } = self.truth;
-        let [unit, action, component] = self.right();
-        json!({
-            "fault": name,
-            "onset_s": onset_s,
-            "unit": (!actuator.is_empty()).then_some(actuator),
-            "command": expected.as_ref().map(|one| &one.0),
-            "detail": expected.as_ref().map(|one| &one.1),
-            "detected_s": self.detected_s,
-            "action_s": self.said.as_ref().map(|said| said.time_s),
-            "is_unit_right": unit,
-            "is_command_right": action,
-            "is_detail_right": component,
-        })
+        text + &format!("action {} ({}), {named}", words(self.is_right[1]), spoken(action))
     }
 }
 
-/// All faults of a flight with the answers to them.
-pub(crate) struct FlightVerdict<'t> {
-    judged: Vec<AnsweredFault<'t>>,
-    /// The number of actions before the first onset.
-    false_alarms: usize,
-    /// Actuators that were switched off; empty in a study of one actuator.
-    dragged: Vec<String>,
-}
-
-impl<'t> FlightVerdict<'t> {
-    /// Judges the answers in a flight with these faults.
-    pub(crate) fn of(truths: &'t [Truth], record: &FlightRecord, diagnoser: &Diagnoser) -> Self {
-        let first_s = truths.iter().map(|truth| truth.onset_s).fold(f64::INFINITY, f64::min);
-        let before = record.actions.iter().filter(|action| action.time_s < first_s);
-        let names = diagnoser.names();
-        let off = record.actions.iter().filter(|action| action.reaction.switches_off);
-        let dragged = off.map(|action| names.actuators[action.raised.actuator as usize].clone());
-        FlightVerdict {
-            judged: truths
-                .iter()
-                .map(|truth| AnsweredFault::of(truth, record, diagnoser))
-                .collect(),
-            false_alarms: before.count(),
-            dragged: if names.actuators.len() > 1 { dragged.collect() } else { vec![] },
-        }
+/// The faults and their answers for programs.
+pub(crate) fn table(faults: &[AnsweredFault]) -> Table {
+    let mut table = Table::of(
+        "fault: | onset_s: | unit: | command: | detail: | detected_s: | action_s: | is_unit_right: | is_command_right: | \
+         is_detail_right:",
+    );
+    for AnsweredFault { name, onset_s, actuator, expected, detected_s, said, is_right } in faults {
+        let unit = Some(actuator).filter(|actuator| !actuator.is_empty());
+        let [command, detail] = [0, 1].map(|place| expected.as_ref().map(|own| &own[place]));
+        let action_s = said.as_ref().map(|(time_s, ..)| *time_s);
+        let times = [Some(*onset_s), *detected_s, action_s].map(|time_s| Value::of("", &time_s));
+        let [onset_s, detected_s, action_s] = times;
+        let mut row = row![name, onset_s, unit, command, detail, detected_s, action_s];
+        row.extend(is_right.map(Value::from));
+        table.push(row);
     }
-
-    /// The verdict as lines.
-    pub(crate) fn text(&self) -> String {
-        let mut text: String = self.judged.iter().map(AnsweredFault::sentence).collect();
-        match (self.judged.is_empty(), self.false_alarms) {
-            (true, 0) => text += "truth: no fault; right: no action was raised\n",
-            (_, 0) => {}
-            (_, 1) => text += "false alarm: an action was raised before any fault began\n",
-            (_, n) => {
-                text += &format!("{n} false alarms: actions were raised before any fault began\n")
-            }
-        }
-        text
-    }
-
-    /// Explains why a reaction raises the force fight, if it does.
-    pub(crate) fn on_force_fight(&self, with: Option<f64>, without: Option<f64>) -> String {
-        let is_raised = with.zip(without).is_some_and(|(with, without)| with > without);
-        let [first, ..] = &self.dragged[..] else { return String::new() };
-        if !is_raised {
-            return String::new();
-        }
-        format!(
-            "The force fight rises because {} is passive after its shutdown: its bypass lets it move, and the other \
-             actuator drags it along.\nThe forces in the rods are then the drag, not two controllers that disagree.\n",
-            spoken(first)
-        )
-    }
-
-    /// The verdict as JSON.
-    pub(crate) fn json(&self) -> Value {
-        json!({
-            "faults": self.judged.iter().map(AnsweredFault::json).collect::<Vec<_>>(),
-            "false_alarms": self.false_alarms,
-        })
-    }
+    table
 }

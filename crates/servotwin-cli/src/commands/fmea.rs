@@ -3,9 +3,7 @@
 use super::{learned, note, scenario_of, workers};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::json;
-use crate::{Global, stop};
-use serde_json::json;
+use crate::{Global, Run, stop};
 use servotwin::files::create_folder;
 use servotwin::job::{Among, Folder};
 use servotwin::study::Study;
@@ -13,6 +11,7 @@ use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::{self, FmeaSheet};
 use servotwin_safety::fmea::{self, WeightedCoverage, weighted_coverage};
 use servotwin_safety::results::{FOLDER, StudyResultsFolder};
+use servotwin_view::document::{Document, Value, Verdict, line};
 use std::path::{Path, PathBuf};
 
 /// Fill an FMEA (failure mode and effects analysis) from the results of a study.
@@ -48,28 +47,26 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-impl Options {
-    /// The files that the command reads. It also reads the sheet that it writes.
-    pub(crate) fn paths(&self) -> Paths {
-        // The name of a sheet is checked with a message of their own.
+impl Run for Options {
+    // The command also reads the sheet that it writes. The formats of a sheet are checked with a message of their own.
+    fn paths(&self) -> Paths {
         let paths = Paths::default().read("--rates", &self.rates);
         paths.write("--out", Format::Any, &self.out)
     }
+
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        for path in self.out.iter().chain(&self.sheet) {
+            sheet::check(path)?;
+        }
+        stop::heed();
+        match self.input.is_dir() {
+            true => of_folder(self, global),
+            false => of_study(self),
+        }
+    }
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    for path in options.out.iter().chain(&options.sheet) {
-        sheet::check(path)?;
-    }
-    stop::heed();
-    match options.input.is_dir() {
-        true => of_folder(options, global),
-        false => of_study(options, global),
-    }
-}
-
-fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
+fn of_folder(options: &Options, global: Global) -> Result<Document, Failure> {
     let folder = Folder::new(&options.input);
     let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
     let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
@@ -90,24 +87,19 @@ fn of_folder(options: &Options, global: Global) -> Result<String, Failure> {
     let sources = fmea::sources(&results, rates, !options.no_flights, workers(options.threads))?;
     stop::check()?;
     let default = folder.path().join(FOLDER).join("fmea.csv");
-    write(options, &sources, &default, global)
+    write(options, &sources, &default)
 }
 
-fn of_study(options: &Options, global: Global) -> Result<String, Failure> {
+fn of_study(options: &Options) -> Result<Document, Failure> {
     if options.scenario.is_some() {
-        return Err(Failure::Options("--scenario is for folders with results"));
+        return Err(Failure::usage("--scenario is for folders with results"));
     }
     let study = Study::read(&options.input)?;
     let sources = fmea::declared_sources(&study, options.rates.as_deref())?;
-    write(options, &sources, Path::new("fmea.csv"), global)
+    write(options, &sources, Path::new("fmea.csv"))
 }
 
-fn write(
-    options: &Options,
-    sources: &FmeaSources,
-    default: &Path,
-    global: Global,
-) -> Result<String, Failure> {
+fn write(options: &Options, sources: &FmeaSources, default: &Path) -> Result<Document, Failure> {
     let path = options.out.as_deref().unwrap_or(default);
     let earlier = options.sheet.as_deref().or(Some(path).filter(|path| path.exists()));
     let sheet = fmea::sheet(sources, earlier)?;
@@ -117,67 +109,36 @@ fn write(
         create_folder(folder)?;
     }
     sheet.write(path)?;
-    let summary = FmeaSummary::of(&sheet, sources);
-    Ok(match global {
-        Global { json: true, .. } => json(&summary.json(path)),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{}{}\n", summary.text(), path.display()),
-    })
+    Ok(summary(path, &sheet, sources))
 }
 
-/// What the command reports.
-struct FmeaSummary {
-    rows: usize,
-    filled: usize,
-    without_evidence: usize,
-    by_person: usize,
-    stale: usize,
-    coverage: Option<WeightedCoverage>,
-}
-
-impl FmeaSummary {
-    fn of(sheet: &FmeaSheet, sources: &FmeaSources) -> Self {
-        let cells = sheet.rows.iter().flat_map(|row| &row.texts);
-        let filled = cells.filter(|text| !text.is_empty()).count();
-        let without_evidence = sheet.rows.iter().map(|row| row.missing).sum();
-        FmeaSummary {
-            rows: sheet.rows.len(),
-            filled: filled - without_evidence,
-            without_evidence,
-            by_person: sheet.person_cells(),
-            stale: sheet.stale_rows(),
-            coverage: weighted_coverage(sources),
-        }
-    }
-
-    fn text(&self) -> String {
-        let mut text = format!(
-            "{} faults, {} fields: {} cells filled, {} without evidence, {} filled in by people, {} rows stale\n",
-            self.rows,
-            FIELDS.len(),
-            self.filled,
-            self.without_evidence,
-            self.by_person,
-            self.stale
-        );
-        if let Some(WeightedCoverage { share, flown, rated }) = self.coverage {
-            text += &format!(
-                "diagnostic coverage, weighted by failure rates: {:.1} % ({flown} of {rated} rated faults flown)\n",
-                100.0 * share
-            );
-        }
-        text
-    }
-
-    fn json(&self, path: &Path) -> serde_json::Value {
-        json!({
-            "sheet": path.display().to_string(),
-            "rows": self.rows,
-            "cells_filled": self.filled,
-            "cells_without_evidence": self.without_evidence,
-            "cells_by_person": self.by_person,
-            "rows_stale": self.stale,
-            "diagnostic_coverage": self.coverage.map(|coverage| coverage.share),
-        })
-    }
+/// What the sheet holds.
+fn summary(path: &Path, sheet: &FmeaSheet, sources: &FmeaSources) -> Document {
+    let cells = sheet.rows.iter().flat_map(|row| &row.texts);
+    let filled = cells.filter(|text| !text.is_empty()).count();
+    let without_evidence: usize = sheet.rows.iter().map(|row| row.missing).sum();
+    let verdict = line(
+        "{sheet}: {rows} faults, {fields} fields: {cells_filled} cells filled, {cells_without_evidence} without evidence, \
+         {cells_by_person} filled in by people, {rows_stale} rows stale",
+        [
+            ("sheet", path.into()),
+            ("rows", sheet.rows.len().into()),
+            ("fields", FIELDS.len().into()),
+            ("cells_filled", (filled - without_evidence).into()),
+            ("cells_without_evidence", without_evidence.into()),
+            ("cells_by_person", sheet.person_cells().into()),
+            ("rows_stale", sheet.stale_rows().into()),
+        ],
+    );
+    let mut document = Document::new("fmea", Verdict::neutral(verdict));
+    let coverage = weighted_coverage(sources).map(|WeightedCoverage { share, flown, rated }| {
+        let text = format!("{:.1} % ({flown} of {rated} rated faults flown)", 100.0 * share);
+        Value::number(share, text)
+    });
+    document.fact(
+        "diagnostic_coverage",
+        "diagnostic coverage, weighted by failure rates",
+        coverage,
+    );
+    document
 }

@@ -2,23 +2,24 @@
 
 use super::fit::{chosen_faults, read_study, tell};
 use super::log_folder::LogFolder;
-use super::note;
 use super::progress::Stages;
-use super::{SpanOptions, read_log};
+use super::{SpanOptions, note, note_intake};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Side, TextTable, json, number};
-use crate::{Global, stop};
-use serde_json::json;
+use crate::{Global, Run, stop};
 use servotwin::figure::time_series::{Band, Panel, Series, TimeSeries};
 use servotwin::fit::history::{Drift, History, HistoryFlight, Log, Track};
 use servotwin::fit::repair::Repair;
-use servotwin::fit::trend::Trend;
+use servotwin::fit::trend::{Point, Trend};
 use servotwin::fit::{Fit, FitError, FitRecord, Knowledge, RecordError};
 use servotwin::moment;
+use servotwin::shown::number;
 use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, TableError, Values};
-use servotwin_watch::WatchError;
+use servotwin_view::document::{Document, Table as Rows, Value, Verdict, line};
+use servotwin_view::row;
+use servotwin_watch::guard::IntakeError;
+use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::span::LogSpan;
 use std::cmp::Ordering;
@@ -69,9 +70,8 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         Paths::default()
             .read("the log", LogFolder::read(&self.folder).unwrap_or_default().paths)
             .read("SYSTEM", &self.system)
@@ -80,72 +80,65 @@ impl Options {
             .write("--out", Format::Table, &self.out)
             .write("--plot", Format::Figure, &self.plot)
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    if !(options.threshold > 0.0 && options.threshold <= 1.0) {
-        let (option, given) = ("--threshold", options.threshold.to_string());
-        return Err(Failure::OutOfRange { option, given, range: "above 0, at most 1".into() });
-    }
-    let study = read_study(options.study.as_deref(), options.system.as_deref())?;
-    let map = options.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
-    let folder = LogFolder::read(&options.folder)?;
-    if let Some(skipped) = folder.sentence() {
-        note(global, &skipped);
-    }
-    let LogFolder { paths, skipped } = folder;
-    let span = options.span.read()?;
-    stop::heed();
-    let stages = Stages::new(global);
-    let mut all: Vec<(Option<f64>, Log)> = Vec::new();
-    for path in &paths {
-        let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-        let (begin_s, record) = record(path, &name, map.as_ref(), span, &study, global)?;
-        if let Ok(record) = &record {
-            tell(&name, record, &study, global);
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        if !(self.threshold > 0.0 && self.threshold <= 1.0) {
+            let range = "above 0, at most 1";
+            return Err(Failure::out_of_range("--threshold", self.threshold, range));
         }
-        all.push((begin_s, (name, record)));
-    }
-    let all = in_order(all, global);
-    if let [(name, Err(error)), ..] = &all[..]
-        && all.iter().all(|(_, record)| record.is_err())
-    {
-        let reason = format!("none of its logs can be used; {name}: {error}");
-        return Err(Failure::NoLogs { folder: options.folder.clone(), reason });
-    }
-    let runs = AtomicUsize::new(0);
-    let progress = || {
-        let done = runs.fetch_add(1, atomic::Ordering::Relaxed) + 1;
-        stages
-            .show(&format!("{done} runs"), (done as f64 / (300.0 * paths.len() as f64)).min(0.99));
-    };
-    let problem = Fit::of_study(&study, Vec::new());
-    let problem = Fit {
-        threads: options.threads.unwrap_or(problem.threads).max(1),
-        cancel: Some(stop::flag()),
-        progress: &progress,
-        ..problem
-    };
-    let faults = chosen_faults(&options.faults, &problem)?;
-    let history = problem.history(all, &faults)?;
-    stages.end();
-    if let Some(path) = &options.out {
-        table::write(path, &as_table(&history, &problem)?)?;
-    }
-    if let Some(path) = &options.plot {
-        figure(&history, &problem, options.threshold).draw().save(path)?;
-    }
-    let alarms: Vec<String> =
-        history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
-    let output = match global {
-        Global { json: true, .. } => json(&as_json(&history, &problem, options, &alarms, &skipped)),
-        Global { quiet: true, .. } => String::new(),
-        _ => people(&history, &problem, options),
-    };
-    match alarms.is_empty() {
-        true => Ok(output),
-        false => Err(Failure::Alarm { output, alarms }),
+        let study = read_study(self.study.as_deref(), self.system.as_deref())?;
+        let map = self.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
+        let folder = LogFolder::read(&self.folder)?;
+        if let Some(skipped) = folder.sentence() {
+            note(global, &skipped);
+        }
+        let span = self.span.read()?;
+        stop::heed();
+        let stages = Stages::new(global);
+        let mut all: Vec<(Option<f64>, Log)> = Vec::new();
+        for path in &folder.paths {
+            let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into());
+            let (begin_s, record) = record(path, &name, map.as_ref(), span, &study, global);
+            if let Ok(record) = &record {
+                tell(&name, record, &study, global);
+            }
+            all.push((begin_s, (name, record)));
+        }
+        let all = in_order(all, global);
+        if let [(name, Err(error)), ..] = &all[..]
+            && all.iter().all(|(_, record)| record.is_err())
+        {
+            let folder = self.folder.display();
+            return Err(Failure::input(format!(
+                "{folder}: none of its logs can be used; {name}: {error}"
+            )));
+        }
+        let (runs, usual) = (AtomicUsize::new(0), 300.0 * folder.paths.len() as f64);
+        let progress = || {
+            let done = runs.fetch_add(1, atomic::Ordering::Relaxed) + 1;
+            stages.show(&format!("{done} runs"), (done as f64 / usual).min(0.99));
+        };
+        let problem = Fit::of_study(&study, Vec::new());
+        let problem = Fit {
+            threads: self.threads.unwrap_or(problem.threads).max(1),
+            cancel: Some(stop::flag()),
+            progress: &progress,
+            ..problem
+        };
+        let faults = chosen_faults(&self.faults, &problem)?;
+        let history = problem.history(all, &faults)?;
+        stages.end();
+        if let Some(path) = &self.out {
+            table::write(path, &as_table(&history, &problem)?)?;
+        }
+        if let Some(path) = &self.plot {
+            figure(&history, &problem, self.threshold).draw().save(path)?;
+        }
+        let mut document = described(&history, &problem, self);
+        let mut skipped = Rows::of("name: | reason:");
+        folder.skipped.into_iter().for_each(|(name, why)| skipped.push(row![name, why]));
+        document.table("skipped", skipped);
+        Ok(document)
     }
 }
 
@@ -201,10 +194,11 @@ fn is_doubtful(name: &str) -> bool {
     parts_of(name).any(|part| moment::refusal(part).is_some())
 }
 
-/// A log as a record, and its first time, if that is a date.
+/// The first time of a log, if that is a date, and the log as a record.
 type DatedRecord = (Option<f64>, Result<FitRecord, RecordError>);
 
-/// Reads a log as a record. An unreadable table and one without a usable signal both count as unusable.
+/// Reads a log as a record. An unreadable table and one without a usable signal both count as unusable, and do not end
+/// the history of the others.
 fn record(
     path: &Path,
     name: &str,
@@ -212,30 +206,27 @@ fn record(
     span: LogSpan,
     study: &Study,
     global: Global,
-) -> Result<DatedRecord, Failure> {
-    // The caller names the log.
-    let own = format!("{}: ", path.display());
-    let other = |text: String| {
-        let text = text.strip_prefix(&own).map_or(text.clone(), str::to_owned);
-        Ok((None, Err(RecordError::Column(text))))
-    };
-    match read_log(path, map, span, study, global) {
-        Ok(table) => {
+) -> DatedRecord {
+    let error = match intake::read(path, map, span, study) {
+        Ok(whole) => {
+            note_intake(&path.display().to_string(), &whole, global);
+            let table = whole.table;
             let begin_s = table.f64("time_s").ok().and_then(|times_s| times_s.first().copied());
             let record = FitRecord::from_table(name, &table, &study.system);
-            Ok((begin_s.filter(|begin_s| moment::is_date(*begin_s)), record))
+            return (begin_s.filter(|begin_s| moment::is_date(*begin_s)), record);
         }
-        Err(Failure::Fit(FitError::Record { error, .. })) => Ok((None, Err(error))),
-        Err(Failure::NoSample { reason, .. }) => other(reason),
-        Err(Failure::Table(TableError::Content { problem, .. })) => other(problem.to_string()),
-        // An unreadable file does not end the history of the others.
-        Err(Failure::Watch(WatchError::Source(error))) => other(error.to_string()),
-        Err(Failure::Table(error)) => other(error.to_string()),
-        Err(Failure::Map(lacking)) => {
-            other(lacking.to_string().lines().next().unwrap_or_default().to_owned())
-        }
-        Err(failure) => Err(failure),
-    }
+        Err(error) => error,
+    };
+    let text = match error {
+        IntakeError::Record(error) => return (None, Err(error)),
+        IntakeError::Refused { reason, .. } => reason,
+        IntakeError::Table(TableError::Content { problem, .. }) => problem.to_string(),
+        IntakeError::Map(lacking) => lacking.to_string().lines().next().unwrap_or_default().into(),
+        error => error.to_string(),
+    };
+    // The caller names the log.
+    let text = text.strip_prefix(&format!("{}: ", path.display())).map_or(text.clone(), Into::into);
+    (None, Err(RecordError::Column(text)))
 }
 
 /// The alarm sentence of a track, if it may reach its threshold.
@@ -335,107 +326,112 @@ fn repaired(repair: &Repair, track: &Track, history: &History) -> String {
     }
 }
 
-fn drifts(drift: &Drift, problem: &Fit) -> String {
-    let last = drift.trend.last();
-    format!(
-        "{} drifts inside of its tolerance: {} standard deviations of it in a hundred flights, now {}",
-        problem.unknowns[drift.unknown].name,
-        number(100.0 * last.rate, 2),
-        number(last.level, 2)
-    )
-}
-
-fn people(history: &History, problem: &Fit, options: &Options) -> String {
-    let mut heads = vec![("flight", Side::Right), ("log", Side::Left), ("", Side::Left)];
-    heads.extend(history.tracks.iter().map(|_| ("intensity ± 95 %", Side::Right)));
-    let mut grid = TextTable::new(&heads);
-    for (number_of, flight) in history.flights.iter().enumerate() {
-        let mut row = vec![number_of.to_string(), flight.name.clone(), verdict(flight, problem)];
-        row.extend(history.tracks.iter().map(|track| match of_flight(track, number_of) {
-            Some((level, error)) => {
-                format!("{} ± {}", number(level, 3), number(1.96 * error, 2))
-            }
-            None => String::new(),
-        }));
-        grid.push(row);
-    }
-    let mut text = grid.text() + "\n";
+fn described(history: &History, problem: &Fit, options: &Options) -> Document {
+    let alarms: Vec<String> =
+        history.tracks.iter().filter_map(|track| alarm(track, options)).collect();
+    let (threshold, within) = (options.threshold, options.within);
+    let verdict = match (alarms.is_empty(), history.tracks.is_empty()) {
+        (false, _) => Verdict::act(format!("alarm: {}", alarms.join("; "))),
+        (true, true) if history.drifts.is_empty() => {
+            Verdict::good("nothing to track: no flight has a finding that looks like a fault")
+        }
+        (true, _) => {
+            Verdict::good(format!("no fault may reach {threshold} within {within} flights"))
+        }
+    };
+    let mut document = Document::new("history", verdict);
+    document.fact("threshold", "", Value::of("", &threshold));
+    document.fact("alarms", "", Value::list(alarms));
     for track in &history.tracks {
         for repair in &track.repairs {
-            text += &format!("{}\n", repaired(repair, track, history));
+            document.text(repaired(repair, track, history));
         }
-        text += &format!("{}\n", sentence(track, options.threshold));
+        document.text(sentence(track, threshold));
     }
-    for drift in &history.drifts {
-        text += &format!("{}\n", drifts(drift, problem));
-    }
-    if history.tracks.is_empty() && history.drifts.is_empty() {
-        text += "nothing to track: no flight has a finding that looks like a fault\n";
-    }
-    text
+    drifts(history, problem, &mut document);
+    document.table("flights", flights(history, problem));
+    tracks(history, threshold, &mut document);
+    document
 }
 
-fn as_json(
-    history: &History,
-    problem: &Fit,
-    options: &Options,
-    alarms: &[String],
-    skipped: &[(String, &'static str)],
-) -> serde_json::Value {
-    let flights = history.flights.iter().map(|flight| {
-        json!({
-            "log": flight.name,
-            "is_usable": flight.fitted.is_ok(),
-            "is_healthy": flight.is_healthy(),
-            "verdict": verdict(flight, problem),
-        })
+/// The flights with the intensities of every track.
+fn flights(history: &History, problem: &Fit) -> Rows {
+    let mut table = Rows::of("flight | log | is_usable: | is_healthy: | verdict:_");
+    for track in &history.tracks {
+        table.column(format!("intensity:{}", track.name), format!("{} ± 95 %", track.name));
+    }
+    for (place, flight) in history.flights.iter().enumerate() {
+        let mut row = row![
+            place,
+            &flight.name,
+            flight.fitted.is_ok(),
+            flight.is_healthy(),
+            verdict(flight, problem)
+        ];
+        row.extend(history.tracks.iter().map(|track| match of_flight(track, place) {
+            Some((level, error)) => {
+                let text = format!("{} ± {}", number(level, 3), number(1.96 * error, 2));
+                Value::number(level, text)
+            }
+            None => Value { text: String::new(), ..Value::missing() },
+        }));
+        table.push(row);
+    }
+    table
+}
+
+/// The drifts of parameters inside of their tolerances.
+fn drifts(history: &History, problem: &Fit, document: &mut Document) {
+    let lines = history.drifts.iter().map(|Drift { unknown, trend, .. }| {
+        let last = trend.last();
+        line(
+            "{parameter} drifts inside of its tolerance: {per_100_flights} standard deviations of it in a hundred \
+             flights, now {sigmas}",
+            [
+                ("parameter", (&problem.unknowns[*unknown].name).into()),
+                ("per_100_flights", Value::digits(100.0 * last.rate, 2)),
+                ("sigmas", Value::digits(last.level, 2)),
+            ],
+        )
     });
-    let trend = |trend: &Trend| {
-        let (last, reached) = (trend.last(), trend.reaches(options.threshold));
-        json!({
-            "level": last.level,
-            "level_error": last.variance[0].sqrt(),
-            "rate_per_flight": last.rate,
-            "rate_error": last.variance[2].sqrt(),
-            "flights_to_threshold": reached.expected,
-            "interval_95": [reached.earliest, reached.latest],
-        })
-    };
-    let repair = |repair: &Repair| {
-        json!({
-            "flight": repair.at,
-            "log": history.flights.get(repair.at as usize).map(|flight| &flight.name),
-            "fall": repair.fall,
-            "is_confirmed": repair.is_confirmed,
-        })
-    };
-    let tracks = history.tracks.iter().map(|track| {
-        json!({
-            "fault": track.name,
-            "probability": track.probability,
-            "flights": track.points.iter().map(|p| p.at).collect::<Vec<_>>(),
-            "intensities": track.points.iter().map(|p| p.level).collect::<Vec<_>>(),
-            "errors": track.points.iter().map(|p| p.error).collect::<Vec<_>>(),
-            "repairs": track.repairs.iter().map(repair).collect::<Vec<_>>(),
-            "trend": track.trend.as_ref().map(trend),
-        })
-    });
-    let drifts = history.drifts.iter().map(|drift| {
-        let last = drift.trend.last();
-        json!({
-            "parameter": problem.unknowns[drift.unknown].name,
-            "sigmas": last.level,
-            "rate_per_flight": last.rate,
-        })
-    });
-    json!({
-        "flights": flights.collect::<Vec<_>>(),
-        "tracks": tracks.collect::<Vec<_>>(),
-        "drifts": drifts.collect::<Vec<_>>(),
-        "threshold": options.threshold,
-        "alarms": alarms,
-        "skipped": skipped.iter().map(|(name, why)| json!({ "name": name, "reason": why })).collect::<Vec<_>>(),
-    })
+    document.list("drifts", lines.collect::<Vec<_>>());
+}
+
+/// The tracks and repairs for programs.
+fn tracks(history: &History, threshold: f64, document: &mut Document) {
+    let mut table = Rows::of(
+        "fault: | probability: | flights: | intensities: | errors: | level: | level_error: | rate_per_flight: | rate_error: | flights_to_threshold: | earliest_flights: | latest_flights:",
+    );
+    let mut repairs = Rows::of("fault: | flight: | log: | fall: | is_confirmed:");
+    for track in &history.tracks {
+        let each = |of: fn(&Point) -> f64| {
+            Value::of("", &track.points.iter().map(of).collect::<Vec<f64>>())
+        };
+        let mut row = vec![
+            (&track.name).into(),
+            Value::of("", &track.probability),
+            each(|point| point.at),
+            each(|point| point.level),
+            each(|point| point.error),
+        ];
+        let values = track.trend.as_ref().map(|trend| {
+            let (last, reached) = (trend.last(), trend.reaches(threshold));
+            let [level, rate] = [0, 2].map(|place| Some(last.variance[place].sqrt()));
+            let reached = [reached.expected, reached.earliest, reached.latest];
+            let trend = [Some(last.level), level, Some(last.rate), rate];
+            trend.into_iter().chain(reached).collect()
+        });
+        let values: Vec<Option<f64>> = values.unwrap_or_else(|| vec![None; 7]);
+        row.extend(values.iter().map(|value| Value::of("", value)));
+        table.push(row);
+        for repair in &track.repairs {
+            let log = history.flights.get(repair.at as usize).map(|flight| flight.name.as_str());
+            let (at, fall) = (Value::of("", &repair.at), Value::of("", &repair.fall));
+            repairs.push(row![&track.name, at, log, fall, repair.is_confirmed]);
+        }
+    }
+    document.table("tracks", table);
+    document.table("repairs", repairs);
 }
 
 fn as_table(history: &History, problem: &Fit) -> Result<Table, Failure> {
@@ -506,9 +502,7 @@ fn drawn(history: &History, problem: &Fit) -> Vec<usize> {
 
 /// Draws the intensities, the trend after each flight, and its extrapolation.
 fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
-    let measured = |of: fn(&servotwin::fit::trend::Point) -> f64| -> Vec<f64> {
-        track.points.iter().map(of).collect()
-    };
+    let measured = |of: fn(&Point) -> f64| -> Vec<f64> { track.points.iter().map(of).collect() };
     let mut panel = Panel::new(track.name.clone(), "intensity");
     panel = panel.with(Series::new("fitted", measured(|p| p.at), measured(|p| p.level)).marked());
     let last_flight = flights.saturating_sub(1) as f64;

@@ -1,12 +1,11 @@
 //! `servotwin init`: writes a system and a study to start from.
 
-use crate::Global;
 use crate::failure::Failure;
-use crate::render::json;
+use crate::{Global, Run};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use serde_json::json;
 use servotwin::files;
 use servotwin::template::{Like, Template};
+use servotwin_view::document::{Document, Verdict, fact};
 use std::path::PathBuf;
 
 /// Write a system and a study of your own to start from.
@@ -36,35 +35,34 @@ fn others(like: Like) -> String {
     others.map(told).collect()
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let like = options.like.unwrap_or_else(|| Like::of_name(&options.name));
-    let template = Template::new(&options.name, like)
-        .ok_or(Failure::Options("a system's name has small letters, digits and '_'"))?;
-    let system = options.out.join(template.system_name());
-    let study = options.out.join(template.study_name());
-    for path in [&system, &study] {
-        if path.exists() {
-            return Err(Failure::Exists(path.clone()));
+impl Run for Options {
+    fn run(&self, _: Global) -> Result<Document, Failure> {
+        let like = self.like.unwrap_or_else(|| Like::of_name(&self.name));
+        let template = Template::new(&self.name, like)
+            .ok_or_else(|| Failure::usage("a system's name has small letters, digits and '_'"))?;
+        let system = self.out.join(template.system_name());
+        let study = self.out.join(template.study_name());
+        [&system, &study].into_iter().try_for_each(|path| Failure::if_exists(path))?;
+        for (path, text) in [(&system, template.system()), (&study, template.study())] {
+            files::write_atomically(path, |out| out.write_all(text.as_bytes()))?;
         }
+        let verdict = format!("both are of {}{}", like.words(), others(like));
+        let mut document = Document::new("init", Verdict::good(verdict));
+        let facts = [
+            fact("system", "the system", &system),
+            fact("study", "the study", &study),
+            fact("like", "", like.name()),
+        ];
+        document.facts("", facts);
+        let (command, name) = (like.command(), &self.name);
+        let (system, study) = (system.display(), study.display());
+        document.list(
+            "next",
+            [
+                format!("servotwin simulate {system} --command {command}"),
+                format!("servotwin study {study} --out out_{name}"),
+            ],
+        );
+        Ok(document)
     }
-    for (path, text) in [(&system, template.system()), (&study, template.study())] {
-        files::write_atomically(path, |out| out.write_all(text.as_bytes()))?;
-    }
-    let (system, study) = (system.display().to_string(), study.display().to_string());
-    Ok(match global {
-        Global { json: true, .. } => {
-            json(&json!({ "system": system, "study": study, "like": like.name() }))
-        }
-        Global { quiet: true, .. } => String::new(),
-        _ => format!(
-            "{system}: the system    servotwin simulate {system} --command {}\n\
-             {study}: the study    servotwin study {study} --out out_{}\n\
-             both are of {}{}\n",
-            like.command(),
-            options.name,
-            like.words(),
-            others(like)
-        ),
-    })
 }

@@ -22,7 +22,7 @@ impl LogFolder {
     /// # Errors
     /// The folder cannot be listed, or has no log.
     pub(crate) fn read(folder: &Path) -> Result<Self, Failure> {
-        let none = |reason: String| Failure::NoLogs { folder: folder.into(), reason };
+        let none = |reason: String| Failure::input(format!("{}: {reason}", folder.display()));
         if !folder.is_dir() {
             return Err(none("no such folder".into()));
         }

@@ -6,15 +6,12 @@ pub(crate) mod describe;
 mod design;
 pub(crate) mod export;
 pub(crate) mod fault_tree;
-mod faults;
 pub(crate) mod features;
 pub(crate) mod fit;
 mod flights;
 pub(crate) mod fly;
-mod fly_cost;
 mod fly_truth;
 pub(crate) mod fmea;
-mod function_rate;
 pub(crate) mod history;
 pub(crate) mod init;
 mod log_folder;
@@ -43,16 +40,19 @@ use servotwin::job::flights::Crew;
 use servotwin::job::{self, Folder, Hold, Kept};
 use servotwin::kind::FileType;
 use servotwin::parallel::Workers;
+use servotwin::signal::WrittenQuantity;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::spec::Unit;
 use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::source::SourceError;
 use servotwin_watch::span::LogSpan;
 use std::io::Write;
 use std::num::NonZeroUsize;
+use std::ops::{RangeBounds, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 /// The system that a command is about.
@@ -184,12 +184,27 @@ fn learned(
 /// The scenario of an option `--scenario`.
 fn scenario_of(name: &str) -> Result<Scenario, Failure> {
     let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
-    found.ok_or_else(|| Failure::OutOfRange {
-        option: "--scenario",
-        given: name.into(),
-        range: Scenario::ALL.map(Scenario::name).join(", ").into(),
-    })
+    let known = || Scenario::ALL.map(Scenario::name).join(", ");
+    found.ok_or_else(|| Failure::out_of_range("--scenario", name, known()))
 }
+
+/// The SI value of an option in a range, which `words` describe.
+fn quantity(
+    option: &str,
+    text: &str,
+    unit: Unit,
+    range: impl RangeBounds<f64>,
+    words: &str,
+) -> Result<f64, Failure> {
+    let value = WrittenQuantity::in_unit(text, unit);
+    match value.map_err(|error| Failure::option(option, error))? {
+        value if range.contains(&value) => Ok(value),
+        _ => Err(Failure::out_of_range(option, text, words)),
+    }
+}
+
+/// The numbers greater than zero.
+const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 
 /// A number of threads that Ctrl-C can stop.
 fn workers(threads: Option<usize>) -> Workers<'static> {
@@ -250,6 +265,12 @@ fn read_log(
     let name = path.display().to_string();
     let whole = intake::read(path, map, span, study);
     let whole = whole.map_err(|error| Failure::of_intake(&name, error))?;
+    note_intake(&name, &whole, global);
+    Ok(whole.table)
+}
+
+/// Notes the irregularities of a log that was read.
+fn note_intake(name: &str, whole: &intake::Whole, global: Global) {
     let counts = &whole.counts;
     for warning in &whole.warnings {
         note(global, &format!("{name}: {warning}"));
@@ -260,7 +281,6 @@ fn read_log(
         let met = met.join("; ");
         note(global, &format!("{name}: {frames} {counted}s became {samples} samples: {met}"));
     }
-    Ok(whole.table)
 }
 
 /// Writes a note to standard error, unless `--quiet` is set.

@@ -3,15 +3,14 @@
 use super::export::{twin_of, unfit};
 use super::find_study;
 use super::progress::Stages;
-use crate::Global;
 use crate::failure::Failure;
-use crate::render::json;
-use serde_json::json;
+use crate::{Global, Run};
 use servotwin::evaluation::model_file;
 use servotwin_export::ExportError;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::prove::{Build, Plan, ProofEvidence, prove};
+use servotwin_view::document::Document;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -53,43 +52,46 @@ fn hours(text: &str) -> Result<f64, String> {
     hours.ok_or_else(|| "a number from 0 to 10000, such as 24".into())
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let folder = ExportFolder::new(&options.folder);
-    let description = folder.description();
-    if !matches!(description, Err(ExportError::NoExport(_))) {
-        folder.forget_certificate()?;
-    }
-    let description = description?;
-    let file = options.model.clone().unwrap_or_else(|| description.diagnoser.clone());
-    let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
-    let builds = match &options.compiler {
-        Some(command) => vec![Build::new(command)],
-        None => Build::available(),
-    };
-    if builds.is_empty() {
-        return Err(ExportError::NoBuild.into());
-    }
-    let place = options.study.clone().unwrap_or_else(|| description.twin.study.clone());
-    let study = find_study(Some(&place))?;
-    let twin =
-        twin_of(&study, &diagnoser, description.twin.has_fixed_step).map_err(unfit(&file))?;
-    let compared = folder.compare(&description, (&diagnoser, &file), (&twin, &place))?;
-    let mut evidence = vec![];
-    if compared.differences.is_empty() {
-        let plan = Plan {
-            twin: Some(&twin),
-            study: Some(&study),
-            samples: (options.hours * 3600.0 / diagnoser.period_s).round() as u64,
-            variants: options.variants,
-            kept: options.keep.as_deref(),
-            ..Plan::new(&diagnoser, &compared.files)
+impl Run for Options {
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let folder = ExportFolder::new(&self.folder);
+        let description = folder.description();
+        if !matches!(description, Err(ExportError::NoExport(_))) {
+            folder.forget_certificate()?;
+        }
+        let description = description?;
+        let file = self.model.clone().unwrap_or_else(|| description.diagnoser.clone());
+        let diagnoser = Arc::new(model_file::read_diagnoser(&file)?);
+        let builds = match &self.compiler {
+            Some(command) => vec![Build::new(command)],
+            None => Build::available(),
         };
-        evidence = proven(&plan, &builds, global)?;
+        if builds.is_empty() {
+            return Err(ExportError::NoBuild.into());
+        }
+        let place = self.study.clone().unwrap_or_else(|| description.twin.study.clone());
+        let study = find_study(Some(&place))?;
+        let twin =
+            twin_of(&study, &diagnoser, description.twin.has_fixed_step).map_err(unfit(&file))?;
+        let compared = folder.compare(&description, (&diagnoser, &file), (&twin, &place))?;
+        let mut evidence = vec![];
+        if compared.differences.is_empty() {
+            let plan = Plan {
+                twin: Some(&twin),
+                study: Some(&study),
+                samples: (self.hours * 3600.0 / diagnoser.period_s).round() as u64,
+                variants: self.variants,
+                kept: self.keep.as_deref(),
+                ..Plan::new(&diagnoser, &compared.files)
+            };
+            evidence = proven(&plan, &builds, global)?;
+        }
+        let certificate = Certificate::new(description, compared, evidence);
+        let written = folder.write_certificate(&certificate)?;
+        let mut document = certificate.document();
+        document.files(written);
+        Ok(document)
     }
-    let certificate = Certificate::new(description, compared, evidence);
-    let written = folder.write_certificate(&certificate)?;
-    report(options, &certificate, &written, global)
 }
 
 /// Compiles and compares. A compiler that refuses the text is evidence too.
@@ -107,66 +109,4 @@ fn proven(
         }
         proven => proven,
     }
-}
-
-/// The output for people or programs.
-fn report(
-    options: &Options,
-    certificate: &Certificate,
-    written: &[PathBuf],
-    global: Global,
-) -> Result<String, Failure> {
-    let output = match global {
-        Global { json: true, .. } => json(&json!(certificate)),
-        Global { quiet: true, .. } if certificate.holds => String::new(),
-        Global { quiet: true, .. } => format!("{}\n", certificate.verdict()),
-        _ => {
-            let paths = written.iter().map(|path| format!("{}\n", path.display()));
-            format!("{}{}", text_of(certificate), paths.collect::<String>())
-        }
-    };
-    match certificate.holds {
-        true => Ok(output),
-        false => Err(Failure::NotProven { folder: options.folder.clone(), output }),
-    }
-}
-
-/// The evidence for people.
-fn text_of(certificate: &Certificate) -> String {
-    let mut text = String::new();
-    if let Some(first) = certificate.builds.first().filter(|first| first.rows > 0) {
-        text += &format!(
-            "trees: {} leaves, {} thresholds, {} rows, {} random rows\n\
-             twin: {} points, {} variants ({} without a steady state), {} samples\n\
-             twin and diagnosis together: {} samples\n",
-            first.leaves,
-            first.thresholds,
-            first.rows,
-            first.random_rows,
-            first.points,
-            first.variants,
-            first.unsettled,
-            first.twin_samples,
-            first.hybrid_samples,
-        );
-        text += &format!("diagnosis: {} samples\n", first.samples);
-    }
-    if let Some(first) = certificate.builds.first() {
-        let raised = first.raised.iter().map(|(action, count)| format!("{action} {count}"));
-        text += &format!("raised on the way: {}\n", raised.collect::<Vec<_>>().join(", "));
-    }
-    for difference in &certificate.differences {
-        text += &format!("  {difference}\n");
-    }
-    for build in &certificate.builds {
-        let verdict = if build.holds() { "same bits" } else { "DIFFERENT" };
-        text += &format!("  {verdict}  {}\n", build.command);
-        for difference in build.differences.iter().take(3) {
-            text += &format!("    {difference}\n");
-        }
-        if build.leaves_not_reached > 0 {
-            text += &format!("    leaves not reached: {}\n", build.leaves_not_reached);
-        }
-    }
-    text + certificate.verdict() + "\n"
 }

@@ -6,14 +6,16 @@ use super::{flights, workers};
 use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::json;
 use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, runs};
+use servotwin::document::counted;
 use servotwin::job::{data_card, manifest};
 use servotwin::study::{Purpose, Scenario, Study};
+use servotwin_view::document::{Document, Line, Table, Value, Verdict, line};
+use servotwin_view::row;
 use std::time::Instant;
 
-/// Returns the text for standard output.
-pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> {
+/// Simulates all records and writes the data sets, or a share of the parts.
+pub(super) fn run(options: &Options, global: Global) -> Result<Document, Failure> {
     let place = &options.study;
     let study = place.read(global)?;
     stop::heed();
@@ -24,8 +26,11 @@ pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> 
     }
     let folder = place.folder();
     let _hold = place.keep(&study, global)?;
-    let mut text = String::new();
-    let mut results = Vec::new();
+    let mut table = Table::of(
+        "scenarios: | training: | variants: | resumed: | steps: | rejected: | jacobians: | unsettled: | on_the_move:",
+    );
+    let (mut lines, mut failed) =
+        (vec![], Table::of("scenario | variant | reason:not simulated to the end"));
     for (purpose, scenarios) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
@@ -36,16 +41,21 @@ pub(super) fn run(options: &Options, global: Global) -> Result<String, Failure> 
         };
         let outcome = simulate(&campaign, global)?;
         let seconds = begin.elapsed().as_secs_f64();
-        text.push_str(&describe(&campaign, &outcome, seconds));
-        results.push(to_json(&campaign, &outcome));
+        lines.push(describe(&campaign, &outcome, seconds));
+        table.push(counts(&campaign, &outcome));
+        for (scenario, variant, reason) in &outcome.failed {
+            failed.push(row![scenario.name(), *variant, reason]);
+        }
     }
     data_card::write(&folder, &study)?;
     manifest::write(&folder, &study)?;
-    Ok(match global {
-        Global { json: true, .. } => crate::render::json(&json!(results)),
-        Global { quiet: true, .. } => String::new(),
-        _ => text,
-    })
+    let values = [("folder", folder.path().into()), ("failed", failed.rows.len().into())];
+    let verdict = line("{folder}: the data sets are complete; {failed} rows failed.", values);
+    let mut document = Document::new("records", Verdict::good(verdict));
+    document.list("campaigns", lines);
+    document.table("counts", table);
+    document.table("failed", failed);
+    Ok(document)
 }
 
 /// The campaigns of a study in a named scenario, or in the usual ones.
@@ -75,7 +85,7 @@ fn simulate(campaign: &Campaign, global: Global) -> Result<CampaignOutcome, Fail
         });
     })?;
     bar.finish_and_clear();
-    if outcome.cancelled { Err(Failure::Stopped) } else { Ok(outcome) }
+    if outcome.cancelled { Err(Failure::stopped()) } else { Ok(outcome) }
 }
 
 /// The progress bar of a campaign, in rows.
@@ -97,10 +107,10 @@ pub(super) fn named(scenarios: &[Scenario], purpose: Purpose) -> String {
 }
 
 /// Describes the outcome of a campaign for readers.
-pub(super) fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) -> String {
+pub(super) fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: f64) -> Line {
     let ran = outcome.variants - outcome.resumed;
     let mut text = format!(
-        "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed\n",
+        "{}, {}: {} rows of {} s, {ran} of them now in {seconds:.1} s; {} failed",
         campaign.study.name,
         named(&campaign.scenarios, campaign.purpose),
         outcome.variants,
@@ -108,36 +118,29 @@ pub(super) fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: 
         outcome.failed.len()
     );
     if let Some(origin) = campaign.study.system.compiled.origin().filter(|_| ran > 0) {
-        text.push_str(&format!("  with {origin}\n"));
+        text += &format!(", with {origin}");
     }
     if outcome.on_the_move > 0 {
-        text.push_str(&format!(
-            "  {} variants began on the move, because no steady state was found; they teach no band, and manifest.json \
-             lists them\n",
-            outcome.on_the_move
-        ));
+        text += &format!(
+            "; {} began on the move, because no steady state was found: they teach no band, and manifest.json lists \
+             them",
+            counted(outcome.on_the_move, "variant")
+        );
     }
-    for (scenario, variant, reason) in &outcome.failed {
-        text.push_str(&format!("  {} variant {variant}: {reason}\n", scenario.name()));
-    }
-    text
+    text.into()
 }
 
-fn to_json(campaign: &Campaign, outcome: &CampaignOutcome) -> serde_json::Value {
-    let failed = outcome.failed.iter();
-    let failed = failed
-        .map(|(s, v, r)| json!({"scenario": s.name(), "variant": v, "reason": r}))
-        .collect::<Vec<_>>();
-    json!({
-        "scenarios": campaign.scenarios.iter().map(|s| s.name()).collect::<Vec<_>>(),
-        "training": campaign.purpose == Purpose::Train,
-        "variants": outcome.variants,
-        "resumed": outcome.resumed,
-        "steps": outcome.statistics.steps,
-        "rejected": outcome.statistics.rejected,
-        "jacobians": outcome.statistics.jacobians,
-        "unsettled": outcome.statistics.unsettled,
-        "on_the_move": outcome.on_the_move,
-        "failed": failed,
-    })
+fn counts(campaign: &Campaign, outcome: &CampaignOutcome) -> Vec<Value> {
+    let CampaignOutcome { statistics, .. } = outcome;
+    row![
+        Value::list(campaign.scenarios.iter().map(|scenario| scenario.name())),
+        campaign.purpose == Purpose::Train,
+        outcome.variants,
+        outcome.resumed,
+        statistics.steps,
+        statistics.rejected,
+        statistics.jacobians,
+        statistics.unsettled,
+        outcome.on_the_move,
+    ]
 }

@@ -1,12 +1,12 @@
 //! `servotwin report`: the results of a study as one HTML file, or its measures as a page of Markdown.
 
-use crate::Global;
 use crate::failure::Failure;
-use crate::render::json;
-use serde_json::json;
+use crate::{Global, Run};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, Results, flights, outcomes};
 use servotwin_report::measured::Measured;
+use servotwin_view::document::{Document, Verdict, line};
+use servotwin_view::render;
 use std::path::PathBuf;
 
 /// Write the report of a study: one HTML file that needs no network.
@@ -24,38 +24,39 @@ pub(crate) struct Options {
     markdown: bool,
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let folder = Folder::new(&options.folder);
-    if options.markdown {
-        return measures(&folder, global);
+impl Run for Options {
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let folder = Folder::new(&self.folder);
+        if self.markdown {
+            let page = measures(&folder)?;
+            return Ok(if global.json { page } else { Document::raw(render::markdown(&page)) });
+        }
+        let (study, _hold) = folder.open()?;
+        servotwin_report::write(&folder, &study)?;
+        let written = line("{report}", [("report", (&folder.report()).into())]);
+        Ok(Document::new("report", Verdict::good(written)))
     }
-    let (study, _hold) = folder.open()?;
-    servotwin_report::write(&folder, &study)?;
-    let path = folder.report().display().to_string();
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({ "report": path })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{path}\n"),
-    })
 }
 
-/// The page of the measures, or their list as JSON.
-fn measures(folder: &Folder, global: Global) -> Result<String, Failure> {
+/// The page of the measures.
+fn measures(folder: &Folder) -> Result<Document, Failure> {
     let study = folder.read_study()?;
     let results = Results::read(folder)?;
     let flights = flights::results(folder)?;
-    let mut measured = Measured::new(&study, &results, flights.as_ref());
-    outcomes::healthy(folder)?.iter().for_each(|run| measured.add_healthy(run));
-    if let Some(sealed) = flights::sealed_results(folder)? {
+    let healthy = outcomes::healthy(folder)?;
+    let sealed = flights::sealed_results(folder)?;
+    let known = sealed.as_ref().map(|sealed| {
         let here = std::env::current_dir().unwrap_or_default();
         let known = OpeningRecord::find(&here, folder.path()).count()?;
         // The record of another repository may know less than the results.
-        let known = Some(known).filter(|known| known.opened >= sealed.opening.number);
-        measured.add_sealed(&study, &sealed, known);
-    }
-    Ok(match global.json {
-        true => json(&json!(measured)),
-        false => measured.markdown(),
-    })
+        Ok::<_, Failure>(Some(known).filter(|known| known.opened >= sealed.opening.number))
+    });
+    let measured = Measured {
+        study: &study,
+        results: &results,
+        flights: flights.as_ref(),
+        healthy: &healthy,
+        sealed: sealed.as_ref().zip(known.transpose()?),
+    };
+    Ok(measured.document())
 }

@@ -2,9 +2,7 @@
 
 use super::workers;
 use crate::failure::Failure;
-use crate::render::{Side, TextTable, json};
-use crate::{Global, stop};
-use serde_json::json;
+use crate::{Global, Run, stop};
 use servotwin::flight::outcome::{self, FirstAction, FlightOutcome, Needed};
 use servotwin::flight::worst_case::space::SearchSpace;
 use servotwin::job::{self, Folder, Subject, flights, outcomes, worst_case};
@@ -16,7 +14,8 @@ use servotwin_report::explain::{
 };
 use servotwin_report::vocabulary::Vocabulary;
 use servotwin_report::words::{number, of_unit, percent, spoken};
-use std::fmt::Write;
+use servotwin_view::document::{Document, Fact, Table, Value, Verdict, fact};
+use servotwin_view::row;
 use std::path::PathBuf;
 
 /// Run one run of a suite again, or explain the trees' answer for a record.
@@ -41,13 +40,14 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let folder = Folder::new(&options.folder);
-    let study = folder.read_study()?;
-    match study.records(Purpose::Test).name == options.name.suite {
-        true => record((&folder, &study), options, global),
-        false => flight((&folder, &study), options, global),
+impl Run for Options {
+    fn run(&self, _: Global) -> Result<Document, Failure> {
+        let folder = Folder::new(&self.folder);
+        let study = folder.read_study()?;
+        match study.records(Purpose::Test).name == self.name.suite {
+            true => record((&folder, &study), self),
+            false => flight((&folder, &study), self),
+        }
     }
 }
 
@@ -55,8 +55,7 @@ pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> 
 fn flight(
     (folder, study): (&Folder, &Study),
     Options { name, threads, .. }: &Options,
-    global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     stop::heed();
     let is_full = flights::results(folder)?.is_some_and(|results| results.is_full);
     let space = SearchSpace::of_run(study, name);
@@ -66,67 +65,81 @@ fn flight(
     };
     stop::check()?;
     let flown = flown?;
-    if global.json {
-        return Ok(json(&json!(flown)));
+    let answer = flown.first().map(flight_in_words).unwrap_or_default();
+    let mut document = Document::new("run", Verdict::neutral(format!("{name}: {answer}")));
+    flown.first().iter().for_each(|row| _ = document.facts("", conditions(row)));
+    for row in flown.iter().skip(1) {
+        let (target, answer) = (number(row.target_per_h), flight_in_words(row));
+        document.text(format!("with a target of {target} false alarms per hour: {answer}"));
     }
-    let mut text = String::new();
+    let columns = outcome::table(&[]);
+    let mut details = Table::of(":column | :value | :meaning");
     for row in &flown {
-        let _ = writeln!(text, "{name}: {}", flight_in_words(row));
-        let fields = json!(row);
-        let columns = outcome::table(&[]);
-        let known = columns.columns().iter().map(|column| (&column.name, &fields[&column.name]));
-        for (column, value) in known.filter(|(_, value)| !value.is_null() && **value != "") {
-            let _ = writeln!(text, "  {column}: {value}");
+        let fields = serde_json::json!(row);
+        for column in columns.columns() {
+            let value = &fields[&column.name];
+            if !value.is_null() && *value != "" {
+                details.push(row![&column.name, value.to_string(), &column.description]);
+            }
         }
     }
-    Ok(text)
+    document.table("", details).detail();
+    document.data("outcomes", &flown);
+    Ok(document)
 }
 
-/// What happened in a flight, and what the diagnosis did.
-fn flight_in_words(row: &FlightOutcome) -> String {
-    let truth = match row.onset_s {
-        None => "no fault".into(),
-        Some(onset_s) => {
-            let right = match row.needed {
-                _ if !row.action.is_empty() => &row.action,
-                Needed::Shutdown => "any shutdown",
-                Needed::NoShutdown => "any action but a shutdown",
-                Needed::Any => "any action",
-                // No class of the study lists the fault.
-                Needed::Nothing | Needed::ItsAction => "not known",
-            };
-            format!(
-                "{}, intensity {}, from {} s on; right is: {}",
-                spoken(&row.event),
-                row.intensity,
-                number(onset_s),
-                spoken(right)
-            )
-        }
+/// In what a flight went on.
+fn conditions(row: &FlightOutcome) -> Vec<Fact> {
+    let right = match row.needed {
+        _ if !row.action.is_empty() => &row.action,
+        Needed::Shutdown => "any shutdown",
+        Needed::NoShutdown => "any action but a shutdown",
+        Needed::Any => "any action",
+        // No class of the study lists the fault.
+        Needed::Nothing | Needed::ItsAction => "not known",
     };
-    let answer = match (row.first, row.first_action_s) {
+    vec![
+        fact("environment", "environment", row.environment),
+        fact("event", "event", Value::name(&row.event)),
+        fact("intensity", "intensity", Value::digits(row.intensity, 5)),
+        fact("onset", "onset", row.onset_s.map(|time_s| Value::seconds(time_s, 4))),
+        fact("right", "right is", row.onset_s.map(|_| Value::name(right))),
+        fact("visible", "visible since", row.visible_s.map(|time_s| Value::seconds(time_s, 3))),
+        fact("at_fault", "at fault", Value::name(&row.at_fault)),
+        fact("duration", "duration", Value::seconds(row.duration_s, 4)),
+    ]
+}
+
+/// What the diagnosis did in a flight.
+fn flight_in_words(row: &FlightOutcome) -> String {
+    match (row.first, row.first_action_s) {
         _ if !row.is_finished => "the flight could not be simulated to its end".into(),
+        (FirstAction::None, _) | (_, None) if row.onset_s.is_none() => {
+            "no fault, and no action".into()
+        }
         (FirstAction::None, _) | (_, None) => "no action after the onset".into(),
         (first, Some(after_s)) => {
-            let judged = match first {
+            let judgement = match first {
                 FirstAction::Right => "right",
                 FirstAction::OtherActuator => "WRONG, against a healthy actuator",
                 _ if row.needed == Needed::Nothing => "nothing to compare with",
                 _ => "another action than the right one",
             };
             let of = [&row.first_action, &row.first_actuator].map(|name| spoken(name)).join(" ");
-            format!("first action {} s after the onset: {} ({judged})", number(after_s), of.trim())
+            format!(
+                "first action {} s after the onset: {} ({judgement})",
+                number(after_s),
+                of.trim()
+            )
         }
-    };
-    format!("{truth}\n  {answer}")
+    }
 }
 
 /// Explains the trees' answer for a record.
 fn record(
     (folder, study): (&Folder, &Study),
     Options { name, extra_sensor, .. }: &Options,
-    global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let subjects = job::subjects(folder, study)?;
     let is_it = |subject: &&Subject| {
         subject.scenario() == name.scenario && subject.extra_sensor() == *extra_sensor
@@ -140,44 +153,45 @@ fn record(
         Failure::from(UnknownName { what: "data set", given, known })
     })?;
     match explain(folder, study, subject, name.number as u32)? {
-        Some(explanation) => Ok(match global.json {
-            true => {
-                let mut explained = json!(explanation);
-                explained["scenario"] = subject.name().into();
-                json(&explained)
-            }
-            false => {
-                let words = people(&explanation, &Vocabulary::of(study));
-                format!("scenario {}: {words}", subject.title(study))
-            }
-        }),
+        Some(explanation) => {
+            let mut document = explained(&explanation, &Vocabulary::of(study));
+            let title = Value::of(subject.title(study), &subject.name());
+            document.fact("scenario", "scenario", title);
+            Ok(document)
+        }
         None => {
             let last = variants(folder, subject)?.saturating_sub(1);
-            let range = format!("0 to {last} in this data set").into();
-            Err(Failure::OutOfRange { option: "RUN", given: name.to_string(), range })
+            Err(Failure::out_of_range("RUN", name, format!("0 to {last} in this data set")))
         }
     }
 }
 
-fn people(explanation: &Explanation, words: &Vocabulary) -> String {
+fn explained(explanation: &Explanation, words: &Vocabulary) -> Document {
     let Explanation { variant, case, fault, intensity, largest_residual, .. } = explanation;
-    let mut text = format!(
-        "variant {variant}: {fault}, intensity {intensity}, case {case}; largest residual {}\n",
-        percent(Some(*largest_residual))
+    let mut document =
+        Document::new("run", Verdict::neutral(together(&explanation.verdict, words)));
+    document.fact("variant", "variant", *variant);
+    document.fact("fault", "fault", fault);
+    document.fact("intensity", "intensity", Value::number(*intensity, intensity.to_string()));
+    document.fact("case", "case", case);
+    document.fact(
+        "largest_residual",
+        "largest residual",
+        Value::number(*largest_residual, percent(Some(*largest_residual))),
     );
     if !explanation.failure.is_empty() {
-        text += &format!("not simulated to the end: {}\n", explanation.failure);
+        document.note(format!("not simulated to the end: {}", explanation.failure));
     }
     if !explanation.detectable {
-        text += "not detected: no residual leaves its band, so nothing would be asked\n";
+        document.note("not detected: no residual leaves its band, so nothing would be asked");
     }
-    text += &verdict(&explanation.verdict, words);
-    explanation.stages.iter().for_each(|answer| text += &stage(answer, words));
-    text
+    explanation.stages.iter().for_each(|answer| stage(answer, words, &mut document));
+    document.data("explanation", explanation);
+    document
 }
 
 /// Describes the combined answer of trees and committee.
-fn verdict(verdict: &ExplainedVerdict, words: &Vocabulary) -> String {
+fn together(verdict: &ExplainedVerdict, words: &Vocabulary) -> String {
     // With one actuator there is no actuator stage.
     let unit = verdict.actuator.as_deref().filter(|_| words.has_several());
     let said: Vec<String> =
@@ -185,49 +199,36 @@ fn verdict(verdict: &ExplainedVerdict, words: &Vocabulary) -> String {
     let said = if said.is_empty() { "nothing".into() } else { said.join(", ") };
     let sure = percent(verdict.confidence);
     match verdict.outcome {
-        "isolated" => format!("together: {said}; the committee is {sure} sure\n"),
+        "isolated" => format!("together: {said}; the committee is {sure} sure"),
         "not_isolated" => {
             format!(
-                "together: detected, but not isolated; the committee answers {said} with probability {sure}\n"
+                "together: detected, but not isolated; the committee answers {said} with probability {sure}"
             )
         }
-        _ => "together: healthy\n".into(),
+        _ => "together: healthy".into(),
     }
 }
 
-fn stage(answer: &ExplainedAnswer, words: &Vocabulary) -> String {
+/// The way through the tree of a stage.
+fn stage(answer: &ExplainedAnswer, words: &Vocabulary, document: &mut Document) {
     let asks = words.asks(answer.question);
     let verdict = match answer.said == answer.truth {
         true => "right".to_owned(),
         false => format!("WRONG, it is {}", spoken(&answer.truth)),
     };
     let sure = answer.purity.map(|p| format!(", leaf {} pure", percent(Some(p))));
-    let mut text = format!(
-        "\n{}  {asks}  {} ({verdict}{})\n",
+    document.heading(format!(
+        "{}  {asks}  {} ({verdict}{})",
         answer.stage,
         spoken(&answer.said),
         sure.unwrap_or_default()
-    );
-    let mut grid = TextTable::new(&[
-        ("", Side::Left),
-        ("feature", Side::Left),
-        ("value", Side::Right),
-        ("", Side::Left),
-        ("threshold", Side::Right),
-        ("meaning", Side::Left),
-    ]);
+    ));
+    let mut table = Table::of(":feature | :value | :_ | :threshold | :meaning");
     for step in &answer.steps {
-        grid.push(vec![
-            "  ".into(),
-            step.feature.clone(),
-            of_unit(step.value, &step.unit),
-            if step.above { ">" } else { "≤" }.into(),
-            of_unit(step.threshold, &step.unit),
-            step.meaning.clone(),
-        ]);
+        let number = |value| Value::number(value, of_unit(value, &step.unit));
+        let sign = if step.above { ">" } else { "≤" };
+        let (value, threshold) = (number(step.value), number(step.threshold));
+        table.push(row![&step.feature, value, sign, threshold, &step.meaning]);
     }
-    if !answer.steps.is_empty() {
-        text += &grid.text();
-    }
-    text
+    document.table("", table);
 }

@@ -1,13 +1,10 @@
 //! `servotwin sensors`: what each sensor buys.
 
 use super::progress::Stages;
-use super::workers;
-use super::{note, scenario_of};
+use super::{scenario_of, workers};
 use crate::failure::Failure;
 use crate::paths::Paths;
-use crate::render::json;
-use crate::{Global, stop};
-use serde_json::json;
+use crate::{Global, Run, stop};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::job::flights::Crew;
 use servotwin::job::{Among, Folder};
@@ -15,6 +12,8 @@ use servotwin_report::words::percent;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::sensors::candidates::SensorMask;
 use servotwin_safety::sensors::{SensorSet, SensorTrade};
+use servotwin_view::document::{Document, Table, Value, Verdict, line};
+use servotwin_view::row;
 use std::path::PathBuf;
 
 /// Judge every set of sensors that leaves control possible.
@@ -42,96 +41,69 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-impl Options {
-    /// The files that the command reads.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         Paths::default().read("--costs", &self.costs)
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    stop::heed();
-    let folder = Folder::new(&options.folder);
-    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
-    let results = StudyResultsFolder::open(folder.clone(), wanted)?;
-    let stages = Stages::new(global);
-    let progress = |what: &str, share| stages.show(what, share);
-    let crew = Crew { workers: workers(options.threads), progress: &progress };
-    let trade = SensorTrade::new(&results, &options.keep, options.costs.as_deref(), &crew);
-    stages.end();
-    let trade = trade?;
-    let _hold = folder.hold(Among::Nobody)?;
-    let written = trade.write(&results)?;
-    for text in &trade.notes {
-        note(global, text);
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        stop::heed();
+        let folder = Folder::new(&self.folder);
+        let wanted = self.scenario.as_deref().map(scenario_of).transpose()?;
+        let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        let stages = Stages::new(global);
+        let progress = |what: &str, share| stages.show(what, share);
+        let crew = Crew { workers: workers(self.threads), progress: &progress };
+        let trade = SensorTrade::new(&results, &self.keep, self.costs.as_deref(), &crew);
+        stages.end();
+        let trade = trade?;
+        let _hold = folder.hold(Among::Nobody)?;
+        let written = trade.write(&results)?;
+        let mut document = described(&trade);
+        trade.notes.iter().for_each(|text| _ = document.note(text.as_str()));
+        document.files(written);
+        Ok(document)
     }
-    let files: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({
-            "scenario": trade.scenario,
-            "sets": trade.sets.len(),
-            "best_of_sizes": trade.best_of_sizes().iter().map(|set| values(&trade, set)).collect::<Vec<_>>(),
-            "files": files,
-        })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{}{}\n", text_of(&trade), files.join("\n")),
-    })
 }
 
-fn values(trade: &SensorTrade, set: &SensorSet) -> serde_json::Value {
-    json!({
-        "sensors": trade.candidates.names(set.set),
-        "cost": set.cost,
-        "detected": set.rates.detected,
-        "isolated": set.rates.isolated,
-        "wrong_shutdown": set.rates.wrong_shutdown,
-        "missed_shutdown": set.rates.missed_shutdown,
-    })
-}
-
-fn text_of(trade: &SensorTrade) -> String {
-    let candidates = &trade.candidates;
+fn described(trade: &SensorTrade) -> Document {
     let able = trade.sets.iter().filter(|set| set.keeps_control).count();
-    let needed = candidates.list.iter().filter_map(|sensor| {
+    let needed = trade.candidates.list.iter().filter_map(|sensor| {
         sensor.read_by.as_ref().map(|reader| format!("{} ({reader})", sensor.id))
     });
-    let mut text = format!(
-        "scenario {}: {} sets judged, {able} of them leave control possible\ncontrol needs {}\n",
-        trade.scenario,
-        trade.sets.len(),
-        needed.collect::<Vec<_>>().join(", ")
+    let values = [
+        ("scenario", trade.scenario.to_string().into()),
+        ("sets", trade.sets.len().into()),
+        ("sets_with_control", able.into()),
+        ("needed", Value::list(needed)),
+    ];
+    let verdict = line(
+        "Scenario {scenario}: {sets} sets judged, {sets_with_control} of them leave control possible, which needs \
+         {needed}.",
+        values,
     );
-    text += "\nfewest wrong and missed shutdowns for each number of sensors\n";
-    text += "  sensors    cost  detected  isolated   wrong  missed  left out\n";
-    for set in trade.best_of_sizes() {
-        text += &row_of(trade, set);
+    let mut document = Document::new("sensors", Verdict::neutral(verdict));
+    let mut best = Table::new(COLUMNS)
+        .captioned("Fewest wrong and missed shutdowns for each number of sensors");
+    trade.best_of_sizes().into_iter().for_each(|set| best.push(row_of(trade, set)));
+    document.table("best_of_sizes", best);
+    if let Some(base) = trade.of(trade.candidates.base()) {
+        document.table("changes", changes(trade, base));
     }
-    text + &changes_of(trade)
+    document
 }
 
-/// What each sensor changes.
-fn changes_of(trade: &SensorTrade) -> String {
-    let candidates = &trade.candidates;
-    let Some(base) = trade.of(candidates.base()) else { return String::new() };
-    let mut text = "\nchange by one sensor, in points\n".to_owned();
-    text += "                            cost  detected  isolated   wrong  missed\n";
-    let mut row = |how: &str, name: &str, other: &SensorSet, control: &str| {
-        let cost = other.cost - base.cost;
-        text += &format!("  {how:<8} {name:<13} {cost:>+7}{}{control}\n", changes(base, other));
-    };
-    for (place, sensor) in candidates.list.iter().enumerate() {
-        let how = if sensor.is_extra { "with" } else { "without" };
-        let Some(other) = trade.of(candidates.base() ^ (1 << place)) else { continue };
-        let control = match (other.keeps_control, &sensor.read_by) {
-            (true, _) => "",
-            (false, Some(_)) => "  control needs it",
-            (false, None) => "  kept",
-        };
-        row(how, &sensor.id, other, control);
-    }
-    text
-}
+/// The columns of a set. Programs read its sensors, people what it lacks.
+const COLUMNS: [(&str, &str); 8] = [
+    ("sensors", ""),
+    ("count", "sensors"),
+    ("cost", "cost"),
+    ("detected", "detected"),
+    ("isolated", "isolated"),
+    ("wrong_shutdown", "wrong"),
+    ("missed_shutdown", "missed"),
+    ("", "left out"),
+];
 
 /// The rates of a set in the order of the columns.
 fn rates(set: &SensorSet) -> [Rate; 4] {
@@ -139,25 +111,48 @@ fn rates(set: &SensorSet) -> [Rate; 4] {
     [own.detected, own.isolated[0], own.wrong_shutdown, own.missed_shutdown]
 }
 
-fn row_of(trade: &SensorTrade, set: &SensorSet) -> String {
+fn row_of(trade: &SensorTrade, set: &SensorSet) -> Vec<Value> {
     let left: SensorMask = trade.candidates.all() & !set.set;
-    let [detected, isolated, wrong, missed] = rates(set).map(|rate| percent(rate.share));
-    format!(
-        "  {:>7} {:>7} {detected:>9} {isolated:>9} {wrong:>7} {missed:>7}  {}\n",
+    let mut row = row![
+        Value::of("", &trade.candidates.names(set.set)),
         set.set.count_ones(),
-        set.cost,
-        trade.candidates.names(left)
-    )
+        Value::of(set.cost.to_string(), &set.cost),
+    ];
+    row.extend(rates(set).map(|rate| {
+        let text = percent(rate.share);
+        Value::of(text, &rate)
+    }));
+    row.push(trade.candidates.names(left).into());
+    row
 }
 
-/// How the rates of a set differ from those of the system's own sensors.
-fn changes(base: &SensorSet, other: &SensorSet) -> String {
-    let pairs = rates(base).into_iter().zip(rates(other));
-    let change = |(before, after): (Rate, Rate)| {
-        let points = before.share.zip(after.share);
-        points.map_or("–".into(), |(before, after)| format!("{:+.1}", 100.0 * (after - before)))
+/// What each sensor changes against the system's own sensors.
+fn changes(trade: &SensorTrade, base: &SensorSet) -> Table {
+    let mut columns = COLUMNS;
+    columns[0] = ("how", " ");
+    columns[1] = ("name", "sensor");
+    columns[7] = ("control", " ");
+    let mut table = Table::new(columns).captioned("Change by one sensor, in points");
+    let mut add = |how: &str, name: &str, other: &SensorSet, control: &str| {
+        let cost = other.cost - base.cost;
+        let mut row = row![how, name, Value::of(format!("{cost:+}"), &cost)];
+        let pairs = rates(base).into_iter().zip(rates(other));
+        row.extend(pairs.map(|(before, after)| {
+            let change = before.share.zip(after.share).map(|(before, after)| after - before);
+            Value::from(change.map(|own| Value::number(own, format!("{:+.1}", 100.0 * own))))
+        }));
+        row.push(control.into());
+        table.push(row);
     };
-    let texts: Vec<String> = pairs.map(change).collect();
-    let widths = [9, 9, 7, 7];
-    texts.iter().zip(widths).map(|(text, width)| format!(" {text:>width$}")).collect()
+    for (place, sensor) in trade.candidates.list.iter().enumerate() {
+        let how = if sensor.is_extra { "with" } else { "without" };
+        let Some(other) = trade.of(trade.candidates.base() ^ (1 << place)) else { continue };
+        let control = match (other.keeps_control, &sensor.read_by) {
+            (true, _) => "",
+            (false, Some(_)) => "control needs it",
+            (false, None) => "kept",
+        };
+        add(how, &sensor.id, other, control);
+    }
+    table
 }

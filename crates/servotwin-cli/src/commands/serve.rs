@@ -4,13 +4,23 @@ mod sources;
 
 use super::StudyOptions;
 use super::watch::input::{InputOptions, log_of};
-use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
+use crate::{Global, Run, out, stop};
+use servotwin::evaluation::model_file;
+use servotwin::files::write_atomically;
 use servotwin::signal::Signal;
+use servotwin::study::{Scenario, Study};
+use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::spec::Unit;
+use servotwin_serve::{Access, Live, LiveSource, SavedSession, ServeError, Server, saved_page};
+use servotwin_view::document::{Document, Verdict, line};
+use std::io::Write;
 use std::net::IpAddr;
-use std::path::Path;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 /// Open a web page that shows a flying actuator, a log or a stream live.
 ///
@@ -55,9 +65,8 @@ pub(crate) struct Options {
     specimen: Option<usize>,
 }
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         let InputOptions { model, map, .. } = &self.input;
         let logs = self.source.iter().filter_map(|source| log_of(source));
         Paths::default()
@@ -67,125 +76,99 @@ impl Options {
             .read("--map", map)
             .write("--html", Format::HTML, &self.html)
     }
-}
 
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    use servotwin_serve::{Access, LiveSource, SavedSession, Server};
-
-    if let (Some(session), Some(html)) = (&options.replay, &options.html) {
-        return save_page(session, html, global);
-    }
-    crate::stop::heed();
-    if options.end_with_stdin {
-        if options.source.iter().any(|source| source == "-") {
-            let both =
-                "--source - reads standard input, so --end-with-stdin cannot wait for its end";
-            return Err(Failure::Options(both));
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        if let (Some(session), Some(html)) = (&self.replay, &self.html) {
+            return save_page(session, html);
         }
-        end_with_stdin();
+        stop::heed();
+        if self.end_with_stdin {
+            if self.source.iter().any(|source| source == "-") {
+                return Err(Failure::usage(
+                    "--source - reads standard input, so --end-with-stdin cannot wait for its end",
+                ));
+            }
+            end_with_stdin();
+        }
+        let listen = || Server::listen(Access::to((self.address, self.port).into())?);
+        if let Some(path) = &self.replay {
+            let session = SavedSession::read(path).map_err(ServeError::from)?;
+            return show(listen()?, &[&session]);
+        }
+        let study = self.study.read(global)?;
+        let server = listen()?;
+        if self.source.is_empty() {
+            return show(server, &[&live(self, study, global)?]);
+        }
+        let measured = sources::open(self, &study, global)?;
+        let sources: Vec<&dyn LiveSource> = measured.iter().map(|source| &**source).collect();
+        show(server, &sources)
     }
-    let listen = || Server::listen(Access::to((options.address, options.port).into())?);
-    if let Some(path) = &options.replay {
-        let session = SavedSession::read(path).map_err(servotwin_serve::ServeError::from)?;
-        return show(listen()?, &[&session]);
-    }
-    let study = options.study.read(global)?;
-    let server = listen()?;
-    if options.source.is_empty() {
-        return show(server, &[&live(options, study, global)?]);
-    }
-    let measured = sources::open(options, &study, global)?;
-    let sources: Vec<&dyn LiveSource> = measured.iter().map(|source| &**source).collect();
-    show(server, &sources)
 }
 
 /// Writes a saved session as a page that plays it without a server.
-fn save_page(session: &Path, page: &Path, global: Global) -> Result<String, Failure> {
-    use servotwin::files::write_atomically;
-    use servotwin_serve::{SavedSession, ServeError, saved_page};
-
+fn save_page(session: &Path, page: &Path) -> Result<Document, Failure> {
     let html = saved_page(&SavedSession::read(session).map_err(ServeError::from)?);
     write_atomically(page, |out| out.write_all(html.as_bytes()))?;
-    let page = page.display().to_string();
-    Ok(match global {
-        Global { json: true, .. } => crate::render::json(&serde_json::json!({ "page": page })),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!("{page}\n"),
-    })
+    Ok(Document::new("serve", Verdict::good(line("{page}", [("page", page.into())]))))
 }
+
+/// The time that the command has to end by itself when standard input closes. Training would take longer.
+const GRACE: Duration = Duration::from_secs(5);
 
 /// Stops the command when standard input closes. The thread ends with the process.
 fn end_with_stdin() {
-    /// The time that the command has to end by itself. Training would take longer.
-    const GRACE: std::time::Duration = std::time::Duration::from_secs(5);
-
     std::thread::spawn(|| {
         // An input that cannot be read is as good as closed.
         let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
-        crate::stop::flag().store(true, std::sync::atomic::Ordering::Relaxed);
+        stop::flag().store(true, Ordering::Relaxed);
         std::thread::sleep(GRACE);
         // As at a second Ctrl-C: files are replaced only when they are complete.
-        std::process::exit(i32::from(Failure::Stopped.exit_code()));
+        std::process::exit(i32::from(Failure::stopped().exit_code));
     });
 }
 
 /// Prints the link and serves sources until Ctrl-C.
-fn show(
-    server: servotwin_serve::Server,
-    sources: &[&dyn servotwin_serve::LiveSource],
-) -> Result<String, Failure> {
-    use std::io::Write;
-
-    // The link is the result, and whoever started the command waits for it.
-    let _ = writeln!(crate::out::stdout(), "{}", server.link());
-    let _ = crate::out::stdout().flush();
-    server.run(sources, crate::stop::flag())?;
-    Ok(String::new())
+fn show(server: Server, sources: &[&dyn LiveSource]) -> Result<Document, Failure> {
+    // Whoever started the command waits for the link, which is a stream's only line.
+    let _ = writeln!(out::stdout(), "{}", server.link());
+    let _ = out::stdout().flush();
+    server.run(sources, stop::flag())?;
+    Ok(Document::raw(String::new()))
 }
 
 /// The diagnoser that the options name, or that of `servotwin fly`.
 fn diagnoser(
     options: &Options,
-    study: &servotwin::study::Study,
-    scenario: servotwin::study::Scenario,
+    study: &Study,
+    scenario: Scenario,
     global: Global,
-) -> Result<std::sync::Arc<servotwin_diagnosis::diagnoser::Diagnoser>, Failure> {
+) -> Result<Arc<Diagnoser>, Failure> {
     if let Some(path) = &options.input.model {
-        let named = servotwin::evaluation::model_file::read_diagnoser(path)?;
-        return Ok(std::sync::Arc::new(named));
+        return Ok(Arc::new(model_file::read_diagnoser(path)?));
     }
     let folder = options.study.folder();
     super::fly::diagnoser(&options.study, &folder, study, scenario, global)
 }
 
+/// The duration of a flight; then the next one begins, s.
+const DURATION_S: f64 = 3600.0;
+
 /// The flight of a study.
-fn live(
-    options: &Options,
-    study: servotwin::study::Study,
-    global: Global,
-) -> Result<servotwin_serve::Live, Failure> {
-    use servotwin::study::Scenario;
-
-    /// The duration of a flight; then the next one begins, s.
-    const DURATION_S: f64 = 3600.0;
-
+fn live(options: &Options, study: Study, global: Global) -> Result<Live, Failure> {
     let scenario = if options.specimen.is_some() { Scenario::Realistic } else { Scenario::Noise };
     let diagnoser = diagnoser(options, &study, scenario, global)?;
     let mut inputs = study.system.default_inputs();
     let unit = study.system.network().inputs[study.command_input].unit;
     let signal = options.command.clone().unwrap_or_else(|| usual_command(unit));
-    inputs[study.command_input] = signal
-        .build(unit, DURATION_S)
-        .map_err(|error| Failure::Signal { option: "--command".into(), error })?;
+    let signal = signal.build(unit, DURATION_S);
+    inputs[study.command_input] = signal.map_err(|error| Failure::signal("--command", &error))?;
     let (duration_s, specimen) = (DURATION_S, options.specimen);
-    Ok(servotwin_serve::Live { study, diagnoser, inputs, duration_s, specimen })
+    Ok(Live { study, diagnoser, inputs, duration_s, specimen })
 }
 
 /// A command that keeps the actuator moving.
-fn usual_command(unit: servotwin_model::spec::Unit) -> Signal {
-    let size = match unit {
-        servotwin_model::spec::Unit::Radian => "4deg",
-        _ => "4mm",
-    };
+fn usual_command(unit: Unit) -> Signal {
+    let size = if unit == Unit::Radian { "4deg" } else { "4mm" };
     format!("noise:rms={size},bandwidth=0.7Hz,seed=5").parse().expect("a signal of the catalogue")
 }

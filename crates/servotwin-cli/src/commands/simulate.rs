@@ -1,17 +1,14 @@
 //! `servotwin simulate`: simulates a system, healthy or with faults.
 
-use super::progress::is_shown;
-use super::{SystemOption, note};
+use super::progress::{Notes, is_shown};
+use super::{SystemOption, quantity};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::render::{Side, TextTable, json, number, shown};
-use crate::{Global, out, stop};
+use crate::{Global, Run, stop};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Value, json};
-use servotwin::recording::Recorded;
-use servotwin::shown::Shown;
-use servotwin::signal::{Signal, WrittenQuantity, help};
+use servotwin::shown::{Shown, number};
+use servotwin::signal::{Signal, help};
 use servotwin::simulate::{
     MAX_SWEEP_RUNS, PreparedSimulation, RunResult, Simulation, SimulationError, SimulationProgress,
     SimulationResults, Sweep,
@@ -23,7 +20,8 @@ use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Method, Statistics};
 use servotwin_model::spec::Unit;
-use std::io::Write;
+use servotwin_view::document::{Content, Document, Table, Value, Verdict, line};
+use servotwin_view::row;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -115,9 +113,8 @@ struct Plan<'s> {
     prepared: PreparedSimulation<'s>,
 }
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         let inputs = self.inputs.iter();
         let inputs = inputs.filter_map(|text| text.split_once('=')?.1.parse::<Signal>().ok());
         let signals = self.command.iter().chain(&self.load).cloned().chain(inputs);
@@ -128,82 +125,66 @@ impl Options {
             .write("--out", Format::Table, &self.out)
             .write("--plot", Format::Figure, &self.plot)
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let system = options.system.read()?;
-    let plan = Plan::new(options, &system)?;
-    stop::heed();
-    let begin = Instant::now();
-    let bar = progress(plan.prepared.samples() * plan.prepared.runs.len(), global);
-    let count = |progress| {
-        if progress == SimulationProgress::Sample {
-            bar.inc(1);
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let system = self.system.read()?;
+        let plan = Plan::new(self, &system)?;
+        stop::heed();
+        let begin = Instant::now();
+        let bar = progress(plan.prepared.samples() * plan.prepared.runs.len(), global);
+        let count = |progress| {
+            if progress == SimulationProgress::Sample {
+                bar.inc(1);
+            }
+        };
+        let results = plan.prepared.run(&count, Some(stop::flag()));
+        let results = results.map_err(|error| self.failure(error))?;
+        bar.finish_and_clear();
+        let wall_s = begin.elapsed().as_secs_f64();
+        if let Some(path) = &self.out {
+            table::write(path, &results.table()?)?;
         }
-    };
-    let results = plan.prepared.run(&count, Some(stop::flag()));
-    let results = results.map_err(|error| options.failure(error))?;
-    bar.finish_and_clear();
-    let wall_s = begin.elapsed().as_secs_f64();
-    warn(global, &results);
-    if let Some(path) = &options.out {
-        table::write(path, &results.table()?)?;
-    }
-    if let Some(path) = &options.plot {
-        results.figure().draw().save(path)?;
-    }
-    if !global.quiet {
+        if let Some(path) = &self.plot {
+            results.figure().draw().save(path)?;
+        }
         let all_s = plan.duration_s * results.runs.len() as f64;
         let factor = number(all_s / wall_s, 3);
-        let _ = writeln!(
-            out::stderr(),
-            "{all_s} s in {} s: {factor} times real time",
-            number(wall_s, 3)
-        );
+        let speed = format!("{all_s} s in {} s: {factor} times real time", number(wall_s, 3));
+        Notes::new(global).write(&speed);
+        Ok(plan.document(&results))
     }
-    Ok(match global {
-        Global { json: true, .. } => json(&plan.json(&results)),
-        Global { quiet: true, .. } => String::new(),
-        _ => plan.people(&results),
-    })
 }
 
-/// Notes caveats about the results.
-fn warn(global: Global, results: &SimulationResults) {
+/// Adds caveats about the results.
+fn caveats(document: &mut Document, results: &SimulationResults) {
     if !results.runs.iter().all(RunResult::starts_at_steady_state) {
         let is_measured = results.runs.iter().any(RunResult::has_limit_cycle);
         let why = if is_measured { ", a limit cycle was measured" } else { "" };
-        let text = format!(
+        document.note(format!(
             "no rest was found at the inputs of time zero{why}: the run begins on the move"
-        );
-        note(global, &text);
+        ));
     }
+    let mut table = Table::of("run: | name: | first_s: | duration_s: | extreme: | limit:");
     for (place, run) in results.runs.iter().enumerate() {
         let which = match results.runs.len() {
             1 => String::new(),
             _ => format!("run {}: ", place + 1),
         };
         for finding in &run.outside_validity {
-            note(global, &format!("{which}{finding}"));
+            document.note(format!("{which}{finding}"));
+            let limit = match finding.limit {
+                CrossedLimit::Vapor => "vapor",
+                CrossedLimit::High => "high",
+                CrossedLimit::Travel => "travel",
+            };
+            let name = &finding.name;
+            let [first_s, duration_s, extreme] =
+                [finding.first_s, finding.duration_s, finding.extreme]
+                    .map(|own| Value::of("", &own));
+            table.push(row![place + 1, name, first_s, duration_s, extreme, limit]);
         }
     }
-}
-
-/// The SI value of an option within `(0, largest]`.
-fn positive(
-    option: &'static str,
-    text: &str,
-    unit: Unit,
-    largest: f64,
-    range: &'static str,
-) -> Result<f64, Failure> {
-    let value =
-        WrittenQuantity::in_unit(text, unit).map_err(|error| Failure::Number { option, error })?;
-    if value > 0.0 && value <= largest {
-        return Ok(value);
-    }
-    Err(Failure::OutOfRange { option, given: text.into(), range: range.into() })
+    document.table("outside_validity", table);
 }
 
 /// Applies the method and the step size from the options.
@@ -212,17 +193,29 @@ fn stepped<'s>(options: &Options, simulation: Simulation<'s>) -> Result<Simulati
     Ok(match (&options.step, &options.tolerance) {
         (Some(text), _) => {
             let range = "greater than 0, at most 1 s";
-            simulation.step_s(positive("--step", text, Unit::Second, 1.0, range)?)
+            simulation.step_s(quantity(
+                "--step",
+                text,
+                Unit::Second,
+                f64::MIN_POSITIVE..=1.0,
+                range,
+            )?)
         }
         (None, _) if options.method == Method::RungeKutta4 => {
-            return Err(Failure::Options(
+            return Err(Failure::usage(
                 "--method rk4 has no error control: give --step, at most 2.8 over the fastest eigenvalue of 'servotwin describe'",
             ));
         }
         (None, None) => simulation,
         (None, Some(text)) => {
             let range = "greater than 0, at most 0.1";
-            simulation.tolerance(positive("--tolerance", text, Unit::None, 0.1, range)?)
+            simulation.tolerance(quantity(
+                "--tolerance",
+                text,
+                Unit::None,
+                f64::MIN_POSITIVE..=0.1,
+                range,
+            )?)
         }
     })
 }
@@ -230,26 +223,20 @@ fn stepped<'s>(options: &Options, simulation: Simulation<'s>) -> Result<Simulati
 /// Splits `name=value`.
 fn split<'t>(option: &'static str, text: &'t str) -> Result<(&'t str, &'t str), Failure> {
     let sides = text.split_once('=');
-    sides.ok_or_else(|| Failure::NoEqualSign { option, given: text.into() })
+    sides.ok_or_else(|| Failure::usage(format!("{option} needs NAME=VALUE, not '{text}'")))
 }
 
 /// Parses `name=intensity`.
 fn intensity(text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--fault", text)?;
-    let intensity = WrittenQuantity::in_unit(value, Unit::None)
-        .map_err(|error| Failure::Number { option: "--fault", error })?;
-    Ok((id.to_owned(), intensity))
+    Ok((id.to_owned(), quantity("--fault", value, Unit::None, .., "")?))
 }
 
 /// Splits `name=intensity@time` into `name=intensity` and the time, s.
 pub(crate) fn onset(text: &str, duration_s: f64) -> Result<(&str, Option<f64>), Failure> {
     let Some((fault, at)) = text.rsplit_once('@') else { return Ok((text, None)) };
-    let at_s = WrittenQuantity::in_unit(at, Unit::Second)
-        .map_err(|error| Failure::Number { option: "--fault", error })?;
-    if !(0.0..duration_s).contains(&at_s) {
-        let range = format!("a fault begins within the run, from 0 to {duration_s} s").into();
-        return Err(Failure::OutOfRange { option: "--fault", given: at.into(), range });
-    }
+    let words = format!("a fault begins within the run, from 0 to {duration_s} s");
+    let at_s = quantity("--fault", at, Unit::Second, 0.0..duration_s, &words)?;
     Ok((fault, Some(at_s)))
 }
 
@@ -258,12 +245,7 @@ pub(crate) fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
     let (id, intensity) = intensity(text)?;
     let (component, fault) = system.find_fault(&id)?;
     if !(0.0..=1.0).contains(&intensity) {
-        let range = "an intensity goes from 0 to 1";
-        return Err(Failure::OutOfRange {
-            option: "--fault",
-            given: text.into(),
-            range: range.into(),
-        });
+        return Err(Failure::out_of_range("--fault", text, "an intensity goes from 0 to 1"));
     }
     Ok(FaultAt { component, fault, intensity })
 }
@@ -273,29 +255,20 @@ fn parameter(system: &System, text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--set", text)?;
     let (component, parameter) = system.find_parameter(id)?;
     let unit = system.network().components[component].component.spec().parameters[parameter].unit;
-    let value = WrittenQuantity::in_unit(value, unit)
-        .map_err(|error| Failure::Number { option: "--set", error })?;
-    Ok((id.to_owned(), value))
+    Ok((id.to_owned(), quantity("--set", value, unit, .., "")?))
 }
 
 /// Parses a sweep from `name=from:to:count`.
 fn sweep(simulation: &Simulation, text: &str) -> Result<Sweep, Failure> {
     let (id, range) = split("--sweep", text)?;
     let unit = simulation.sweep(id, &[])?.unit;
-    let wrong = |range: &'static str| Failure::OutOfRange {
-        option: "--sweep",
-        given: text.into(),
-        range: range.into(),
-    };
+    let wrong = |range: &'static str| Failure::out_of_range("--sweep", text, range);
     let parts: Vec<&str> = range.split(':').collect();
     let [from, to, count] = parts[..] else {
         return Err(wrong("two values and their number are needed, such as 0:1:5"));
     };
-    let value = |text| {
-        let number = WrittenQuantity::in_unit(text, unit);
-        number.map_err(|error| Failure::Number { option: "--sweep", error })
-    };
-    let (from, to) = (value(from)?, value(to)?);
+    let end = |text| quantity("--sweep", text, unit, .., "");
+    let (from, to) = (end(from)?, end(to)?);
     let count = count.parse().ok().filter(|n| (2..=MAX_SWEEP_RUNS).contains(n));
     let count = count.ok_or_else(|| wrong("the number of values goes from 2 to 1000"))?;
     let share = |k: usize| k as f64 / (count - 1) as f64;
@@ -314,7 +287,7 @@ fn signals(options: &Options) -> Result<Vec<(String, Signal)>, Failure> {
         let option = format!("--input {id}");
         match signal.parse() {
             Ok(signal) => Ok((id.to_string(), signal)),
-            Err(error) => Err(Failure::Signal { option, error }),
+            Err(error) => Err(Failure::signal(option, &error)),
         }
     });
     named.chain(others).collect()
@@ -339,12 +312,12 @@ impl Options {
 
     fn failure(&self, error: SimulationError) -> Failure {
         match error {
-            SimulationError::UnknownName(error) => Failure::UnknownName(error),
+            SimulationError::UnknownName(error) => error.into(),
             SimulationError::Signal { input, error } => {
-                Failure::Signal { option: self.option_of(&input), error }
+                Failure::signal(self.option_of(&input), &error)
             }
-            SimulationError::Stopped { stopped, .. } => Failure::Run(stopped),
-            SimulationError::Canceled => Failure::Stopped,
+            SimulationError::Stopped { stopped, .. } => Failure::work(stopped),
+            SimulationError::Canceled => Failure::stopped(),
             error => {
                 let name = match &error {
                     SimulationError::Repeated { name }
@@ -352,8 +325,10 @@ impl Options {
                     | SimulationError::OutOfRange { name, .. } => Some(name.as_str()),
                     _ => None,
                 };
-                let option = name.map(|name| self.option_of(name));
-                Failure::Simulation { option, error: Box::new(error) }
+                match name {
+                    Some(name) => Failure::option(self.option_of(name), error),
+                    None => Failure::usage(error),
+                }
             }
         }
     }
@@ -362,9 +337,11 @@ impl Options {
 impl<'s> Plan<'s> {
     fn new(options: &Options, system: &'s System) -> Result<Self, Failure> {
         let long = "greater than 0, at most 1e6 s";
-        let duration_s = positive("--duration", &options.duration, Unit::Second, 1e6, long)?;
+        let duration_s =
+            quantity("--duration", &options.duration, Unit::Second, f64::MIN_POSITIVE..=1e6, long)?;
         let fast = "greater than 0, at most 1e6 Hz";
-        let rate_hz = positive("--rate", &options.rate, Unit::Hertz, 1e6, fast)?;
+        let rate_hz =
+            quantity("--rate", &options.rate, Unit::Hertz, f64::MIN_POSITIVE..=1e6, fast)?;
         let period_s = 1.0 / rate_hz;
         let mut simulation = Simulation::new(system)
             .duration_s(duration_s)
@@ -412,45 +389,6 @@ impl<'s> Plan<'s> {
         format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name)
     }
 
-    fn json(&self, results: &SimulationResults) -> Value {
-        let inputs = self.driven().map(|(place, signal, rms)| {
-            let input = &self.system.network().inputs[place];
-            json!({ "id": input.id, "signal": signal, "unit": input.unit.symbol(), "rms": rms })
-        });
-        let faults = self.prepared.base.faults.iter().zip(&self.prepared.base.onsets_s);
-        let faults = faults.map(|(fault, at_s)| {
-            json!({ "id": self.fault_id(fault), "intensity": fault.intensity, "from_s": at_s.max(0.0) })
-        });
-        let set = self.prepared.base.parameters.iter().map(|&(component, parameter, value)| {
-            let (id, unit) = self.parameter(component, parameter);
-            json!({ "id": id, "unit": unit.symbol(), "value": value })
-        });
-        let mut whole = json!({
-            "system": self.system.name,
-            "duration_s": self.duration_s,
-            "sample_period_s": self.period_s,
-            "samples": results.times_s.len(),
-            "inputs": inputs.collect::<Vec<_>>(),
-            "faults": faults.collect::<Vec<_>>(),
-            "set": set.collect::<Vec<_>>(),
-            "method": self.method.name(),
-        });
-        match &results.sweep {
-            None => add_run(&mut whole, &results.recorded, &results.runs[0]),
-            Some(sweep) => {
-                let runs = sweep.values.iter().zip(&results.runs).map(|(value, given)| {
-                    let mut run = json!({ "value": value });
-                    add_run(&mut run, &results.recorded, given);
-                    run
-                });
-                let runs: Vec<Value> = runs.collect();
-                let (id, unit) = (&sweep.id, sweep.unit.symbol());
-                whole["sweep"] = json!({ "id": id, "unit": unit, "runs": runs });
-            }
-        }
-        whole
-    }
-
     /// The full name of a parameter, and its unit.
     fn parameter(&self, component: usize, parameter: usize) -> (String, Unit) {
         let instance = &self.system.network().components[component];
@@ -458,107 +396,100 @@ impl<'s> Plan<'s> {
         (format!("{}.{}", instance.id, declared.name), declared.unit)
     }
 
-    fn people(&self, results: &SimulationResults) -> String {
-        let mut text = format!("{}\n", self.system.title);
-        for (place, signal, rms) in self.driven() {
-            let input = &self.system.network().inputs[place];
-            text += &format!("{}: {signal}, rms {}\n", input.id, shown(rms, input.unit));
-        }
-        for &(component, parameter, value) in &self.prepared.base.parameters {
-            let (id, unit) = self.parameter(component, parameter);
-            text += &format!("{id} = {}\n", shown(value, unit));
-        }
-        let base = &self.prepared.base;
-        for (fault, at_s) in base.faults.iter().zip(&base.onsets_s) {
-            let from = if *at_s >= 0.0 { format!(" from {at_s} s on") } else { String::new() };
-            text += &format!("fault {} at {}{from}\n", self.fault_id(fault), fault.intensity);
-        }
-        if let Some(sweep) = &results.sweep {
-            text += &format!("for each value of {}:\n", sweep.id);
-        }
-        text += &grid(results);
+    fn document(&self, results: &SimulationResults) -> Document {
+        let system = self.system;
+        let values = [
+            ("samples", results.times_s.len().into()),
+            ("duration", Value::seconds(self.duration_s, 5)),
+        ];
+        let text = format!("{}: {{samples}} samples of {{duration}}", system.title);
+        let mut document = Document::new("simulate", Verdict::neutral(line(&text, values)));
+        document.fact("system", "", system.name.as_str());
+        document.fact("samples", "", results.times_s.len());
+        document.fact("duration", "", Value::seconds(self.duration_s, 5));
+        document.fact("sample_period", "", Value::seconds(self.period_s, 5));
+        document.fact("method", "", self.method.name());
+        self.settings(&mut document);
+        document.table("recorded", recorded(results));
         let mut sum = Statistics::default();
         results.runs.iter().for_each(|run| sum += run.statistics);
-        let Statistics { steps, rejected, jacobians, .. } = sum;
-        text + &format!("{steps} steps, {rejected} rejected, {jacobians} Jacobians\n")
+        let Statistics { steps, rejected, jacobians, evaluations, .. } = sum;
+        let steps = line(
+            "{steps} steps, {rejected} rejected, {jacobians} Jacobians",
+            [
+                ("steps", steps.into()),
+                ("rejected", rejected.into()),
+                ("jacobians", jacobians.into()),
+                ("evaluations", evaluations.into()),
+            ],
+        );
+        document.push("solver", Content::Text(steps));
+        caveats(&mut document, results);
+        let runs = &results.runs;
+        document.fact("starts_at_rest", "", runs.iter().all(RunResult::starts_at_steady_state));
+        document.fact("limit_cycle_measured", "", runs.iter().any(RunResult::has_limit_cycle));
+        document
+    }
+
+    /// What the user chose: inputs, parameters and faults.
+    fn settings(&self, document: &mut Document) {
+        let mut inputs = Table::of("id:input | signal | unit: | rms");
+        for (place, signal, rms) in self.driven() {
+            let input = &self.system.network().inputs[place];
+            let rms = Value::mixed(rms, input.unit);
+            inputs.push(row![&input.id, signal, input.unit.symbol(), rms]);
+        }
+        document.table("inputs", inputs);
+        let mut set = Table::of("id:parameter | unit: | value");
+        for &(component, parameter, value) in &self.prepared.base.parameters {
+            let (id, unit) = self.parameter(component, parameter);
+            set.push(row![id, unit.symbol(), Value::mixed(value, unit)]);
+        }
+        document.table("set", set);
+        let mut faults = Table::of("id:fault | intensity | from");
+        let base = &self.prepared.base;
+        for (fault, at_s) in base.faults.iter().zip(&base.onsets_s) {
+            let intensity = Value::number(fault.intensity, fault.intensity.to_string());
+            faults.push(row![self.fault_id(fault), intensity, Value::seconds(at_s.max(0.0), 5)]);
+        }
+        document.table("faults", faults);
     }
 }
 
-/// A table of the recorded quantities of all runs: initial, smallest, largest and final value.
-fn grid(results: &SimulationResults) -> String {
-    let mut heads = vec![
-        ("quantity", Side::Left),
-        ("start", Side::Right),
-        ("least", Side::Right),
-        ("most", Side::Right),
-        ("end", Side::Right),
-        ("unit", Side::Left),
-    ];
-    if results.sweep.is_some() {
-        heads.insert(1, ("at", Side::Right));
+/// The recorded quantities of all runs: initial, smallest, largest and final value.
+fn recorded(results: &SimulationResults) -> Table {
+    let mut table = Table::of("name: | :quantity | unit:");
+    if let Some(sweep) = &results.sweep {
+        table.column("value", sweep.id.clone());
     }
-    let mut grid = TextTable::new(&heads);
+    for (id, heading) in [("start", "start"), ("min", "least"), ("max", "most"), ("end", "end")] {
+        table.column(id, heading);
+    }
     for (place, one) in results.recorded.iter().enumerate() {
         for (run, result) in results.runs.iter().enumerate() {
-            let Summary { start, least, most, end } = Summary::of(&result.values[place]);
+            let [start, least, most, end] = extremes(&result.values[place]);
             let read = Shown::of(one.unit, least.abs().max(most.abs()));
-            let cells = [start, least, most, end].map(|si| number(read.value(si), 5));
-            let at = results.sweep.as_ref().map(|sweep| sweep.label(run));
-            let row = [one.label.clone()].into_iter().chain(at).chain(cells);
-            grid.push(row.chain([read.symbol().to_string()]).collect());
+            let mut row = row![&one.name, &one.label, one.unit.symbol()];
+            let at = results.sweep.as_ref();
+            row.extend(at.map(|sweep| Value::number(sweep.values[run], sweep.label(run))));
+            row.extend([start, least, most, end].map(|si| {
+                let text = format!("{} {}", number(read.value(si), 5), read.symbol());
+                Value::number(si, text.trim_end())
+            }));
+            table.push(row);
         }
     }
-    grid.text()
-}
-
-/// Adds the results of one run.
-fn add_run(to: &mut Value, recorded: &[Recorded], result: &RunResult) {
-    let recorded = recorded.iter().zip(&result.values).map(|(one, values)| {
-        let Summary { start, least, most, end } = Summary::of(values);
-        json!({
-            "name": one.name, "unit": one.unit.symbol(),
-            "start": start, "min": least, "max": most, "end": end,
-        })
-    });
-    to["recorded"] = recorded.collect();
-    let statistics = &result.statistics;
-    to["steps"] = json!(statistics.steps);
-    to["rejected"] = json!(statistics.rejected);
-    to["evaluations"] = json!(statistics.evaluations);
-    to["jacobians"] = json!(statistics.jacobians);
-    to["starts_at_rest"] = json!(result.starts_at_steady_state());
-    to["limit_cycle_measured"] = json!(result.has_limit_cycle());
-    let outside = result.outside_validity.iter().map(|finding| {
-        let (limit, extreme) = match finding.limit {
-            CrossedLimit::Vapor => ("vapor", "extreme_pa"),
-            CrossedLimit::High => ("high", "extreme_pa"),
-            CrossedLimit::Travel => ("travel", "extreme_m"),
-        };
-        json!({
-            "name": finding.name, "first_s": finding.first_s, "duration_s": finding.duration_s,
-            extreme: finding.extreme, "limit": limit,
-        })
-    });
-    to["outside_validity"] = outside.collect();
+    table
 }
 
 /// The initial, smallest, largest and final value of a recorded quantity.
-struct Summary {
-    start: f64,
-    least: f64,
-    most: f64,
-    end: f64,
-}
-
-impl Summary {
-    fn of(values: &[f64]) -> Self {
-        Self {
-            start: values.first().copied().unwrap_or(f64::NAN),
-            least: values.iter().copied().fold(f64::INFINITY, f64::min),
-            most: values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-            end: values.last().copied().unwrap_or(f64::NAN),
-        }
-    }
+fn extremes(values: &[f64]) -> [f64; 4] {
+    [
+        values.first().copied().unwrap_or(f64::NAN),
+        values.iter().copied().fold(f64::INFINITY, f64::min),
+        values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        values.last().copied().unwrap_or(f64::NAN),
+    ]
 }
 
 /// A progress bar on a terminal; hidden elsewhere.

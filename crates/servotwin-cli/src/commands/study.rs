@@ -4,14 +4,13 @@ use super::progress::{Notes, Stages};
 use super::records::{bar, describe, named};
 use super::{StudyOptions, flights, recordings, records, removed, summary, workers};
 use crate::failure::Failure;
-use crate::render::json;
-use crate::{Global, stop};
+use crate::{Global, Run, stop};
 use indicatif::ProgressBar;
-use serde_json::json;
 use servotwin::run::part::Share;
 use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
 use servotwin::study::suites::{FLIGHTS, MAX_ENVIRONMENTS, RECORDS};
 use servotwin::study::{Scenario, Study};
+use servotwin_view::document::Document;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -67,32 +66,32 @@ pub(crate) struct Options {
     pub(super) sealed: bool,
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let is_records = options.suite == [RECORDS];
-    if !is_records && options.keep_traces {
-        return Err(Failure::Options("--keep-traces is for --suite records"));
-    }
-    let is_changed = options.environments.is_some() || options.seed.is_some();
-    let is_learning = options.suite == [FLIGHTS];
-    if (is_records && is_changed) || (is_learning && (is_changed || options.share.is_some())) {
-        return Err(Failure::Options(
-            "--environments and --seed change a suite of flights that --suite names; --share divides one, or the records",
-        ));
-    }
-    match options.suite[..] {
-        [] if !options.sealed => whole(options, global).map_err(Failure::on_the_way),
-        _ if is_records => records::run(options, global).map_err(Failure::on_the_way),
-        _ => flights::run(options, global),
+impl Run for Options {
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let is_records = self.suite == [RECORDS];
+        if !is_records && self.keep_traces {
+            return Err(Failure::usage("--keep-traces is for --suite records"));
+        }
+        let is_changed = self.environments.is_some() || self.seed.is_some();
+        let is_learning = self.suite == [FLIGHTS];
+        if (is_records && is_changed) || (is_learning && (is_changed || self.share.is_some())) {
+            return Err(Failure::usage(
+                "--environments and --seed change a suite of flights that --suite names; --share divides one, or the records",
+            ));
+        }
+        match self.suite[..] {
+            [] if !self.sealed => whole(self, global).map_err(Failure::on_the_way),
+            _ if is_records => records::run(self, global).map_err(Failure::on_the_way),
+            _ => flights::run(self, global),
+        }
     }
 }
 
 /// Runs the main job.
-fn whole(options: &Options, global: Global) -> Result<String, Failure> {
-    let begin = Instant::now();
+fn whole(options: &Options, global: Global) -> Result<Document, Failure> {
     stop::heed();
     if let Some(path) = options.study.recordings() {
-        return recordings::run(path, &options.study, global);
+        return recordings::run(path, &options.study);
     }
     let study = options.study.read(global)?;
     if study.is_on_ground() {
@@ -112,25 +111,18 @@ fn whole(options: &Options, global: Global) -> Result<String, Failure> {
     screen.end();
     let results = results?;
     servotwin_report::write(results.folder(), &study)?;
-    let path = results.folder().report().display().to_string();
-    let seconds = begin.elapsed().as_secs_f64();
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({
-            "report": path,
-            "evaluation": run.folder.results().display().to_string(),
-            "manifest": run.folder.manifest().display().to_string(),
-        })),
-        Global { quiet: true, .. } => String::new(),
-        _ => {
-            let summary = summary::text(&results.evaluation, &study);
-            let more = if study.is_full { "" } else { MORE };
-            format!("{summary}\n{path}, after {seconds:.0} s\n{more}")
-        }
-    })
+    let mut document = summary::document(&results.evaluation, &study);
+    document.fact("report", "report", &results.folder().report());
+    document.fact("evaluation", "", &run.folder.results());
+    document.fact("manifest", "", &run.folder.manifest());
+    if !study.is_full {
+        document.note(MORE);
+    }
+    Ok(document)
 }
 
 const MORE: &str =
-    "This was the quick study; --full has longer records, more training commands, and flights\n";
+    "this was the quick study; --full has longer records, more training commands, and flights";
 
 /// Shows the progress of a study to the user.
 struct Screen<'s> {
@@ -186,7 +178,7 @@ impl<'s> Screen<'s> {
             }
             StudyEvent::Simulated { campaign, outcome } => {
                 let seconds = state.end_stage();
-                self.notes.write(describe(campaign, outcome, seconds).trim_end());
+                self.notes.write(&describe(campaign, outcome, seconds).text);
             }
             StudyEvent::FlightsKept => self.notes.write(
                 "kept what was measured in the full flights (without flights.json the small ones are flown)",

@@ -1,30 +1,34 @@
-//! The final summary of the main job on a terminal: safety first, then right answers; one column for each scenario.
+//! The final summary of the main job: safety first, then right answers; one column for each scenario.
 
-use crate::render::{Side, TextTable};
 use servotwin::evaluation::baseline::RandomThirds;
 use servotwin::job::{Results, Subject};
 use servotwin::study::Study;
 use servotwin_report::lines::{self, OF_PAPER, Who};
 use servotwin_report::vocabulary::{PAPER, Vocabulary};
 use servotwin_report::words::{of_count, percent};
+use servotwin_view::document::{Document, Table, Value, Verdict};
 
 /// A table with the rates of trees and committee.
-pub(crate) fn text(results: &Results, study: &Study) -> String {
+pub(crate) fn document(results: &Results, study: &Study) -> Document {
     let scenarios = lines::scenarios(results);
-    let mut heads = vec![("", Side::Left), ("by", Side::Left)];
-    heads.extend(scenarios.iter().map(|result| (result.subject.name(), Side::Right)));
-    let mut grid = TextTable::new(&heads);
+    let mut document = Document::new("study", Verdict::neutral(brief(results, study)));
+    let judged = scenarios.last().and_then(|result| result.evaluation.headline());
+    judged.iter().for_each(|judged| _ = document.text(judged.title.as_str()));
+    let mut table = Table::of("measure:_ | by");
+    for name in scenarios.iter().map(|result| result.subject.name()) {
+        table.column(name, name);
+    }
     let mut last = String::new();
     for row in lines::headline(&scenarios, &Vocabulary::of(study)) {
-        let title = if row.title == last { String::new() } else { row.title.clone() };
+        let shown = if row.title == last { "" } else { row.title.as_str() };
+        let mut cells = vec![Value::of(shown, &row.title), row.who.into()];
+        cells.extend(row.rates.iter().map(|rate| Value::of(of_count(*rate), rate)));
+        table.push(cells);
         last = row.title;
-        let mut cells = vec![title, row.who.to_owned()];
-        cells.extend(row.rates.iter().map(|rate| of_count(*rate)));
-        grid.push(cells);
     }
-    let judged = scenarios.last().and_then(|result| result.evaluation.headline());
-    let held_out = judged.map_or(String::new(), |judged| format!("{}\n", judged.title));
-    held_out + &grid.text() + &seed_paper(results) + "Intervals and everything else: the report\n"
+    document.table("rates", table);
+    seed_paper(results).into_iter().for_each(|line| _ = document.text(line));
+    document
 }
 
 /// The main figures of the hardest scenario so far in a line: up to two of safety, and one of right answers.
@@ -44,7 +48,7 @@ pub(crate) fn brief(results: &Results, study: &Study) -> String {
 const BEST: &str = Who::Committee.title();
 
 /// The result of the seed paper's own test, in a separate line.
-fn seed_paper(results: &Results) -> String {
+fn seed_paper(results: &Results) -> Option<String> {
     let ideal = results.of(Subject::Ideal).filter(|_| results.study == PAPER);
     let thirds = ideal.map_or(&[][..], |ideal| &ideal.evaluation.random_thirds);
     let told = |thirds: &RandomThirds| {
@@ -53,12 +57,11 @@ fn seed_paper(results: &Results) -> String {
         Some(format!("{} {mean} ± {:.2} ({paper})", thirds.stage, 100.0 * thirds.deviation()))
     };
     let told: Vec<String> = thirds.iter().filter_map(told).collect();
-    if told.is_empty() {
-        return String::new();
-    }
-    format!(
-        "Apart, the seed paper's trees in its own test, {} random thirds (the paper's one): {}\n",
-        thirds[0].accuracies.len(),
-        told.join(", ")
-    )
+    let count = thirds.first()?.accuracies.len();
+    (!told.is_empty()).then(|| {
+        format!(
+            "Apart, the seed paper's trees in its own test, {count} random thirds (the paper's one): {}",
+            told.join(", ")
+        )
+    })
 }

@@ -1,10 +1,11 @@
 //! `servotwin test`: trains and evaluates the decision of the test on the ground.
 
 use super::{StudyOptions, flights};
-use crate::Global;
 use crate::failure::Failure;
+use crate::{Global, Run};
 use servotwin::job::JobError;
 use servotwin::job::flights::scenarios;
+use servotwin_view::document::Document;
 
 /// Train the decision of the test on the ground, and measure what it finds.
 ///
@@ -18,10 +19,11 @@ pub(crate) struct Options {
     study: StudyOptions,
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    let study = options.study.read(global)?.on_ground()?.ok_or(JobError::NoGroundTest)?;
-    let folder = options.study.folder().ground_test();
-    let options = StudyOptions { out: Some(folder.path().into()), ..options.study.clone() };
-    flights::flown(&options, &study, (&[], &scenarios(&study)), global)
+impl Run for Options {
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let study = self.study.read(global)?.on_ground()?.ok_or(JobError::NoGroundTest)?;
+        let folder = self.study.folder().ground_test();
+        let options = StudyOptions { out: Some(folder.path().into()), ..self.study.clone() };
+        flights::flown(&options, &study, (&[], &scenarios(&study)), global)
+    }
 }

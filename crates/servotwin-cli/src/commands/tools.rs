@@ -1,13 +1,15 @@
 //! `servotwin tools`: files for the machine, for editors and for shells.
 
-mod cache;
-mod completions;
-mod man;
-mod schema;
-
-use crate::Global;
 use crate::failure::Failure;
-use clap::Subcommand;
+use crate::{Cli, Global, Run};
+use clap::{CommandFactory, Subcommand};
+use clap_complete::{Shell, generate};
+use clap_mangen::Man;
+use servotwin::compiled::cache::{self, VARIABLE};
+use servotwin::files::FileError;
+use servotwin::nearest::nearest;
+use servotwin::schema;
+use servotwin_view::document::{Document, Value, Verdict, line};
 
 /// Cache of compiled equations, schemas for editors, shell completions and manual pages.
 #[derive(clap::Args)]
@@ -18,18 +20,107 @@ pub(crate) struct Options {
 
 #[derive(Subcommand)]
 enum Tool {
-    Cache(cache::Options),
-    Schema(schema::Options),
-    Completions(completions::Options),
-    Man(man::Options),
+    /// Show the cache of compiled equations, or clear it.
+    ///
+    /// Long simulations compile the system's equations and keep the result for later runs. The cache is the folder named by
+    /// SERVOTWIN_CACHE, or else `servotwin` in your cache folder.
+    Cache {
+        /// Remove everything in the cache.
+        #[arg(long)]
+        clear: bool,
+    },
+    /// Write the JSON Schema (draft 2020-12) of system or study files, for completion and checks in editors.
+    Schema {
+        /// The file format.
+        format: Format,
+    },
+    /// Write a completion script for a shell to standard output.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+    /// Write the manual page of the program, or of one of its commands, to standard output.
+    Man {
+        /// The command [default: the program as a whole].
+        command: Option<String>,
+    },
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    match &options.tool {
-        Tool::Cache(options) => cache::run(options, global),
-        Tool::Schema(options) => Ok(schema::run(options)),
-        Tool::Completions(options) => Ok(completions::run(options)),
-        Tool::Man(options) => man::run(options),
+/// A format of files.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Format {
+    /// System files.
+    System,
+    /// Study files.
+    Study,
+}
+
+impl Run for Options {
+    fn run(&self, _: Global) -> Result<Document, Failure> {
+        match &self.tool {
+            Tool::Cache { clear } => cache(*clear),
+            Tool::Schema { format } => Ok(Document::raw(format!(
+                "{:#}\n",
+                match format {
+                    Format::System => schema::system(),
+                    Format::Study => schema::study(),
+                }
+            ))),
+            Tool::Completions { shell } => {
+                let mut script = Vec::new();
+                generate(*shell, &mut Cli::command(), "servotwin", &mut script);
+                Ok(Document::raw(String::from_utf8(script).expect("clap writes UTF-8")))
+            }
+            Tool::Man { command } => manual(command.as_deref()),
+        }
     }
+}
+
+fn cache(is_cleared: bool) -> Result<Document, Failure> {
+    let Some(folder) = cache::folder() else {
+        let text =
+            format!("there is no cache: {VARIABLE} is empty, or no folder for caches is known");
+        let mut document = Document::listing("cache", text);
+        document.fact("folder", "", None::<&str>);
+        return Ok(document);
+    };
+    let failed = |cause| FileError::from_io(&folder, cause);
+    let removed = is_cleared.then(|| cache::clear(&folder)).transpose().map_err(failed)?;
+    let libraries = cache::libraries(&folder).map_err(failed)?;
+    let bytes = libraries.iter().map(|(_, bytes)| bytes).sum::<u64>();
+    let text = match removed {
+        Some(_) => "{folder}: {removed} removed",
+        None => "{folder}: {libraries} libraries, {bytes}",
+    };
+    let values = [
+        ("folder", (&folder).into()),
+        ("libraries", libraries.len().into()),
+        ("bytes", Value::of(format!("{:.1} MB", bytes as f64 / 1e6), &bytes)),
+        ("removed", removed.into()),
+    ];
+    Ok(Document::new("cache", Verdict::neutral(line(text, values))))
+}
+
+fn manual(command: Option<&str>) -> Result<Document, Failure> {
+    let mut cli = Cli::command();
+    cli.build();
+    let page = match command {
+        None => cli,
+        Some(name) => match cli.find_subcommand(name) {
+            Some(command) => command.clone(),
+            None => return Err(no_command(name, &cli)),
+        },
+    };
+    let mut text = Vec::new();
+    Man::new(page).render(&mut text).expect("writing to memory does not fail");
+    Ok(Document::raw(String::from_utf8(text).expect("clap writes UTF-8")))
+}
+
+fn no_command(word: &str, cli: &clap::Command) -> Failure {
+    let known: Vec<&str> = cli.get_subcommands().map(clap::Command::get_name).collect();
+    let hint = match nearest(word, known.iter().copied()) {
+        Some(name) => format!("did you mean '{name}'?"),
+        None => format!("there are: {}", known.join(", ")),
+    };
+    Failure::usage(format!("there is no command '{word}'; {hint}"))
 }

@@ -3,19 +3,18 @@
 pub(crate) mod input;
 mod outputs;
 
-use super::{note, recordings, warn};
+use super::{find_study, note, quantity, recordings, warn};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
-use crate::{Global, stop};
+use crate::{Global, Run, stop};
 use input::{InputOptions, diagnoser, log_of, observer, tell, usual_diagnoser, warn_of_lacking};
-use outputs::{Outputs, Totals};
-use serde_json::json;
+use outputs::{Outputs, Shown, Totals};
 use servotwin::files;
 use servotwin::flight::watcher::Watcher;
-use servotwin::signal::WrittenQuantity;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
+use servotwin_view::document::{Content, Document, Form, Value, Verdict, line};
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::guard::{self, accepted_ranges, needed};
 use servotwin_watch::map::{Map, Trust, guess};
@@ -82,9 +81,8 @@ pub(crate) struct Options {
 /// The time between two checkpoints, s.
 const CHECKPOINT_S: f64 = 60.0;
 
-impl Options {
-    /// The files that the command reads and writes.
-    pub(crate) fn paths(&self) -> Paths {
+impl Run for Options {
+    fn paths(&self) -> Paths {
         Paths::default()
             .read("the log", log_of(&self.source))
             .read_study(self.study.as_ref())
@@ -96,63 +94,65 @@ impl Options {
             .write("--events", Format::LINES, &self.events)
             .write("--checkpoint", Format::Any, &self.checkpoint)
     }
-}
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    if let Some(model) = options.input.model.as_deref().filter(|path| recordings::is_model(path)) {
-        return watch_recording(options, model, global);
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        let options = self;
+        if let Some(model) = self.input.model.as_deref().filter(|path| recordings::is_model(path)) {
+            return watch_recording(options, model, global);
+        }
+        let study = find_study(self.study.as_deref())?;
+        let system = &study.system;
+        let input = &self.input;
+        let address = input.address(&self.source)?;
+        if let Some(path) = &self.make_map {
+            return make_map(options, &address, &study, path, global);
+        }
+        let (map, mut source) = input.open(&address, &study, self.study.is_some(), global)?;
+        let diagnoser = Arc::new(diagnoser(input, &study, global)?);
+        let accepted_ranges = accepted_ranges(&diagnoser, system);
+        let period_s = diagnoser.period_s;
+        let path = input.model.clone().unwrap_or_else(usual_diagnoser);
+        warn_of_lacking(&map, &needed(&diagnoser, system), global);
+        guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
+        if !address.is_live() && !self.resume {
+            input.try_log(&address, &map, &study, (&path, &diagnoser), global)?;
+        }
+        let mut observer = observer(&study, (&path, diagnoser.clone()))?;
+        let watchdog = watchdog(options, period_s)?;
+        let title = format!("{}: {address}", system.title);
+        let scene = Scene::new(&title, system, observer.features(), period_s);
+        let scene = scene.with_residuals_of(&diagnoser);
+        let resumed = match self.resume {
+            true => self.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
+            false => None,
+        };
+        let setup = Setup {
+            options,
+            study: &study,
+            diagnoser: &diagnoser,
+            address: &address,
+            map: &map,
+            period_s,
+            global,
+        };
+        let watched = setup.watch(
+            &mut *source,
+            &mut observer,
+            &accepted_ranges,
+            (scene, watchdog),
+            resumed,
+        )?;
+        setup.conclude(watched)
     }
-    let study = match &options.study {
-        Some(path) => Study::read(path)?,
-        None => Study::default(),
-    };
-    let system = &study.system;
-    let input = &options.input;
-    let address = input.address(&options.source)?;
-    if let Some(path) = &options.make_map {
-        return make_map(options, &address, &study, path, global);
-    }
-    let (map, mut source) = input.open(&address, &study, options.study.is_some(), global)?;
-    let diagnoser = Arc::new(diagnoser(input, &study, global)?);
-    let accepted_ranges = accepted_ranges(&diagnoser, system);
-    let period_s = diagnoser.period_s;
-    let path = input.model.clone().unwrap_or_else(usual_diagnoser);
-    warn_of_lacking(&map, &needed(&diagnoser, system), global);
-    guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
-    if !address.is_live() && !options.resume {
-        input.try_log(&address, &map, &study, (&path, &diagnoser), global)?;
-    }
-    let mut observer = observer(&study, (&path, diagnoser.clone()))?;
-    let watchdog = watchdog(options, period_s)?;
-    let title = format!("{}: {address}", system.title);
-    let scene = Scene::new(&title, system, observer.features(), period_s);
-    let scene = scene.with_residuals_of(&diagnoser);
-    let resumed = match options.resume {
-        true => options.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
-        false => None,
-    };
-    let setup = Setup {
-        options,
-        study: &study,
-        diagnoser: &diagnoser,
-        address: &address,
-        map: &map,
-        period_s,
-        global,
-    };
-    let watched =
-        setup.watch(&mut *source, &mut observer, &accepted_ranges, (scene, watchdog), resumed)?;
-    setup.conclude(watched)
 }
 
 /// Answers for the windows of a log by the model of a study of recordings, which has no twin.
-fn watch_recording(options: &Options, model: &Path, global: Global) -> Result<String, Failure> {
+fn watch_recording(options: &Options, model: &Path, global: Global) -> Result<Document, Failure> {
     let Options { study, make_map, html, mcap, events, checkpoint, .. } = options;
     let others = [study, make_map, html, mcap, events, checkpoint, &options.input.map];
     match log_of(&options.source).filter(|_| others.iter().all(|other| other.is_none())) {
         Some(log) => recordings::watch(&log, model, global),
-        None => Err(Failure::Options(
+        None => Err(Failure::usage(
             "a model of recordings answers for a table, and takes no other option of watch",
         )),
     }
@@ -160,25 +160,17 @@ fn watch_recording(options: &Options, model: &Path, global: Global) -> Result<St
 
 /// The time until a live source counts as silent, and the interval of heartbeats.
 fn watchdog(options: &Options, period_s: f64) -> Result<WatchdogRules, Failure> {
+    let seconds = |option, text, least_s: f64| {
+        let words = format!("{least_s} s to 86,400 s");
+        let value = quantity(option, text, Unit::Second, least_s..=86_400.0, &words);
+        value.map(Duration::from_secs_f64)
+    };
     let no_data_after = match &options.no_data_after {
-        Some(text) => Duration::from_secs_f64(seconds("--no-data-after", text, 0.1)?),
+        Some(text) => seconds("--no-data-after", text, 0.1)?,
         None => WatchdogRules::of_period(period_s).no_data_after,
     };
-    let heartbeat = Duration::from_secs_f64(seconds("--heartbeat", &options.heartbeat, 0.0)?);
+    let heartbeat = seconds("--heartbeat", &options.heartbeat, 0.0)?;
     Ok(WatchdogRules { no_data_after, heartbeat: Some(heartbeat).filter(|every| !every.is_zero()) })
-}
-
-/// The value of a time option, s, with a minimum of `least_s`.
-fn seconds(option: &'static str, text: &str, least_s: f64) -> Result<f64, Failure> {
-    let value = WrittenQuantity::in_unit(text, Unit::Second)
-        .map_err(|error| Failure::Number { option, error })?;
-    match (least_s..=86_400.0).contains(&value) {
-        true => Ok(value),
-        false => {
-            let (given, range) = (text.into(), format!("{least_s} s to 86,400 s").into());
-            Err(Failure::OutOfRange { option, given, range })
-        }
-    }
 }
 
 /// The settings of a watch, apart from its source and its observer.
@@ -203,6 +195,8 @@ struct Watched {
     unjudged: Vec<DiagnosisState>,
     /// The lines for readers.
     text: String,
+    /// The last finding of a sample.
+    last: Option<String>,
 }
 
 impl Setup<'_> {
@@ -256,53 +250,60 @@ impl Setup<'_> {
         drop(watch);
         doubts.extend(observer.wider_than_trained());
         if end == End::Complete && counts.samples == 0 {
-            let (log, reason) = (address.to_string(), guard::nothing(map, &counts));
-            return Err(Failure::NoSample { log, reason });
+            return Err(Failure::input(format!("{address}: {}", guard::nothing(map, &counts))));
         }
         let (totals, shown) = outputs.end(options, counts, silences, saved, address.is_live())?;
-        let (unjudged, text) = (shown.unjudged, shown.strip.text());
-        Ok(Watched { end, totals, doubts, contradictions, unjudged, text })
+        let Shown { unjudged, strip, last, .. } = shown;
+        Ok(Watched { end, totals, doubts, contradictions, unjudged, text: strip.text(), last })
     }
 
-    /// Returns the text for standard output, or the reason why the run failed.
-    fn conclude(&self, watched: Watched) -> Result<String, Failure> {
+    /// The result of the watch: what the diagnosis says at its end, or why it must not be believed.
+    fn conclude(&self, watched: Watched) -> Result<Document, Failure> {
         let Setup { options, study, diagnoser, address, map, global, .. } = *self;
-        let Watched { end, totals, mut doubts, contradictions, unjudged, text } = watched;
+        let Watched { end, totals, mut doubts, contradictions, unjudged, text, last } = watched;
         // Ctrl-C is the normal end of a stream, but leaves a file unfinished.
         if end == End::Stopped && !address.is_live() {
-            return Err(Failure::Stopped);
+            return Err(Failure::stopped());
         }
-        let signals: Vec<&str> = (0..map.width()).map(|channel| map.id(channel)).collect();
-        let output = match global {
-            Global { json: true, .. } => format!("{}\n", totals.json(&signals)),
-            Global { quiet: true, .. } => String::new(),
-            _ => text + "\n" + &totals.text(map),
-        };
         let counts = &totals.counts;
+        let said = last.unwrap_or_else(|| "no data".into());
+        let mut verdict = (Verdict::neutral(format!("at the end: {said}")), 0);
+        let mut is_shown = true;
         if end == End::Complete && counts.judged == 0 && !options.resume {
             let reasons = guard::unjudged(doubts, map, diagnoser, &study.system, counts);
             let states = unjudged.iter().map(|state| format!("'{}'", state.words()));
             let states = states.collect::<Vec<_>>().join(" or ");
             let reason = format!("nothing could be judged, every period is {states}: {reasons}");
-            return Err(Failure::Unjudged { output, log: address.to_string(), reason });
-        }
-        doubts.retain(|doubt| !contradictions.contains(doubt));
-        warn(global, &doubts);
-        if !contradictions.is_empty() {
+            verdict = (Verdict::act(format!("error: {address}: {reason}")), 3);
+        } else if contradictions.is_empty() {
+            warn(global, &doubts);
+        } else {
+            doubts.retain(|doubt| !contradictions.contains(doubt));
+            warn(global, &doubts);
             let remedy = if end == End::Contradicted { "; --to reads the part before" } else { "" };
             let source = if address.is_live() { "stream" } else { "log" };
             let reason = format!(
                 "the findings are not those of the actuator, because the {source} contradicts its map: {}{remedy}",
                 contradictions.join("; ")
             );
+            verdict = (Verdict::act(format!("error: {address}: {reason}")), 3);
             // False findings are not shown where no line was written before they were known to be false.
-            let output = if global.json || address.is_live() { output } else { String::new() };
-            return Err(Failure::Unjudged { output, log: address.to_string(), reason });
+            is_shown = address.is_live();
         }
-        match totals.lost_files() {
-            files if files.is_empty() => Ok(output),
-            files => Err(Failure::SinksLost { output, files }),
+        let lost = totals.lost_files();
+        if verdict.1 == 0 && !lost.is_empty() {
+            verdict = (Verdict::act(format!("error: not complete: {}", lost.join("; "))), 1);
         }
+        let mut document = Document::new("watch", verdict.0).formed(Form::Line);
+        document.exit_code = verdict.1;
+        if is_shown {
+            document.push("", Content::Raw(format!("\n{text}\n")));
+        }
+        let signals: Vec<&str> = (0..map.width()).map(|channel| map.id(channel)).collect();
+        if is_shown || global.json {
+            totals.describe(map, &signals, &mut document);
+        }
+        Ok(document)
     }
 }
 
@@ -313,10 +314,10 @@ fn make_map(
     study: &Study,
     path: &Path,
     global: Global,
-) -> Result<String, Failure> {
+) -> Result<Document, Failure> {
     let system = &study.system;
     if path.exists() {
-        return Err(Failure::Options("the map file exists already; it may hold work of a person"));
+        return Err(Failure::usage("the map file exists already; it may hold work of a person"));
     }
     if address.is_live() {
         note(global, &format!("waiting for the first line of {address}"));
@@ -339,26 +340,26 @@ fn make_map(
     let (warnings, notes) = guess.remarks();
     tell(&warnings, &notes, global);
     let inputs = system.network().inputs.len();
-    let result = json!({
-        "map": path.display().to_string(),
-        "time": guess.time,
-        "sensors_found": found,
-        "sensors_lacking": guess.sensors,
-        "inputs_lacking": guess.inputs,
-        "units_assumed": guess.assumed,
-        "likely": guess.likely,
-        "doubts": guess.doubts,
-        "columns_unused": guess.unused,
-    });
-    Ok(match global {
-        Global { json: true, .. } => crate::render::json(&result),
-        Global { quiet: true, .. } => String::new(),
-        _ => format!(
-            "{}: {found} of {} sensors and {} of {inputs} inputs found, {} columns not used\n",
-            path.display(),
-            system.sensors.len(),
-            inputs - guess.inputs.len(),
-            guess.unused.len()
-        ),
-    })
+    let values = [
+        ("map", path.into()),
+        ("sensors_found", found.into()),
+        ("sensors", system.sensors.len().into()),
+        ("inputs_found", (inputs - guess.inputs.len()).into()),
+        ("inputs", inputs.into()),
+        ("unused", guess.unused.len().into()),
+    ];
+    let verdict = line(
+        "{map}: {sensors_found} of {sensors} sensors and {inputs_found} of {inputs} inputs found, {unused} columns not \
+         used",
+        values,
+    );
+    let mut document = Document::new("make-map", Verdict::good(verdict));
+    document.fact("time", "", Value::of("", &guess.time));
+    document.fact("sensors_lacking", "", Value::of("", &guess.sensors));
+    document.fact("inputs_lacking", "", Value::of("", &guess.inputs));
+    document.fact("units_assumed", "", Value::of("", &guess.assumed));
+    document.fact("likely", "", Value::of("", &guess.likely));
+    document.fact("doubts", "", Value::of("", &guess.doubts));
+    document.fact("columns_unused", "", Value::of("", &guess.unused));
+    Ok(document)
 }

@@ -3,9 +3,7 @@
 use super::flights::with_crew;
 use super::scenario_of;
 use crate::failure::Failure;
-use crate::render::json;
-use crate::{Global, stop};
-use serde_json::json;
+use crate::{Global, Run, stop};
 use servotwin::flight::margin::SearchObjective;
 use servotwin::job::{Among, Folder};
 use servotwin_report::words::number;
@@ -13,7 +11,8 @@ use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::worst_case::{
     self, MAX_RUNS, MethodSummary, ObjectiveSummary, WorstCaseFinding,
 };
-use std::fmt::Write;
+use servotwin_view::document::{Document, Table, Value, Verdict, line};
+use servotwin_view::row;
 use std::path::PathBuf;
 
 /// Search the worst case: the flights in which the diagnosis is closest to an error.
@@ -49,83 +48,82 @@ pub(crate) struct Options {
     threads: Option<usize>,
 }
 
-/// Returns the text for standard output.
-pub(crate) fn run(options: &Options, global: Global) -> Result<String, Failure> {
-    stop::heed();
-    let folder = Folder::new(&options.folder);
-    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
-    let results = StudyResultsFolder::open(folder.clone(), wanted)?;
-    let objectives: Vec<SearchObjective> = SearchObjective::ALL
-        .into_iter()
-        .filter(|objective| {
-            options.objective.is_empty() || options.objective.iter().any(|o| o == objective.name())
-        })
-        .collect();
-    let _hold = folder.hold(Among::Nobody)?;
-    let size = (options.seed, options.runs as usize);
-    let summaries = with_crew(options.threads, global, |crew| {
-        worst_case::search(&results, &objectives, size, crew)
-    })?;
-    Ok(match global {
-        Global { json: true, .. } => json(&json!({ "objectives": summaries })),
-        Global { quiet: true, .. } => String::new(),
-        _ => text(options, &summaries),
-    })
+impl Run for Options {
+    fn run(&self, global: Global) -> Result<Document, Failure> {
+        stop::heed();
+        let folder = Folder::new(&self.folder);
+        let wanted = self.scenario.as_deref().map(scenario_of).transpose()?;
+        let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        let is_wanted = |objective: &SearchObjective| {
+            self.objective.is_empty() || self.objective.iter().any(|o| o == objective.name())
+        };
+        let objectives: Vec<SearchObjective> =
+            SearchObjective::ALL.into_iter().filter(is_wanted).collect();
+        let _hold = folder.hold(Among::Nobody)?;
+        let size = (self.seed, self.runs as usize);
+        let summaries = with_crew(self.threads, global, |crew| {
+            worst_case::search(&results, &objectives, size, crew)
+        })?;
+        let mut document = described(self, &summaries);
+        document.files(summaries.iter().map(|summary| summary.figure.clone()));
+        Ok(document)
+    }
 }
 
 /// Describes the results: shutdowns of healthy actuators first.
-fn text(options: &Options, summaries: &[ObjectiveSummary]) -> String {
-    let mut out = String::new();
-    let findings = summaries.iter().flat_map(|summary| &summary.findings);
-    for finding in findings.filter(|finding| finding.shuts_down_healthy) {
-        let _ = writeln!(out, "HEALTHY ACTUATOR SHUT DOWN: {}", finding.flight);
-        let _ = writeln!(out, "  {}", replayed(options, finding));
-    }
-    for summary in summaries {
-        let ObjectiveSummary { objective, search, random, findings, .. } = summary;
-        let _ = writeln!(out, "{}", objective.name());
-        let _ = writeln!(out, "  search: {}", of_method(search));
-        let _ = writeln!(out, "  random: {}", of_method(random));
-        for finding in findings {
-            let kind = if finding.is_error { "finding" } else { "closest" };
-            let WorstCaseFinding { margin, flight, .. } = finding;
-            let _ = writeln!(out, "  {kind}: margin {}: {flight}", number(*margin));
-            let _ = writeln!(out, "    {}", replayed(options, finding));
+fn described(options: &Options, summaries: &[ObjectiveSummary]) -> Document {
+    let findings = || summaries.iter().flat_map(|summary| &summary.findings);
+    let wrong = findings().filter(|finding| finding.shuts_down_healthy);
+    let wrong: Vec<String> =
+        wrong.map(|own| format!("HEALTHY ACTUATOR SHUT DOWN: {}", own.flight)).collect();
+    let errors: usize = summaries.iter().map(|s| s.search.errors + s.random.errors).sum();
+    let flown: usize = summaries.iter().map(|s| s.search.runs + s.random.runs).sum();
+    let verdict = line(
+        "{errors} errors in {flown} flights; in {wrong_shutdowns} of the findings a healthy actuator is shut down.",
+        [
+            ("errors", errors.into()),
+            ("flown", flown.into()),
+            ("wrong_shutdowns", wrong.len().into()),
+        ],
+    );
+    let mut document = Document::new("worst-case", Verdict::neutral(verdict));
+    document.list("shutdowns_of_healthy_actuators", wrong);
+    let mut table = Table::of(
+        ":objective | :by | :flights | :not finished | :errors | :first error | :smallest margin",
+    );
+    for ObjectiveSummary { objective, search, random, .. } in summaries {
+        for (name, own) in [("search", search), ("random flights", random)] {
+            let smallest = own.smallest_margin.map(|margin| Value::digits(margin, 3));
+            let MethodSummary { runs, failed, errors, first_error, .. } = *own;
+            let name = Value::from(name);
+            table.push(row![objective.name(), name, runs, failed, errors, first_error, smallest]);
         }
-        not_searched(&mut out, summary);
-        let _ = writeln!(out, "  {}", summary.figure.display());
     }
-    out
-}
-
-/// The command that flies a finding again.
-fn replayed(options: &Options, finding: &WorstCaseFinding) -> String {
-    format!("servotwin run {} {}", finding.run, options.folder.display())
-}
-
-fn of_method(method: &MethodSummary) -> String {
-    let MethodSummary { runs, failed, errors, first_error, smallest_margin } = method;
-    let first = match first_error {
-        Some(run) => format!(", the first in flight {run}"),
-        None => String::new(),
-    };
-    let smallest = smallest_margin.map_or("none".into(), number);
-    format!(
-        "{runs} flights ({failed} not finished), {errors} errors{first}; smallest margin {smallest}"
-    )
+    document.table("", table);
+    for summary in summaries {
+        let mut section = Document::section("", summary.objective.name());
+        for finding in &summary.findings {
+            let kind = if finding.is_error { "finding" } else { "closest" };
+            let WorstCaseFinding { margin, flight, run, .. } = finding;
+            section.text(format!("  {kind}: margin {}: {flight}", number(*margin)));
+            section.text(format!("    servotwin run {run} {}", options.folder.display()));
+        }
+        not_searched(&mut section, summary);
+        document.add(section);
+    }
+    document.data("objectives", &summaries);
+    document
 }
 
 /// States what was not searched.
-fn not_searched(out: &mut String, summary: &ObjectiveSummary) {
+fn not_searched(section: &mut Document, summary: &ObjectiveSummary) {
     let ObjectiveSummary { share_upper, joint_cells: (joint, visited), held_fixed, .. } = summary;
-    let _ = writeln!(
-        out,
+    section.text(format!(
         "  by the random flights the error occurs in at most {} % of flights, with 95 % confidence",
         number(100.0 * share_upper)
-    );
-    let _ = writeln!(
-        out,
+    ));
+    section.text(format!(
         "  not searched: {visited} of {joint} joint cells of the environment have a flight"
-    );
-    let _ = writeln!(out, "  held fixed: {}", held_fixed.join("; "));
+    ));
+    section.text(format!("  held fixed: {}", held_fixed.join("; ")));
 }

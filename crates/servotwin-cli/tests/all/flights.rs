@@ -39,22 +39,25 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
     assert!(!Path::new(&none).exists());
     let text = std::fs::read_to_string(folder.file("said.txt")).unwrap();
-    let (summary, more) = text.split_once("\n\n").unwrap();
-    assert!(summary.starts_with("summary, of all runs with a fault"), "{summary}");
+    let summary = text.as_str();
+    assert!(
+        summary.starts_with("12 runs with a fault are judged, whether a sensor shows it"),
+        "{summary}"
+    );
     assert!(summary.lines().count() <= 10, "{summary}");
     let measures =
         ["right actuator and command first", "missed (of all)", "per hour (95 %: at most"];
     for measure in measures.into_iter().chain(["flown: "]) {
         assert!(summary.contains(measure), "{measure}: {summary}");
     }
-    assert!(more.contains("outcomes-*.parquet") && more.contains("servotwin report"), "{more}");
+    assert!(text.contains("outcomes-*.parquet") && text.contains("servotwin report"), "{text}");
     // Without a terminal, every stage has a line.
     for stage in ["noise: flights to learn from …", "realistic: suite judge …"] {
         let noted = std::fs::read_to_string(folder.file("noted.txt")).unwrap();
         assert!(noted.lines().any(|line| line == stage), "{noted}");
     }
     for scenario in ["noise", "realistic"] {
-        let line = format!("\n  {scenario}: 6 runs with a fault, 0 not finished\n");
+        let line = format!("\n{scenario}: 6 runs with a fault, 0 not finished\n");
         assert!(summary.contains(&line), "{text}");
         let rows = table::read(Path::new(&out).join(format!("outcomes-unseen-{scenario}.parquet")));
         let rows = outcome::from_table(&rows.unwrap()).unwrap();
@@ -78,12 +81,12 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
     assert_eq!(flown["actions"][0]["command"], "shut_down", "{flown}");
-    let truth = &flown["truth"]["faults"][0];
+    let truth = &flown["faults"][0];
     assert_eq!((&truth["unit"], &truth["command"]), (&"actuator_1".into(), &"shut_down".into()));
     assert_eq!((&truth["is_unit_right"], &truth["is_command_right"]), (&true.into(), &true.into()));
     let [detected, acted] = ["detected_s", "action_s"].map(|key| truth[key].as_f64().unwrap());
     assert!(2.0 < detected && detected <= acted, "{truth}");
-    assert_eq!(flown["truth"]["false_alarms"], 0);
+    assert_eq!(flown["false_alarms"], 0);
     let drawn = read("flight/flight.svg");
     let head = "actuator 1: servo valve: bias positive, intensity 0.7, at 2 s, reaction at ";
     assert!(drawn.contains(head), "the title says what happens");
@@ -142,13 +145,15 @@ fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
         for row in [&all[1], &all[all.len() - 1]] {
             let output = fly(&format!("{suite}#{}@realistic", row.number));
             assert!(output.status.success(), "{}", stderr(&output));
-            let alone: Vec<FlightOutcome> = serde_json::from_str(&stdout(&output)).unwrap();
+            let told: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+            let alone: Vec<FlightOutcome> =
+                serde_json::from_value(told["outcomes"].clone()).unwrap();
             assert_eq!(&alone[0], row);
             let name = format!("{suite}#{}@realistic", row.number);
             let words = stdout(&servotwin(&["run", &name, &out]));
-            let truth = if row.onset_s.is_some() { "; right is: " } else { ": no fault\n" };
+            let truth = if row.onset_s.is_some() { " after the onset" } else { ": no fault" };
             assert!(words.starts_with(&name) && words.contains(truth), "{words}");
-            assert!(words.contains(" after the onset") && !words.contains("null"), "{words}");
+            assert!(words.contains("\nenvironment") && !words.contains("null"), "{words}");
         }
     }
     for wrong in ["judge#999@realistic", "learn#1@realistic", "judged#1@realistic"] {
@@ -173,7 +178,7 @@ fn healthy_flights_go_on_where_they_were_stored() {
     };
     let learned = std::fs::read(&diagnoser).unwrap();
     let (text, three) = fly("3", "5");
-    assert!(text.starts_with("realistic: 3 healthy flights of "), "{text}");
+    assert!(text.contains("realistic: 3 healthy flights of "), "{text}");
     assert!(text.contains(" of 3 environments, at most "), "{text}");
     assert!(text.contains("too few flights"), "{text}");
     let flights = |run: &Table| outcome::from_table(run).unwrap();
@@ -218,9 +223,9 @@ fn shares_of_a_suite_are_joined_to_the_bytes_of_one_machine() {
     let part = |suite: &str| format!("{out}/parts/outcomes-{suite}-noise-0000.parquet");
     ["judge", "healthy"].map(|suite| std::fs::remove_file(part(suite)).unwrap());
     let told = study(&["--suite", "judge,healthy", "--environments", "5", "--share", "1/2"]);
-    assert!(told.starts_with("healthy, noise: 0 of 1 part\njudge, noise: 1 of 1 part\n"), "{told}");
+    assert!(told.contains("1 of 2 parts are there"), "{told}");
     let told = study(&["--suite", "learn,hard_negatives,unseen", "--share", "2/3"]);
-    assert!(told.contains("hard_negatives, noise: 1 of 1 part\nlearn, noise: 0 of 1"), "{told}");
+    assert!(told.contains("1 of 3 parts are there"), "{told}");
     study(&["--suite", "judge"]);
     study(&["--suite", "healthy", "--environments", "5", "--share", "1/1"]);
     let last = part("healthy");
@@ -257,10 +262,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     let output = fly(&wide, &out);
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stdout(&output);
-    assert!(
-        text.starts_with("healthy_other_structure, realistic: 3 healthy flights of "),
-        "{text}"
-    );
+    assert!(text.contains("healthy_other_structure, realistic: 3 healthy flights of "), "{text}");
     let evidence = |out: &str, suite: &str| -> f64 {
         let path = Path::new(out).join(format!("outcomes-{suite}-realistic.parquet"));
         table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
@@ -497,7 +499,7 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
     let tested = servotwin(&["test", &study, "--out", &out]);
     assert!(tested.status.success(), "{}", stderr(&tested));
     let text = stdout(&tested);
-    assert!(text.contains("\n  fitted: 6 runs with a fault, 0 not finished\n"), "{text}");
+    assert!(text.contains("\nfitted: 6 runs with a fault, 0 not finished\n"), "{text}");
     let ground = format!("{out}/ground_test");
     let rows = table::read(format!("{ground}/outcomes-judge-fitted.parquet")).unwrap();
     let rows = outcome::from_table(&rows).unwrap();

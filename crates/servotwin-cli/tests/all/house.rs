@@ -167,7 +167,7 @@ fn leaves_depend_on_nothing_above_them() {
         ("servotwin-model", &[]),
         ("servotwin-diagnosis", &[]),
         ("servotwin-learning", &["servotwin-diagnosis"]),
-        ("servotwin-plot", &["servotwin-io"]),
+        ("servotwin-view", &["servotwin-io", "servotwin-model"]),
         (
             "servotwin-system",
             &[
@@ -175,7 +175,7 @@ fn leaves_depend_on_nothing_above_them() {
                 "servotwin-model",
                 "servotwin-diagnosis",
                 "servotwin-learning",
-                "servotwin-plot",
+                "servotwin-view",
             ],
         ),
         (
@@ -185,7 +185,7 @@ fn leaves_depend_on_nothing_above_them() {
                 "servotwin-model",
                 "servotwin-diagnosis",
                 "servotwin-learning",
-                "servotwin-plot",
+                "servotwin-view",
                 "servotwin-system",
             ],
         ),

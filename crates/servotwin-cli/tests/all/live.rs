@@ -2,7 +2,7 @@
 
 use super::flights::learned;
 use super::watch::flight;
-use super::{Folder, servotwin, stderr, stdout};
+use super::{Folder, met, servotwin, stderr, stdout};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
@@ -63,7 +63,7 @@ fn changes(text: &str) -> Vec<&str> {
 
 fn summary(text: &str) -> Value {
     let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
-    last["summary"].clone()
+    last.clone()
 }
 
 /// A watch that runs, and what it writes.
@@ -111,7 +111,7 @@ impl Running {
         let id = self.child.id().to_string();
         assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
         let status = self.child.wait().unwrap();
-        (status.code().unwrap(), self.lines.iter().last().unwrap()["summary"].clone())
+        (status.code().unwrap(), self.lines.iter().last().unwrap().clone())
     }
 }
 
@@ -187,7 +187,7 @@ fn a_silent_stream_says_no_data_and_a_second_sender_is_not_mixed_in() {
     let (code, summary) = watch.interrupt();
     assert_eq!(code, 0, "{summary}");
     assert!(summary["silences"]["source"].as_u64().unwrap() >= 1, "{summary}");
-    let foreign = &summary["met"]["foreign_sender"];
+    let foreign = met(&summary, "foreign_sender");
     let expected = other.socket.local_addr().unwrap().to_string();
     assert!(foreign["first"].as_str().unwrap().ends_with(&expected), "{summary}");
     let kept = std::fs::read_to_string(&events).unwrap();

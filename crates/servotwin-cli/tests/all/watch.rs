@@ -2,7 +2,7 @@
 //! and tested there.
 
 use super::flights::learned;
-use super::{Folder, json, servotwin, stderr, stdout};
+use super::{Folder, json, met, servotwin, stderr, stdout};
 use std::io::Write;
 use std::process::{Command, Stdio};
 
@@ -44,7 +44,7 @@ fn a_watch_that_goes_on_after_a_repair_judges_anew_once_its_alarm_is_reset() {
         let text = stdout(&output);
         let lines = text.lines().map(|line| serde_json::from_str(line).unwrap());
         let lines: Vec<serde_json::Value> = lines.collect();
-        lines.into_iter().filter(|line| line["summary"].is_null()).collect::<Vec<_>>()
+        lines.into_iter().filter(|line| line["document"].is_null()).collect::<Vec<_>>()
     };
     let shown = |finding: &serde_json::Value| {
         let text = |key: &str| finding[key].as_str().unwrap().to_owned();
@@ -69,7 +69,7 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     let with = ["--study", &study, "--model", &model];
     let (map, html, mcap) = (folder.file("map.toml"), folder.file("a.html"), folder.file("a.mcap"));
     let made = json(&["watch", &log, "--make-map", &map, "--json"]);
-    assert_eq!((&made["sensors_found"], &made["time"]), (&13.into(), &true.into()));
+    assert_eq!((&made["verdict"]["sensors_found"], &made["time"]), (&13.into(), &true.into()));
 
     let run = |arguments: &[&str]| {
         let output = servotwin(&[arguments, &with].concat());
@@ -79,8 +79,8 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     let text = run(&["watch", &log, "--map", &map, "--json", "--html", &html, "--mcap", &mcap]);
     let last = text.lines().last().unwrap();
     let summary: serde_json::Value = serde_json::from_str(last).unwrap();
-    assert_eq!(summary["summary"]["samples"], 401);
-    assert!(summary["summary"]["met"].as_object().unwrap().is_empty(), "{last}");
+    assert_eq!(summary["samples"], 401);
+    assert!(summary["met"].as_array().unwrap().is_empty(), "{last}");
     assert!(std::fs::read_to_string(&html).unwrap().contains("from 0.00 s to 8.00 s"));
 
     let mut child = Command::new(env!("CARGO_BIN_EXE_servotwin"))
@@ -111,9 +111,9 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     std::fs::write(&spiked, rows.lines().enumerate().map(spike).collect::<String>()).unwrap();
     let told = run(&["watch", &spiked, "--map", &map, "--json"]);
     let summary: serde_json::Value = serde_json::from_str(told.lines().last().unwrap()).unwrap();
-    let (met, missing) = (&summary["summary"]["met"], &summary["summary"]["missing"]);
-    assert_eq!(met["impossible"]["count"], 2, "{met}");
-    assert_eq!(met["impossible"]["first"], "line 151: x_p_1 = -1 in SI");
+    let missing = &summary["missing"];
+    assert_eq!(met(&summary, "impossible")["count"], 2, "{summary}");
+    assert_eq!(met(&summary, "impossible")["first"], "line 151: x_p_1 = -1 in SI");
     assert_eq!((&missing["x_p_1"], &missing["p_a_1"]), (&1.into(), &1.into()));
     assert_eq!(told.lines().count(), text.lines().count(), "the findings stay");
 
@@ -291,7 +291,7 @@ fn mistakes_in_watching_are_said_with_their_place() {
         let (text, notes) = (stdout(&found), stderr(&found));
         let summary: serde_json::Value =
             serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap();
-        assert_eq!(summary["summary"]["samples"], 401, "{log}: {notes}");
+        assert_eq!(summary["samples"], 401, "{log}: {notes}");
         assert!(
             !notes.contains("is assumed") && !notes.contains("column with the time"),
             "{notes}"

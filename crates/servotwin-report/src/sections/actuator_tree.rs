@@ -1,15 +1,15 @@
 //! The tree that finds the failed actuator (figure 9 of the seed paper), and the other trees of every scenario.
 
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{percent, unit};
 use crate::{Material, stages};
 use servotwin::campaign::data_features;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let Some(result) = material.main() else {
         return;
     };
@@ -19,7 +19,7 @@ pub fn write(material: &Material, page: &mut Page) {
     let features: Vec<Feature> =
         data_features(material.study).into_iter().map(|known| known.feature).collect();
     let (words, looks) = (material.words(), material.looks());
-    page.text(&format!(
+    page.text(format!(
             "Scenario: {}, trained with everything there is to learn from. How often the answer to each \
              question hangs on less than a sensor shows stands under “Answers that hang on less than a \
              sensor shows”. A tree goes up where the answer is yes; n counts training variants{}, \
@@ -27,13 +27,13 @@ pub fn write(material: &Material, page: &mut Page) {
             result.title,
             words.several(" (and their mirror images)")
         ));
-    let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Page| {
+    let draw = |hierarchy: &Hierarchy, name: &str, title: &str, page: &mut Document| {
         for stage in &hierarchy.stages {
             let Some(drawing) = stages::drawing(hierarchy, stage, &features, &words, &looks) else {
                 continue;
             };
             if !stages::decides(stage) {
-                page.text(&format!(
+                page.text(format!(
                         "Scenario: {title}. Tree {} asks nothing: where it was learned, nothing healthy left \
                          the bands.",
                         stage.id
@@ -41,7 +41,7 @@ pub fn write(material: &Material, page: &mut Page) {
                 continue;
             }
             let caption = format!("Tree {}, {title}: {}.", stage.id, asks(stage, &words));
-            page.wide_figure(&format!("tree_{name}{}", stage.id), drawing.draw(), &caption);
+            page.wide_figure(format!("tree_{name}{}", stage.id), drawing.draw(), caption);
         }
     };
     draw(hierarchy, "", &result.title, page);
@@ -52,15 +52,17 @@ pub fn write(material: &Material, page: &mut Page) {
         });
     }
     page.table(
-        &meanings(hierarchy, &features, &words),
-        "The features that the trees ask for. “Of \
+        "",
+        meanings(hierarchy, &features, &words).captioned(
+            "The features that the trees ask for. “Of \
              scale” means: of the sensor's scale in the table above.",
+        ),
     );
-    let mut grid = HtmlTable::new([
-        ("tree", Alignment::Left),
-        ("nodes", Alignment::Right),
-        ("depth", Alignment::Right),
-        ("what carries it (share of the impurity removed)", Alignment::Left),
+    let mut grid = Table::headed([
+        "tree",
+        "nodes",
+        "depth",
+        "what carries it (share of the impurity removed)",
     ]);
     for stage in &result.evaluation.stages {
         let count = |value: Option<usize>| value.map_or("–".into(), |v| v.to_string());
@@ -70,8 +72,11 @@ pub fn write(material: &Material, page: &mut Page) {
         grid.push(vec![stage.stage.clone(), count(stage.nodes), count(stage.depth), best]);
     }
     page.table(
-        &grid,
-        &format!("The trees' sizes, scenario {}: what would be at work.", result.title),
+        "",
+        grid.captioned(format!(
+            "The trees' sizes, scenario {}: what would be at work.",
+            result.title
+        )),
     );
 }
 
@@ -88,7 +93,7 @@ fn asks(stage: &Stage, words: &Vocabulary) -> String {
     }
 }
 
-fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> HtmlTable {
+fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> Table {
     let mut asked: Vec<&str> = vec![];
     for stage in &hierarchy.stages {
         for name in stages::asked(hierarchy, stage) {
@@ -97,11 +102,7 @@ fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> 
             }
         }
     }
-    let mut grid = HtmlTable::new([
-        ("feature", Alignment::Left),
-        ("unit", Alignment::Left),
-        ("meaning", Alignment::Left),
-    ]);
+    let mut grid = Table::headed(["feature", "unit", "meaning"]);
     for feature in features.iter().filter(|known| asked.contains(&known.name.as_str())) {
         let unit = unit(feature.unit).to_owned();
         grid.push(vec![feature.name.clone(), unit, words.adapted(&feature.meaning)]);

@@ -3,17 +3,17 @@
 use crate::Material;
 use crate::lines;
 use crate::looks;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{NONE, chosen, rate, stacked};
 use servotwin::evaluation::bands::{ALARMS, Band};
 use servotwin::job::results::SubjectResult;
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
-use servotwin_plot::Figure;
-use servotwin_plot::bars::{Bar, Bars};
+use servotwin_view::Figure;
+use servotwin_view::bars::{Bar, Bars};
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let results: Vec<(&SubjectResult, &[Band])> = lines::scenarios(material.results)
         .into_iter()
         .filter_map(|result| Some((result, lines::learned(result)?)))
@@ -22,7 +22,7 @@ pub fn write(material: &Material, page: &mut Page) {
         return;
     }
     let words = &material.words();
-    page.text(&format!(
+    page.text(format!(
             "A fixed band lets every scaled residual stay within ±3 %{}, whatever the sensor. Where \
              sensors have noise and specimens tolerances, that is too narrow for some sensors and too \
              wide for others. Here each kind of sensor has a band of its own, learned from healthy \
@@ -40,7 +40,7 @@ pub fn write(material: &Material, page: &mut Page) {
         ));
     for (result, _) in &results {
         if let Some(broken) = broken_promise(result) {
-            page.text(&format!("Scenario: {}. {broken}", result.title));
+            page.text(format!("Scenario: {}. {broken}", result.title));
         }
     }
     let names: Vec<String> =
@@ -52,12 +52,14 @@ pub fn write(material: &Material, page: &mut Page) {
              for all.",
     );
     page.table(
-        &widths(&results, &names),
-        "Half widths in percent of scale; below them how many of the \
+        "",
+        widths(&results, &names).captioned(
+            "Half widths in percent of scale; below them how many of the \
             healthy training records (those of like sensors together) leave the band.",
+        ),
     );
-    page.table(&effect(&results), "What the bands do: share of all faults that is detected, and share of \
-            healthy specimens that alarm, on the judged operating cases, from which no band was learned.");
+    page.table("", effect(&results).captioned("What the bands do: share of all faults that is detected, and share of \
+            healthy specimens that alarm, on the judged operating cases, from which no band was learned."));
 }
 
 /// Reports that more healthy specimens leave the bands than promised, if the interval proves it.
@@ -99,11 +101,10 @@ fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
     bars.draw()
 }
 
-fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> HtmlTable {
-    let mut heads =
-        vec![("sensor".to_owned(), Alignment::Left), ("fixed".into(), Alignment::Right)];
-    heads.extend(results.iter().map(|(result, _)| (result.title.clone(), Alignment::Right)));
-    let mut grid = HtmlTable::new(heads);
+fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Table {
+    let mut heads = vec!["sensor".to_owned(), "fixed".into()];
+    heads.extend(results.iter().map(|(result, _)| result.title.clone()));
+    let mut grid = Table::headed(heads);
     for (place, name) in names.iter().enumerate() {
         let mut row = vec![name.clone(), chosen(100.0 * BAND)];
         let width = |band: Option<&Band>| {
@@ -122,13 +123,9 @@ fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> HtmlTable 
 }
 
 /// Detection and false alarms with both bands.
-fn effect(results: &[(&SubjectResult, &[Band])]) -> HtmlTable {
-    let mut grid = HtmlTable::new([
-        ("scenario", Alignment::Left),
-        ("band", Alignment::Left),
-        ("faults detected", Alignment::Right),
-        ("healthy specimens that alarm", Alignment::Right),
-    ]);
+fn effect(results: &[(&SubjectResult, &[Band])]) -> Table {
+    let mut grid =
+        Table::headed(["scenario", "band", "faults detected", "healthy specimens that alarm"]);
     for (result, _) in results {
         let evaluation = &result.evaluation;
         let alarms = evaluation.false_alarms.as_ref();

@@ -1,15 +1,15 @@
 //! All classifiers, compared under the same protocol.
 
-use crate::page::Page;
 use crate::{Material, looks};
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::protocol::Protocol;
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::Figure;
-use servotwin_plot::bars::{Bar, Bars};
+use servotwin_view::Figure;
+use servotwin_view::bars::{Bar, Bars};
+use servotwin_view::document::Document;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     for result in &material.results.subjects {
         if result.evaluation.classifiers.is_empty() {
             continue;
@@ -23,7 +23,7 @@ pub fn write(material: &Material, page: &mut Page) {
                 continue;
             }
             let name = format!("classifiers_{}_{stage}", result.subject.name());
-            page.figure(&name, bars(&result.evaluation, stage), &format!(
+            page.figure(name.clone(), bars(&result.evaluation, stage), format!(
                     "Scenario: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
                      same features and default settings; random thirds: {}. Strokes across the foot of a \
                      bar: the axis does not begin at zero. Whiskers: 95 %.",

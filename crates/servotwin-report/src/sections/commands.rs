@@ -1,18 +1,18 @@
 //! The commands on which the diagnosis is evaluated (figure 7 of the seed paper), and those from which it learns.
 
 use crate::Material;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{chosen, number};
 use servotwin::shown::Shown;
 use servotwin::study::{Environment, Study, Training};
-use servotwin_plot::SemanticColor;
-use servotwin_plot::time_series::{Panel, Series, TimeSeries};
+use servotwin_view::SemanticColor;
+use servotwin_view::document::{Document, Table};
+use servotwin_view::time_series::{Panel, Series, TimeSeries};
 
 /// The seconds that a figure shows. A whole run would look like a solid band.
 const SHOWN_S: f64 = 30.0;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let study = material.study;
     let read = Shown::of_input(study.system.network(), study.command_input);
     let end = study.duration_s.min(SHOWN_S);
@@ -46,20 +46,20 @@ pub fn write(material: &Material, page: &mut Page) {
     page.figure(
         "commands",
         figure.draw(),
-        &format!(
+        format!(
             "The commands on which the diagnosis is judged, {shown}{}. Operating cases: {}.",
             material.words().paper(" (figure 7 of the seed paper)"),
             study.cases.iter().map(|case| case.name.as_str()).collect::<Vec<_>>().join(", "),
         ),
     );
-    let mut grid = HtmlTable::new([("command", Alignment::Left), ("what it is", Alignment::Left)]);
+    let mut grid = Table::headed(["command", "what it is"]);
     for name in known {
         let signal = study.command_signal(name).map(|signal| in_words(&signal.to_string()));
         grid.push(vec![name.to_owned(), signal.unwrap_or_default()]);
     }
-    page.table(&grid, "The same commands in words.");
+    page.table("", grid.captioned("The same commands in words."));
     if let Some(training) = &study.training {
-        page.table(&list(study, training), &format!(
+        page.table("", list(study, training).captioned(format!(
             "Trees and committee learn from {} other commands, run for {} s each at a load of its own; of every command \
              there are {} healthy specimens, which run {} s. Of a pattern every range is filled evenly by the draws, \
              wide ones on a logarithmic scale.",
@@ -67,7 +67,7 @@ pub fn write(material: &Material, page: &mut Page) {
             chosen(training.duration_s),
             training.healthy,
             chosen(study.duration_s),
-        ));
+        )));
     }
 }
 
@@ -83,12 +83,8 @@ fn commands(training: &Training) -> Vec<&str> {
 }
 
 /// Lists the training commands with a description. Draws of one pattern share a row.
-fn list(study: &Study, training: &Training) -> HtmlTable {
-    let mut grid = HtmlTable::new([
-        ("command", Alignment::Left),
-        ("what it is", Alignment::Left),
-        ("load", Alignment::Right),
-    ]);
+fn list(study: &Study, training: &Training) -> Table {
+    let mut grid = Table::headed(["command", "what it is", "load"]);
     let load = study.load_input();
     // The draws of all patterns come first, in their order.
     let mut cases: Vec<&Environment> = training.cases.iter().collect();

@@ -2,16 +2,16 @@
 
 use crate::Material;
 use crate::lines::{self, Who};
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, chosen, share, spoken, stacked};
 use servotwin::evaluation::isolation::{Isolation, LEVEL};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let results: Vec<&SubjectResult> = lines::scenarios(material.results)
         .into_iter()
         .filter(|result| !result.evaluation.committee.is_empty())
@@ -28,24 +28,24 @@ pub fn write(material: &Material, page: &mut Page) {
         );
     let words = &material.words();
     for result in &results {
-        page.table(&beside_trees(result, words), &format!(
+        page.table("", beside_trees(result, words).captioned(format!(
                 "Scenario: {}. Trees and committee under the same protocols, with 95 % intervals from \
                  drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
                 result.title
-            ));
+            )));
     }
     isolation(&results, words, page);
 }
 
-fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
-    let heads = [("held out".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
+fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Table {
+    let heads = ["held out".to_owned(), "by".to_owned()];
     let right = lines::right(words);
     // With one actuator there is no actuator stage.
     let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
-    let stages = letters.iter().map(|letter| ((*letter).to_owned(), Alignment::Right));
-    let measures = right.iter().map(|measure| (measure.title.clone(), Alignment::Right));
-    let last = [("end to end, by kind".to_owned(), Alignment::Right)];
-    let mut grid = HtmlTable::new(heads.into_iter().chain(stages).chain(measures).chain(last));
+    let stages = letters.iter().map(|letter| (*letter).to_owned());
+    let measures = right.iter().map(|measure| measure.title.clone());
+    let last = ["end to end, by kind".to_owned()];
+    let mut grid = Table::headed(heads.into_iter().chain(stages).chain(measures).chain(last));
     for protocol in ALL {
         let Some(committee) = result.evaluation.committee(protocol) else { continue };
         for who in Who::ALL {
@@ -67,8 +67,8 @@ fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
 }
 
 /// Writes what trees and committee decide together if a fault may stay not isolated.
-fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
-    let mut grid = HtmlTable::new(heads(words));
+fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Document) {
+    let mut grid = Table::headed(heads(words));
     let mut wrong = vec![];
     for result in results {
         for isolation in &result.evaluation.isolation {
@@ -80,7 +80,7 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
         return;
     }
     page.heading("Faults that may stay not isolated");
-    page.text(&format!(
+    page.text(format!(
         "A fault of an unknown kind has no right class. It should stay “not isolated”: something is wrong with this \
          {}, nothing is {} because of it, and a person or the limits of the system decide. A fault is isolated where \
          trees and committee agree, and training rows of their answer resemble it, in units of the scatter of faults \
@@ -89,8 +89,8 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
         words.switched_off(),
     ));
     page.table(
-        &grid,
-        &format!(
+        "",
+        grid.captioned(format!(
             "Counts are of detected faults. The limit of resemblance leaves {} % of held-out known faults unlike the \
              training rows of their own answer, and nothing else sets it.{}",
             chosen(100.0 * LEVEL),
@@ -101,9 +101,9 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Page) {
                 ),
                 false => String::new(),
             },
-        ),
+        )),
     );
-    wrong.iter().for_each(|text| page.text(text));
+    wrong.into_iter().for_each(|text| _ = page.text(text));
 }
 
 /// The number of wrongly decided kinds that are named.
@@ -129,10 +129,11 @@ fn wrong_kinds(
     })
 }
 
-fn heads(words: &Vocabulary) -> Vec<(String, Alignment)> {
+fn heads(words: &Vocabulary) -> Vec<String> {
     let (off, several) = (words.has_off(), words.has_off() && words.has_several());
-    let left = ["scenario", "held out"].map(|head| (head.to_owned(), Alignment::Left));
     let mut titles = vec![
+        "scenario".to_owned(),
+        "held out".to_owned(),
         "share decided".to_owned(),
         format!("{} right, of decided", words.action()),
         "right or not isolated".to_owned(),
@@ -140,7 +141,7 @@ fn heads(words: &Vocabulary) -> Vec<(String, Alignment)> {
     titles.extend(several.then(|| format!("healthy {} {}", words.unit(), words.switched_off())));
     titles.extend(off.then(|| format!("{} missed", words.off())));
     titles.extend(off.then(|| format!("needless {}", words.off())));
-    left.into_iter().chain(titles.into_iter().map(|title| (title, Alignment::Right))).collect()
+    titles
 }
 
 fn row(result: &SubjectResult, isolation: &Isolation, words: &Vocabulary) -> Vec<String> {

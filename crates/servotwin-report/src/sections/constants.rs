@@ -1,24 +1,24 @@
 //! The constants of the diagnosis in operation, with where their values come from.
 
 use crate::Material;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::number;
 use servotwin::study::Scenario;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let words = &material.words();
     for (scenarios, constants) in grouped(material.constants) {
         let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-        page.table(&grid(constants, words), &format!(
+        page.table("", grid(constants, words).captioned(format!(
                 "The constants of the diagnoser, scenario {}. Physical: from what {}s, sensors and computers \
                  are. Statistical: from an error rate, odds or a criterion of statistics. Tuned: the best of several \
                  in flights of a seed that no evaluation uses.",
                 names.join(" and "),
                 words.unit()
-            ));
+            )));
     }
 }
 
@@ -34,14 +34,8 @@ fn grouped(all: &[(Scenario, Vec<Constant>)]) -> Vec<(Vec<Scenario>, &[Constant]
     groups
 }
 
-fn grid(constants: &[Constant], words: &Vocabulary) -> HtmlTable {
-    let mut grid = HtmlTable::new([
-        ("constant", Alignment::Left),
-        ("value", Alignment::Right),
-        ("", Alignment::Left),
-        ("meaning", Alignment::Left),
-        ("source", Alignment::Left),
-    ]);
+fn grid(constants: &[Constant], words: &Vocabulary) -> Table {
+    let mut grid = Table::headed(["constant", "value", "", "meaning", "source"]);
     for constant in constants {
         let value = format!("{} {}", number(constant.value), constant.unit);
         grid.push(vec![

@@ -1,28 +1,28 @@
 //! The faults that are detected, and the intensity from which each is detected.
 
 use crate::lines;
-use crate::page::Page;
 use crate::words::{rate, spoken};
 use crate::{Material, hardest_first};
 use servotwin::evaluation::detection::Detection;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::Figure;
-use servotwin_plot::lines::{Curve, Lines};
-use servotwin_plot::value_map::{ValueMap, digits};
+use servotwin_view::Figure;
+use servotwin_view::document::Document;
+use servotwin_view::lines::{Curve, Lines};
+use servotwin_view::value_map::{ValueMap, digits};
 use std::collections::BTreeMap;
 
 /// The stand-in intensity of a fault that is never detected; real intensities are at most one.
 const NEVER: f64 = 10.0;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let words = material.words();
-    let show = |result: &SubjectResult, page: &mut Page| {
+    let show = |result: &SubjectResult, page: &mut Document| {
         let detection = &result.evaluation.detection;
         let name = result.subject.name();
-        page.heading(&format!("Scenario: {}", result.title));
-        page.text(&format!(
+        page.heading(format!("Scenario: {}", result.title));
+        page.text(format!(
             "{} of all faults leave {} at least once{}.",
             rate(Some(detection.detected)),
             match lines::learned(result) {
@@ -39,9 +39,9 @@ pub fn write(material: &Material, page: &mut Page) {
         ));
         let curves = curves(material, detection);
         page.figure(
-            &format!("detection_{name}"),
+            format!("detection_{name}"),
             curves,
-            &format!(
+            format!(
                 "Scenario: {}. Share of faults detected against their intensity, for each failure, \
                      over all operating cases{}.",
                 result.title,
@@ -52,9 +52,9 @@ pub fn write(material: &Material, page: &mut Page) {
             ),
         );
         page.figure(
-            &format!("least_intensity_{name}"),
+            format!("least_intensity_{name}"),
             least(detection),
-            &format!(
+            format!(
                 "Scenario: {}. The smallest intensity from which on a fault is detected in each \
                      operating case{}, the hardest to see first.",
                 result.title,

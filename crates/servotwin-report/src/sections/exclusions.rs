@@ -1,23 +1,23 @@
 //! Variants that were left out, with counts.
 
 use crate::Material;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::number;
+use servotwin_view::document::{Document, Table};
 
 /// The maximum number of failed variants listed one by one.
 const SHOWN: usize = 50;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let words = material.words();
-    let mut grid = HtmlTable::new([
-        ("data set", Alignment::Left),
-        ("for", Alignment::Left),
-        ("variants", Alignment::Right),
-        ("without a fault", Alignment::Right),
-        ("undetectable", Alignment::Right),
-        ("not simulated to the end", Alignment::Right),
-        ("faults left", Alignment::Right),
+    let mut grid = Table::headed([
+        "data set",
+        "for",
+        "variants",
+        "without a fault",
+        "undetectable",
+        "not simulated to the end",
+        "faults left",
     ]);
     for set in &material.manifest.data_sets {
         let used = set.variants - set.healthy - set.undetectable - set.failed.len();
@@ -32,16 +32,10 @@ pub fn write(material: &Material, page: &mut Page) {
     }
     let note = format!("Variants by what became of them; undetectable by {}.", words.fixed_band());
     if !grid.is_empty() {
-        page.table(&grid, &note);
+        page.table("", grid.captioned(note));
     }
     for set in material.manifest.data_sets.iter().filter(|set| !set.failed.is_empty()) {
-        let mut grid = HtmlTable::new([
-            ("variant", Alignment::Right),
-            ("fault", Alignment::Left),
-            ("intensity", Alignment::Right),
-            ("case", Alignment::Left),
-            ("reason", Alignment::Left),
-        ]);
+        let mut grid = Table::headed(["variant", "fault", "intensity", "case", "reason"]);
         for failed in set.failed.iter().take(SHOWN) {
             grid.push(vec![
                 failed.variant.to_string(),
@@ -52,18 +46,18 @@ pub fn write(material: &Material, page: &mut Page) {
             ]);
         }
         page.table(
-            &grid,
-            &format!(
+            "",
+            grid.captioned(format!(
                 "{}: variants that could not be simulated to the end ({} in all).",
                 set.scenario,
                 set.failed.len()
-            ),
+            )),
         );
     }
     for result in &material.results.subjects {
         let constant = &result.evaluation.constant_features;
         if !constant.is_empty() {
-            page.text(&format!(
+            page.text(format!(
                 "Scenario: {}. Features that never change, and so say nothing: {}.",
                 result.title,
                 constant.join(", ")

@@ -1,23 +1,18 @@
 //! Table 1 of the seed paper, and the physical meaning of each fault.
 
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{number, spoken};
 use crate::{Material, table};
 use servotwin::study::Study;
 use servotwin_model::program::FaultAt;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let study = material.study;
     if study.faults.is_empty() {
         return;
     }
-    let mut grid = HtmlTable::new([
-        ("command", Alignment::Left),
-        ("failure", Alignment::Left),
-        ("components", Alignment::Right),
-        ("faults", Alignment::Right),
-    ]);
+    let mut grid = Table::headed(["command", "failure", "components", "faults"]);
     let rows = table::rows(study);
     for row in &rows {
         let (components, faults) = (row.components.to_string(), row.faults.to_string());
@@ -31,8 +26,8 @@ pub fn write(material: &Material, page: &mut Page) {
     };
     grid.push_strong(vec![head, String::new(), sum.0.to_string(), sum.1.to_string()]);
     page.table(
-        &grid,
-        &format!(
+        "",
+        grid.captioned(format!(
             "What can fail{}, and what must be done then{}. Each kind of fault has {} intensities.",
             match words.has_several() {
                 true => format!(" in one of the {} {}", study.units.len(), words.units()),
@@ -40,12 +35,14 @@ pub fn write(material: &Material, page: &mut Page) {
             },
             words.paper(" (table 1 of the seed paper)"),
             study.faults.len() / (study.units.len() * kinds(study).len()).max(1),
-        ),
+        )),
     );
     page.table(
-        &physical(study),
-        "Every kind of fault: the parameter that it changes, healthy \
+        "",
+        physical(study).captioned(
+            "Every kind of fault: the parameter that it changes, healthy \
              and at intensity 1.",
+        ),
     );
 }
 
@@ -62,15 +59,9 @@ fn kinds(study: &Study) -> Vec<FaultAt> {
     kinds
 }
 
-fn physical(study: &Study) -> HtmlTable {
-    let mut grid = HtmlTable::new([
-        ("fault", Alignment::Left),
-        ("meaning", Alignment::Left),
-        ("parameter", Alignment::Left),
-        ("healthy", Alignment::Right),
-        ("intensity 1", Alignment::Right),
-        ("unit", Alignment::Left),
-    ]);
+fn physical(study: &Study) -> Table {
+    let mut grid =
+        Table::headed(["fault", "meaning", "parameter", "healthy", "intensity 1", "unit"]);
     let program = &study.system.program;
     let components = &study.system.network().components;
     for at in kinds(study) {

@@ -3,7 +3,6 @@
 
 use crate::Material;
 use crate::looks::Looks;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, spoken, stacked,
@@ -19,20 +18,21 @@ use servotwin::study::suites::{
 };
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_plot::Figure;
-use servotwin_plot::lines::{Curve, Lines};
+use servotwin_view::Figure;
+use servotwin_view::document::{Document, Table};
+use servotwin_view::lines::{Curve, Lines};
 
 /// The share of faults that a latency limit applies to.
 const SHARE: f64 = 0.95;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let Some(results) = material.flights else {
         return;
     };
     let words = &material.words();
-    page.text(&about(results, words, material.study.least_on()));
-    page.table(&limits_grid(material.study, results, words), &format!(
+    page.text(about(results, words, material.study.least_on()));
+    page.table("", limits_grid(material.study, results, words).captioned(format!(
             "What is asked of the diagnosis at work, and what was measured. {} “Met” is said only where \
              the interval is on the right side of the limit; that something never happens cannot be \
              shown by counting, only how often at most.",
@@ -41,32 +41,31 @@ pub fn write(material: &Material, page: &mut Page) {
                        servotwin's.",
                 _ => "Limits that the study file does not set are servotwin's, marked as default.",
             }
-        ));
-    page.note(&sizes(results, material.study, words));
-    page.table(
-        &all_measures(results, words),
-        &format!(
+        )));
+    page.note(sizes(results, material.study, words));
+    page.table("", all_measures(results, words).captioned(format!(
             "Every measure of these flights, after the faults in which it is counted, with 95 % intervals from drawing \
              kinds of fault at their intensities. The limit is {}.",
             latency_limits(results)
-        ),
-    );
+        )));
     if let Some(sealed) = material.sealed {
         page.heading("In sealed environments");
-        page.text(&format!(
+        page.text(format!(
                 "The same diagnosers were judged again in environments of a seed that was drawn after they were \
                  finished. {}",
                 sealed.in_words(None)
             ));
         page.table(
-            &limits_grid(material.study, &sealed.results, words),
-            "The same limits in \
+            "",
+            limits_grid(material.study, &sealed.results, words).captioned(
+                "The same limits in \
                  sealed environments. Every opening is on record, also those without a result.",
+            ),
         );
     }
     in_own_environments(material.healthy, page);
     page.heading("How soon a fault is isolated");
-    page.text(&format!(
+    page.text(format!(
             "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
              makes it so by chance; it is isolated when the right command{} is raised. The curves show which \
              share of the visible faults of intensity {STRONG} and more is isolated how long after the \
@@ -84,33 +83,33 @@ pub fn write(material: &Material, page: &mut Page) {
                      time since the onset.",
                     metrics.title()
                 );
-                page.figure(&name, latencies(metrics, &material.looks()), &caption);
+                page.figure(name.clone(), latencies(metrics, &material.looks()), caption);
             }
         });
     for metrics in results.judged().chain(results.of_other_plants()) {
-        page.table(&by_command(metrics, words), &format!(
+        page.table("", by_command(metrics, words).captioned(format!(
                 "Scenario {}: what became of the {}s, by what should have been commanded. Shares are \
                  of the visible faults, with 95 % intervals from drawing kinds of fault at their \
                  intensities; times are the median, and below it 95 % and the longest of those that \
                  were isolated.",
                 metrics.title(),
                 words.run()
-            ));
+            )));
     }
     if !words.has_off() {
         return;
     }
     page.heading("By the way in which a fault begins");
-    page.table(&by_onset(results, words), &format!(
+    page.table("", by_onset(results, words).captioned(format!(
             "Faults that call for a {} of intensity {STRONG} and more. A drift reaches its intensity in 4 s; an \
              intermittent fault is there for 1 s and away for 1 s.",
             words.off()
-        ));
+        )));
     wrong_kinds(results, words, page);
 }
 
 /// Healthy flights, each in an environment of its own.
-fn in_own_environments(runs: &[FlownSuite], page: &mut Page) {
+fn in_own_environments(runs: &[FlownSuite], page: &mut Document) {
     if runs.is_empty() {
         return;
     }
@@ -125,7 +124,7 @@ fn in_own_environments(runs: &[FlownSuite], page: &mut Page) {
         let FlownSuite { seed, outcomes, .. } = run;
         let (flown, failed) = (outcomes.len(), run.failed());
         let lines = by_environment_and_tail(&run.healthy()).join("; ");
-        page.note(&format!(
+        page.note(format!(
             "{}: {flown} healthy flights of {} s (seed {seed}), {failed} not finished. {}.",
             begun(&run.title()),
             chosen(run.longest_s()),
@@ -379,12 +378,12 @@ impl SettingLimits<'_> {
 }
 
 /// The measures in all scenarios.
-fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
+fn all_measures(results: &FlightResults, words: &Vocabulary) -> Table {
     let suites: Vec<&FlightMetrics> = results.judged().chain(results.of_other_plants()).collect();
     let limits_s: Vec<f64> = suites.iter().map(|metrics| metrics.limit_s).collect();
-    let left = ["of", "measure"].map(|head| (head.to_owned(), Alignment::Left));
-    let scenarios = suites.iter().map(|metrics| (metrics.title(), Alignment::Right));
-    let mut grid = HtmlTable::new(left.into_iter().chain(scenarios));
+    let left = ["of", "measure"].map(String::from);
+    let scenarios = suites.iter().map(|metrics| metrics.title());
+    let mut grid = Table::headed(left.into_iter().chain(scenarios));
     let mut last = String::new();
     for measure in measure::ALL {
         let rates: Vec<Rate> = suites.iter().map(|metrics| metrics.rates.of(measure)).collect();
@@ -395,7 +394,7 @@ fn all_measures(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
         let of = if faults == last { String::new() } else { faults.clone() };
         last = faults;
         let cells = rates.iter().map(|rate| stacked(Some(*rate)));
-        grid.push([of, sentence].into_iter().chain(cells).collect());
+        grid.push([of, sentence].into_iter().chain(cells));
     }
     grid
 }
@@ -415,14 +414,8 @@ fn latency_limits(results: &FlightResults) -> String {
     each.collect::<Vec<_>>().join(", ")
 }
 
-fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> HtmlTable {
-    let mut grid = HtmlTable::new([
-        ("", Alignment::Left),
-        ("scenario", Alignment::Left),
-        ("limit", Alignment::Right),
-        ("measured", Alignment::Right),
-        ("", Alignment::Left),
-    ]);
+fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> Table {
+    let mut grid = Table::headed(["", "scenario", "limit", "measured", ""]);
     for limit in limits(study, results, words) {
         let is_strong = ![MET, NONE_SEEN, ""].contains(&limit.verdict);
         let Limit { title, scenario, limit, measured, verdict } = limit;
@@ -519,19 +512,15 @@ fn times(latency: &Option<Latency>) -> String {
     })
 }
 
-fn by_command(metrics: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
-    let mut heads: Vec<(String, Alignment)> = vec![
-        ("command".into(), Alignment::Left),
-        ("visible".into(), Alignment::Right),
-        ("isolated".into(), Alignment::Right),
-        ("another command".into(), Alignment::Right),
-    ];
+fn by_command(metrics: &FlightMetrics, words: &Vocabulary) -> Table {
+    let mut heads: Vec<String> =
+        vec!["command".into(), "visible".into(), "isolated".into(), "another command".into()];
     if words.has_several() {
-        heads.push((format!("wrong {}", words.unit()), Alignment::Right));
+        heads.push(format!("wrong {}", words.unit()));
     }
     let times_heads = ["silent", "until visible", "until isolated", "visible to isolated"];
-    heads.extend(times_heads.map(|head| (head.into(), Alignment::Right)));
-    let mut grid = HtmlTable::new(heads);
+    heads.extend(times_heads.map(String::from));
+    let mut grid = Table::headed(heads);
     for class in metrics.classes.iter().chain(&metrics.strong_classes) {
         let [low, high] = class.intensities;
         let count =
@@ -549,13 +538,12 @@ fn by_command(metrics: &FlightMetrics, words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
-    let left = ["begins", "scenario"].map(|head| (head.to_owned(), Alignment::Left));
+fn by_onset(results: &FlightResults, words: &Vocabulary) -> Table {
+    let left = ["begins", "scenario"].map(String::from);
     let right = ["visible", "isolated", "silent", "until isolated: median, 95 %"];
-    let right = right.map(|head| (head.to_owned(), Alignment::Right));
-    let wrong =
-        words.has_several().then(|| (format!("wrong {} off", words.unit()), Alignment::Right));
-    let mut grid = HtmlTable::new(left.into_iter().chain(right).chain(wrong));
+    let right = right.map(String::from);
+    let wrong = words.has_several().then(|| format!("wrong {} off", words.unit()));
+    let mut grid = Table::headed(left.into_iter().chain(right).chain(wrong));
     for metrics in results.judged() {
         for (name, class) in &metrics.onsets {
             let isolation = class.isolation.as_ref();
@@ -579,7 +567,7 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
+fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Document) {
     let kinds = results.judged().flat_map(|metrics| {
         let name = |(kind, count): &(String, u64)| {
             format!("{} ({count}, {})", spoken(kind), metrics.title())
@@ -588,7 +576,7 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Page) {
     });
     let kinds: Vec<String> = kinds.collect();
     if !kinds.is_empty() {
-        page.note(&format!(
+        page.note(format!(
             "Kinds of fault that switched the wrong {} off: {}.",
             words.unit(),
             kinds.join(", ")

@@ -1,16 +1,16 @@
 //! The structure of the hierarchy of trees (figure 10 of the seed paper).
 
 use crate::looks::Looks;
-use crate::page::Page;
 use crate::words::{share, spoken};
 use crate::{Material, stages};
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage, StagePlace};
-use servotwin_plot::SemanticColor;
-use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
+use servotwin_view::SemanticColor;
+use servotwin_view::document::Document;
+use servotwin_view::schematic::{Net, NetEnd, Part, Schematic};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let Some(result) = material.main() else {
         return;
     };
@@ -31,7 +31,7 @@ pub fn write(material: &Material, page: &mut Page) {
         ),
         false => String::new(),
     };
-    page.figure("macrostructure", schematic(hierarchy, judged, &material.looks()).draw(), &format!(
+    page.figure("macrostructure", schematic(hierarchy, judged, &material.looks()).draw(), format!(
             "Scenario: {}. From residuals to the failure{}, with the accuracy of each tree on variants it has not seen ({}).{remark}",
             result.title,
             words.paper(" (figure 10 of the seed paper)"),

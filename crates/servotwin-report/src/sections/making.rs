@@ -1,12 +1,12 @@
 //! The commands and versions that reproduce the report.
 
 use crate::Material;
-use crate::page::{Alignment, HtmlTable, Page};
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let (study, manifest) = (material.study, material.manifest);
-    let mut grid = HtmlTable::new([("", Alignment::Left), ("", Alignment::Left)]);
+    let mut grid = Table::headed(["", ""]);
     let mut push = |name: &str, value: String| grid.push(vec![name.into(), value]);
     push("program", format!("servotwin {}", manifest.version));
     push("study", format!("{} ({})", manifest.study, study.title));
@@ -25,13 +25,15 @@ pub fn write(material: &Material, page: &mut Page) {
         );
     }
     page.table(
-        &grid,
-        "Versions, settings and seeds. The same study gives the same bytes again, \
+        "",
+        grid.captioned(
+            "Versions, settings and seeds. The same study gives the same bytes again, \
              on any number of processors.",
+        ),
     );
-    let mut files = HtmlTable::new([("file", Alignment::Left), ("SHA-256", Alignment::Left)]);
+    let mut files = Table::headed(["file", "SHA-256"]);
     for file in manifest.inputs.iter().chain(&manifest.outputs) {
         files.push(vec![file.file.clone(), file.sha256.clone()]);
     }
-    page.table(&files, "What went in and what this report was made from.");
+    page.table("", files.captioned("What went in and what this report was made from."));
 }

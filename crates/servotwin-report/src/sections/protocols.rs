@@ -2,13 +2,13 @@
 
 use crate::Material;
 use crate::lines;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, percent, stacked};
 use servotwin::evaluation::protocol::ProtocolResult;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     if material.results.subjects.is_empty() {
         return;
     }
@@ -25,16 +25,16 @@ pub fn write(material: &Material, page: &mut Page) {
         let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
         let named = |(id, finds): &(String, String)| format!("{id} {finds}");
         let named: Vec<String> = stages.iter().map(named).collect();
-        page.table(&grid(&evaluation.protocols, &words), &format!(
+        page.table("", grid(&evaluation.protocols, &words).captioned(format!(
                 "Scenario: {}. Accuracy of each stage where the stages above are right ({}), and of all \
                  together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
                  whole kinds, and is that of a fault of a new kind. “Of all” is \
                  the share isolated of all faults, the undetectable ones included.",
                 result.title,
                 named.join(", ")
-            ));
+            )));
         if !evaluation.baseline.is_empty() {
-            page.table(&grid(&evaluation.baseline, &words), &format!(
+            page.table("", grid(&evaluation.baseline, &words).captioned(format!(
                     "Scenario: {}. The same for trees with fewer features{}: mean, variance and indicator of \
                      each residual{}, and the fixed band of ±3 %.",
                     result.title,
@@ -43,19 +43,19 @@ pub fn write(material: &Material, page: &mut Page) {
                         true => format!(", each {} by itself", words.unit()),
                         false => String::new(),
                     }
-                ));
+                )));
         }
     }
 }
 
 /// A table with protocols in rows and measures in columns.
-fn grid(results: &[ProtocolResult], words: &Vocabulary) -> HtmlTable {
+fn grid(results: &[ProtocolResult], words: &Vocabulary) -> Table {
     let stages = lines::stages(words, &results.iter().collect::<Vec<_>>());
-    let mut heads = vec![("held out", Alignment::Left), ("splits", Alignment::Right)];
-    heads.extend(stages.iter().map(|(letter, _)| (letter.as_str(), Alignment::Right)));
+    let mut heads = vec!["held out", "splits"];
+    heads.extend(stages.iter().map(|(letter, _)| letter.as_str()));
     let whole = ["end to end", "by kind", "of all"];
-    heads.extend(whole.map(|head| (head, Alignment::Right)));
-    let mut grid = HtmlTable::new(heads);
+    heads.extend(whole);
+    let mut grid = Table::headed(heads);
     for result in results {
         let mut row = vec![words.adapted(&result.title), result.splits.to_string()];
         let accuracy = |letter: &str| stacked(result.stage(letter).map(|score| score.accuracy));

@@ -3,26 +3,26 @@
 use crate::Material;
 use crate::examples::Example;
 use crate::looks;
-use crate::page::Page;
 use crate::words::spoken;
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
-use servotwin_plot::SemanticColor;
-use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
-use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
+use servotwin_view::SemanticColor;
+use servotwin_view::document::Document;
+use servotwin_view::histogram::{HistogramGrid, HistogramPanel};
+use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
 
 /// The seconds of the time series that a figure shows.
 const SHOWN_S: f64 = 10.0;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let words = material.words();
     for example in material.examples.iter().filter(|example| !example.runs.is_empty()) {
-        page.heading(&spoken(&example.detail));
+        page.heading(spoken(&example.detail));
         page.figure(
-            &format!("residuals_{}", example.detail),
+            format!("residuals_{}", example.detail),
             histogram(material.study, example),
-            &format!(
+            format!(
                 "Residuals of all sensors over {} s, {} in case {}{}.",
                 material.study.duration_s,
                 spoken(&example.fault),
@@ -35,9 +35,9 @@ pub fn write(material: &Material, page: &mut Page) {
             ),
         );
         page.figure(
-            &format!("time_{}", example.detail),
+            format!("time_{}", example.detail),
             in_time(material.study, example),
-            &format!(
+            format!(
                 "{} of it: measured signals against the twin's, and the \
                      scaled residuals with {} in which a fault goes undetected.",
                 match material.study.duration_s > SHOWN_S {
@@ -61,7 +61,7 @@ fn label(study: &Study, sensor: usize) -> &str {
     &study.system.sensors[study.measured[sensor]].label
 }
 
-fn histogram(study: &Study, example: &Example) -> servotwin_plot::Figure {
+fn histogram(study: &Study, example: &Example) -> servotwin_view::Figure {
     let names: Vec<String> =
         example.runs.iter().map(|(intensity, _)| format!("intensity {intensity}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -77,7 +77,7 @@ fn histogram(study: &Study, example: &Example) -> servotwin_plot::Figure {
 }
 
 /// The two sensors with the largest residuals, and these residuals over time.
-fn in_time(study: &Study, example: &Example) -> servotwin_plot::Figure {
+fn in_time(study: &Study, example: &Example) -> servotwin_view::Figure {
     let last = example.runs.len() - 1;
     let count = ((SHOWN_S / study.sample_period_s) as usize + 1).min(example.twin[0].len());
     let time: Vec<f64> = (0..count).map(|k| k as f64 * study.sample_period_s).collect();

@@ -1,16 +1,16 @@
 //! The consequences of errors, by name.
 
 use crate::lines::{self, Who};
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::{share, spoken, stacked};
 use crate::{Material, hardest_first};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{ALL, ProtocolResult};
 use servotwin::job::results::SubjectResult;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let scenarios = lines::scenarios(material.results);
     if scenarios.is_empty() {
         return;
@@ -18,21 +18,20 @@ pub fn write(material: &Material, page: &mut Page) {
     let words = &material.words();
     match words.has_off() {
         true => about(words, page),
-        false => page.text(
-            "The study says of no command that it switches its unit off ([reactions], \
+        false => {
+            _ = page.text(
+                "The study says of no command that it switches its unit off ([reactions], \
                  switches_off): so nothing is counted about missed, needless or wrong switching.",
-        ),
+            )
+        }
     }
     hardest_first(&scenarios, page, &|result, page| {
         let grid = grid(result, words);
         if !grid.is_empty() {
-            page.table(
-                &grid,
-                &format!(
+            page.table("", grid.captioned(format!(
                     "Scenario: {}. 95 % intervals from drawing kinds of fault at their intensities.",
                     result.title
-                ),
-            );
+                )));
         }
     });
     healthy(material, words, page);
@@ -43,7 +42,7 @@ pub fn write(material: &Material, page: &mut Page) {
     });
 }
 
-fn about(words: &Vocabulary, page: &mut Page) {
+fn about(words: &Vocabulary, page: &mut Document) {
     let (unit, off) = (words.unit(), words.off());
     let mut text = String::from("Not every error is equally bad. ");
     if words.has_several() {
@@ -57,7 +56,7 @@ fn about(words: &Vocabulary, page: &mut Page) {
         "To miss a {off} leaves a failed {unit} in the loop; a needless one costs what the {unit} does."
     );
     page.text(&text);
-    page.text(&format!(
+    page.text(format!(
         "A fault that is never detected is not {} either: so what is missed is given twice, of the \
          detected faults that call for a {off} and of all that do. Protocols that test some faults \
          several times or not at all have no second figure.",
@@ -66,16 +65,15 @@ fn about(words: &Vocabulary, page: &mut Page) {
 }
 
 /// A table with one row for each protocol and classifier, and one column for each measure.
-fn grid(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
+fn grid(result: &SubjectResult, words: &Vocabulary) -> Table {
     let mut safety = lines::safety(words);
     // A measure without a count under any protocol has no column.
     let protocols = &result.evaluation.protocols;
     let judged = || protocols.iter().chain(&result.evaluation.committee);
     safety.retain(|measure| judged().any(|judged| (measure.rate)(judged).is_some()));
-    let mut heads =
-        vec![("held out".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
-    heads.extend(safety.iter().map(|measure| (measure.title.clone(), Alignment::Right)));
-    let mut grid = HtmlTable::new(heads);
+    let mut heads = vec!["held out".to_owned(), "by".to_owned()];
+    heads.extend(safety.iter().map(|measure| measure.title.clone()));
+    let mut grid = Table::headed(heads);
     for protocol in ALL {
         for who in Who::ALL {
             let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
@@ -93,19 +91,15 @@ fn grid(result: &SubjectResult, words: &Vocabulary) -> HtmlTable {
 }
 
 /// Writes the answers for healthy specimens, one row for each scenario.
-fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
-    let mut heads = vec![
-        ("scenario".to_owned(), Alignment::Left),
-        ("specimens".to_owned(), Alignment::Right),
-        ("alarm".to_owned(), Alignment::Right),
-    ];
+fn healthy(material: &Material, words: &Vocabulary, page: &mut Document) {
+    let mut heads = vec!["scenario".to_owned(), "specimens".to_owned(), "alarm".to_owned()];
     for who in Who::ALL {
-        heads.push((format!("faulty by {}", who.title()), Alignment::Right));
+        heads.push(format!("faulty by {}", who.title()));
         if words.has_off() {
-            heads.push((format!("{} by {}", words.switched_off(), who.title()), Alignment::Right));
+            heads.push(format!("{} by {}", words.switched_off(), who.title()));
         }
     }
-    let mut grid = HtmlTable::new(heads);
+    let mut grid = Table::headed(heads);
     for result in &material.results.subjects {
         let Some(alarms) = &result.evaluation.false_alarms else { continue };
         let mut row = vec![result.title.clone(), alarms.alarms.of.to_string()];
@@ -120,28 +114,24 @@ fn healthy(material: &Material, words: &Vocabulary, page: &mut Page) {
         grid.push(row);
     }
     if !grid.is_empty() {
-        page.table(
-            &grid,
-            "Specimens without a fault, of the judged operating cases: share that leaves the bands in \
-             use, and those that are then taken for faulty, always of all specimens. Trees and committee may answer “healthy”.",
-        );
+        page.table("", grid.captioned("Specimens without a fault, of the judged operating cases: share that leaves the bands in \
+             use, and those that are then taken for faulty, always of all specimens. Trees and committee may answer “healthy”."));
     }
 }
 
 /// Writes the components whose faults are attributed to the wrong actuator, or not isolated.
-fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &mut Page) {
+fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &mut Document) {
     let unit = words.unit();
-    let mut heads =
-        vec![("component".to_owned(), Alignment::Left), ("tests".to_owned(), Alignment::Right)];
+    let mut heads = vec!["component".to_owned(), "tests".to_owned()];
     let (several, off) = (words.has_several(), words.has_several() && words.has_off());
     if several {
-        heads.push((format!("wrong {unit}"), Alignment::Right));
+        heads.push(format!("wrong {unit}"));
     }
     if off {
-        heads.push((format!("wrong {unit} {}", words.switched_off()), Alignment::Right));
+        heads.push(format!("wrong {unit} {}", words.switched_off()));
     }
-    heads.push(("end to end right".to_owned(), Alignment::Right));
-    let mut grid = HtmlTable::new(heads);
+    heads.push("end to end right".to_owned());
+    let mut grid = Table::headed(heads);
     let mut list: Vec<_> = result.components.iter().collect();
     let right = |rate: Rate| rate.share.unwrap_or(1.0);
     list.sort_by(|a, b| right(a.right).total_cmp(&right(b.right)));
@@ -153,9 +143,9 @@ fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &m
         grid.push(row);
     }
     if !grid.is_empty() {
-        page.table(&grid, &format!(
+        page.table("", grid.captioned(format!(
             "Scenario: {title}; trees; {}. Errors by the component that is broken, the worst first.",
             result.title
-        ));
+        )));
     }
 }

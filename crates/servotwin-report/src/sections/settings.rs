@@ -2,7 +2,6 @@
 
 use crate::Material;
 use crate::lines::{self, Who};
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{begun, change, percent, rate, stacked};
 use servotwin::campaign::data_features;
 use servotwin::evaluation::metrics::Rate;
@@ -10,14 +9,15 @@ use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::study::Purpose;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     if material.results.subjects.is_empty() {
         return;
     }
     if let Some(realism) = &material.study.realism {
-        page.text(&format!(
+        page.text(format!(
                 "Ideal: the plant is the twin with one fault, and sensors are perfect. Noise: the same \
                  plant, with the noise and quantisation of the sensors that the system declares. \
                  Realistic: sensors likewise, and another specimen for every variant, whose parameters \
@@ -28,7 +28,7 @@ pub fn write(material: &Material, page: &mut Page) {
     }
     let is_there = material.results.of(Subject::Fitted).is_some();
     if let Some(calibration) = material.study.calibration.as_ref().filter(|_| is_there) {
-        page.text(&format!(
+        page.text(format!(
                 "Fitted: specimens with the same tolerances, each of which first has a healthy calibration \
                  run of {} s with another command and other noise; its twin is fitted to what the sensors \
                  showed then, and the faults are judged beside the fitted twin. {} specimens take turns where \
@@ -48,21 +48,15 @@ fn third_sensor(
     material: &Material,
     without: &SubjectResult,
     with: &SubjectResult,
-    page: &mut Page,
+    page: &mut Document,
 ) {
     let under = |result: &SubjectResult, who: Who| who.headline(&result.evaluation).cloned();
     let title = material.study.extra_sensor.as_deref().unwrap_or("an additional sensor");
-    page.heading(&format!("The additional sensor: {title}"));
+    page.heading(format!("The additional sensor: {title}"));
     if let Some((before, after)) = under(without, Who::Trees).zip(under(with, Who::Trees)) {
-        page.text(&verdict(&before, &after, &used(material, with)));
+        page.text(verdict(&before, &after, &used(material, with)));
     }
-    let mut grid = HtmlTable::new([
-        ("", Alignment::Left),
-        ("by", Alignment::Left),
-        (&without.title, Alignment::Right),
-        (&with.title, Alignment::Right),
-        ("change, points", Alignment::Right),
-    ]);
+    let mut grid = Table::headed(["", "by", &without.title, &with.title, "change, points"]);
     let mut push = |title: &str, who: Who, of: &dyn Fn(&ProtocolResult) -> Option<Rate>| {
         let both = [without, with].map(|result| under(result, who).as_ref().and_then(of));
         if both.iter().any(Option::is_some) {
@@ -82,9 +76,9 @@ fn third_sensor(
         let of = |result: &ProtocolResult| result.stage(&letter).map(|score| score.accuracy);
         push(&format!("{letter}  {title}"), Who::Trees, &of);
     }
-    page.table(&grid, "The same faults, specimens and protocol with and without the sensor. Intervals are \
+    page.table("", grid.captioned("The same faults, specimens and protocol with and without the sensor. Intervals are \
         95 %; both columns are of the same rows, so that a change well inside them is still measured, but \
-        need not hold for other specimens.");
+        need not hold for other specimens."));
 }
 
 /// The features of the additional sensor that the trees use, with the share of the impurity that each removes in its

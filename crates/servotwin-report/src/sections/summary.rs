@@ -4,7 +4,6 @@
 use super::flights;
 use crate::Material;
 use crate::lines::{self, OF_PAPER};
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::{PAPER, Vocabulary};
 use crate::words::{NONE, number, percent, rate, stacked};
 use servotwin::evaluation::Evaluation;
@@ -14,30 +13,31 @@ use servotwin::evaluation::protocol::Protocol;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin_diagnosis::hierarchy::Question;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let scenarios = lines::scenarios(material.results);
     let (study, words) = (material.study, &material.words());
     let limits = material.flights.map(|results| flights::limits(study, results, words));
     let Some(hardest) = scenarios.last() else {
-        limits.iter().for_each(|limits| page.note(&missed_limits(limits)));
+        limits.iter().for_each(|limits| _ = page.note(missed_limits(limits)));
         return;
     };
-    page.text(&format!(
+    page.text(format!(
         "The virtual twin ({}) is compared with plants that have one of {} faults each, in {} \
              operating cases. Intervals are 95 %.",
         study.system.title,
         study.faults.len(),
         study.cases.len(),
     ));
-    page.table(&side_by_side(&scenarios, words), &format!(
+    page.table("", side_by_side(&scenarios, words).captioned(format!(
             "{} Intervals are from drawing kinds of fault at their intensities, because rows of one are not \
              independent; those of healthy specimens, and above of single kinds, are Wilson's. In shaded \
              rows less is better.",
             held_out(&hardest.evaluation)
-        ));
-    page.text(&format!(
+        )));
+    page.text(format!(
             "From the differences between measured and expected sensor signals (residuals), decision trees \
              say {}what must be done (B), and what is broken (C and what follows); a committee of boosted \
              trees says it too, and may be silent.",
@@ -47,11 +47,11 @@ pub fn write(material: &Material, page: &mut Page) {
                 false => String::new(),
             }
         ));
-    limits.iter().for_each(|limits| page.note(&missed_limits(limits)));
+    limits.iter().for_each(|limits| _ = page.note(missed_limits(limits)));
     if let Some(remark) = beyond_sensors(&hardest.evaluation, words) {
         page.note(&remark);
     }
-    page.note(&bands_in_use(&scenarios, words));
+    page.note(bands_in_use(&scenarios, words));
     if let Some(remark) = tripping(material) {
         page.note(&remark);
     }
@@ -100,10 +100,10 @@ fn beyond_sensors(evaluation: &Evaluation, words: &Vocabulary) -> Option<String>
 }
 
 /// A table with measures in rows and scenarios in columns.
-fn side_by_side(scenarios: &[&SubjectResult], words: &Vocabulary) -> HtmlTable {
-    let heads = [("".to_owned(), Alignment::Left), ("by".to_owned(), Alignment::Left)];
-    let titles = scenarios.iter().map(|result| (result.title.clone(), Alignment::Right));
-    let mut grid = HtmlTable::new(heads.into_iter().chain(titles));
+fn side_by_side(scenarios: &[&SubjectResult], words: &Vocabulary) -> Table {
+    let heads = ["".to_owned(), "by".to_owned()];
+    let titles = scenarios.iter().map(|result| result.title.clone());
+    let mut grid = Table::headed(heads.into_iter().chain(titles));
     let mut last = String::new();
     for row in lines::headline(scenarios, words) {
         let title = if row.title == last { String::new() } else { row.title.clone() };
@@ -151,7 +151,7 @@ fn tripping(material: &Material) -> Option<String> {
 }
 
 /// Writes the seed paper's own test, separate from the other results.
-fn seed_paper(material: &Material, page: &mut Page) {
+fn seed_paper(material: &Material, page: &mut Document) {
     let Some(ideal) = material.results.of(Subject::Ideal) else {
         return;
     };
@@ -165,13 +165,13 @@ fn seed_paper(material: &Material, page: &mut Page) {
     if material.study.name != PAPER {
         return;
     }
-    let mut grid = HtmlTable::new([
-        ("", Alignment::Left),
-        ("seed paper", Alignment::Right),
-        ("its trees, repeated here", Alignment::Right),
-        ("mean of random thirds", Alignment::Right),
-        ("of them below the seed paper", Alignment::Right),
-        ("trees of this report", Alignment::Right),
+    let mut grid = Table::headed([
+        "",
+        "seed paper",
+        "its trees, repeated here",
+        "mean of random thirds",
+        "of them below the seed paper",
+        "trees of this report",
     ]);
     let thirds = |letter: &str| evaluation.random_thirds.iter().find(|t| t.stage == letter);
     let mut push = |letter: &str, title: &str, values: [Option<Rate>; 2]| {
@@ -199,10 +199,10 @@ fn seed_paper(material: &Material, page: &mut Page) {
         push(letter, title, values);
     }
     push("", "end to end", [baseline.end_to_end, trees.end_to_end]);
-    page.table(&grid, "Apart: the seed paper's own test, which is another question. No noise, plants that \
+    page.table("", grid.captioned("Apart: the seed paper's own test, which is another question. No noise, plants that \
         are the twin but for one fault, and a third of the variants held out at random, so that nearly \
         every one has a neighbour in training (the same fault at the same intensity in another operating \
         case). It is kind, and no figure in it compares with those above. The seed paper's features are \
         mean, variance and indicator of each residual, each actuator by itself; its trees have Gini's criterion \
-        and a depth of seven. The paper reports one random third; its spread stands beside the mean of many.");
+        and a depth of seven. The paper reports one random third; its spread stands beside the mean of many."));
 }

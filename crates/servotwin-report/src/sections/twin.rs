@@ -1,16 +1,16 @@
 //! Twins fitted to their actuators.
 
 use crate::Material;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::words::{number, rate};
 use servotwin::campaign::Comparison;
 use servotwin::evaluation::metrics::Rate;
+use servotwin_view::document::{Document, Table};
 
 /// The number of standard deviations on either side that enclose 95 % of a normal distribution.
 const NORMAL_95: f64 = 1.96;
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     if !material.calibrations.is_empty() {
         page.heading("Fitted parameters");
         page.text(
@@ -18,16 +18,13 @@ pub fn write(material: &Material, page: &mut Page) {
                  the sensors showed. How far that is from the true parameters of the specimen, in standard \
                  deviations of their tolerances, and how often these lie within the 95 % interval of the fit:",
             );
-        page.table(
-                &parameters(material.calibrations),
-                "True against fitted parameters, of all specimens of the study's pools. An error of 1 is \
-                 what is known without a calibration run.",
-            );
+        page.table("", parameters(material.calibrations).captioned("True against fitted parameters, of all specimens of the study's pools. An error of 1 is \
+                 what is known without a calibration run."));
     }
 }
 
 /// A table with one row for each kind of parameter, over all actuators.
-fn parameters(all: &[Comparison]) -> HtmlTable {
+fn parameters(all: &[Comparison]) -> Table {
     let kind = |one: &Comparison| match one.parameter.split_once('.') {
         Some((_, rest)) if rest.contains('.') => rest.to_owned(),
         _ => one.parameter.clone(),
@@ -38,12 +35,12 @@ fn parameters(all: &[Comparison]) -> HtmlTable {
             kinds.push(kind(one));
         }
     }
-    let mut grid = HtmlTable::new([
-        ("parameter", Alignment::Left),
-        ("fits", Alignment::Right),
-        ("error (rms)", Alignment::Right),
-        ("standard error", Alignment::Right),
-        ("true value in its 95 % interval", Alignment::Right),
+    let mut grid = Table::headed([
+        "parameter",
+        "fits",
+        "error (rms)",
+        "standard error",
+        "true value in its 95 % interval",
     ]);
     let row = |name: &str, own: &[&Comparison]| {
         let count = own.len() as f64;

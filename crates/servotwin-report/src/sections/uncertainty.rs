@@ -2,14 +2,14 @@
 
 use crate::Material;
 use crate::lines::{self, Who};
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::stacked;
 use servotwin::evaluation::flips::Flips;
 use servotwin::job::results::SubjectResult;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let results: Vec<(&SubjectResult, &(Flips, Flips))> = lines::scenarios(material.results)
         .into_iter()
         .filter_map(|result| Some((result, result.evaluation.flips.as_ref()?)))
@@ -17,7 +17,7 @@ pub fn write(material: &Material, page: &mut Page) {
     let Some((_, (first, _))) = results.first() else {
         return;
     };
-    page.text(&format!(
+    page.text(format!(
             "A question is only as good as what its feature can show. A window holds the means and \
              covariances of residuals and of the twin's signals; their uncertainty follows from the noise \
              and quantisation of a sample and the number of samples, and from the solver's error, which \
@@ -38,27 +38,23 @@ pub fn write(material: &Material, page: &mut Page) {
         );
     let words = material.words();
     page.table(
-        &answers(&results, &words),
-        &format!(
+        "",
+        answers(&results, &words).captioned(format!(
             "Share of moves after which the answer is another one: {} (which is what is acted on); \
                  any part of the answer.",
             words.action_wrong()
-        ),
+        )),
     );
 }
 
-fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> HtmlTable {
-    let mut heads = vec![
-        ("scenario".to_owned(), Alignment::Left),
-        ("by".to_owned(), Alignment::Left),
-        ("moves".to_owned(), Alignment::Right),
-    ];
+fn answers(results: &[(&SubjectResult, &(Flips, Flips))], words: &Vocabulary) -> Table {
+    let mut heads = vec!["scenario".to_owned(), "by".to_owned(), "moves".to_owned()];
     if words.has_several() {
-        heads.push((words.unit().to_owned(), Alignment::Right));
+        heads.push(words.unit().to_owned());
     }
-    heads.push((words.action_wrong(), Alignment::Right));
-    heads.push(("any part".to_owned(), Alignment::Right));
-    let mut grid = HtmlTable::new(heads);
+    heads.push(words.action_wrong());
+    heads.push("any part".to_owned());
+    let mut grid = Table::headed(heads);
     for (result, (trees, committee)) in results {
         for (who, flips) in Who::ALL.into_iter().zip([trees, committee]) {
             let title = if who == Who::Trees { result.title.clone() } else { String::new() };

@@ -2,15 +2,15 @@
 
 use super::flights::at_most;
 use crate::Material;
-use crate::page::{Alignment, HtmlTable, Page};
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::outcome::Needed;
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, Words};
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
-pub fn write(material: &Material, page: &mut Page) {
+pub fn write(material: &Material, page: &mut Document) {
     let suites = material.flights.map_or(&[][..], |results| &results.unseen);
     let suites: Vec<&UnseenFaultMetrics> =
         suites.iter().filter(|m| !m.outcomes.is_empty()).collect();
@@ -19,7 +19,7 @@ pub fn write(material: &Material, page: &mut Page) {
     }
     let words = &material.words();
     let (unit, run) = (words.unit(), words.run());
-    page.text(&format!(
+    page.text(format!(
             "Nothing in training was like these, so nobody expects the right name. What is expected is \
              that what is healthy stays on, and that what is said makes sense: the right {}, \
              “unknown”, or that an input is not to be believed. Sensors that stick, drift or oscillate \
@@ -28,19 +28,16 @@ pub fn write(material: &Material, page: &mut Page) {
         ));
     for metrics in suites {
         if !metrics.sets.is_empty() {
-            page.table(
-                    &challenges(&metrics.sets, words),
-                    &format!(
+            page.table("", challenges(&metrics.sets, words).captioned(format!(
                         "Scenario {}: challenge sets. The first action counts as right or other; where no action is right, \
                          {run}s without any count as right. A missed shutdown is one of the {run}s that need it. The \
                          latency runs from the onset to the first right action: the median, and below it the 95 % \
                          quantile.",
                         metrics.scenario
-                    ),
-                );
+                    )));
         }
         let (wrong, of) = metrics.shutdowns_healthy();
-        page.table(&table(metrics, words), &format!(
+        page.table("", table(metrics, words).captioned(format!(
                 "Scenario {}: {run}s by the most that was said in them (each counts once), in several \
                  environments{}.{}",
                 metrics.scenario,
@@ -57,16 +54,16 @@ pub fn write(material: &Material, page: &mut Page) {
                     ),
                     false => String::new(),
                 }
-            ));
+            )));
         let told = metrics.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
         let told: Vec<String> =
             told.map(|o| format!("{} ({})", words.adapted(&o.title), o.wrong.join("; "))).collect();
         if !told.is_empty() {
-            page.note(&format!("Where that happened: {}.", told.join(", ")));
+            page.note(format!("Where that happened: {}.", told.join(", ")));
         }
     }
     let off = words.off();
-    page.note(&format!(
+    page.note(format!(
             "The needed command is right for the fault as a whole: a {off} where the \
              {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
              and none where no {unit} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
@@ -90,7 +87,7 @@ fn behind_wrong_sensor(metrics: &UnseenFaultMetrics, words: &Vocabulary) -> Stri
 }
 
 /// One row for each challenge set.
-fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> HtmlTable {
+fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> Table {
     let columns = [
         format!("{}s", words.run()),
         "failed".into(),
@@ -102,9 +99,7 @@ fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> HtmlTable {
         "false alarm before the onset".into(),
         "latency".into(),
     ];
-    let columns = columns.map(|name| (name, Alignment::Right));
-    let mut grid =
-        HtmlTable::new([("challenge set".to_owned(), Alignment::Left)].into_iter().chain(columns));
+    let mut grid = Table::headed(["challenge set".to_owned()].into_iter().chain(columns));
     for set in sets {
         let [need, missed] = set.missed_shutdowns;
         let latency = set.latency.as_ref();
@@ -125,20 +120,17 @@ fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> HtmlTable {
     grid
 }
 
-fn table(metrics: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> HtmlTable {
-    let left = [
-        ("fault".to_owned(), Alignment::Left),
-        (format!("{}s", vocabulary.run()), Alignment::Right),
-    ];
+fn table(metrics: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> Table {
+    let left = ["fault".to_owned(), format!("{}s", vocabulary.run())];
     let words = Words::default().named();
-    let words = words.map(|(word, _)| (vocabulary.said(word), Alignment::Right));
+    let words = words.map(|(word, _)| vocabulary.said(word));
     let right = [
-        ("off: at fault".to_owned(), Alignment::Right),
-        ("off: healthy".to_owned(), Alignment::Right),
-        ("off: healthy, sensor wrong".to_owned(), Alignment::Right),
-        ("first word".to_owned(), Alignment::Right),
+        "off: at fault".to_owned(),
+        "off: healthy".to_owned(),
+        "off: healthy, sensor wrong".to_owned(),
+        "first word".to_owned(),
     ];
-    let mut grid = HtmlTable::new(left.into_iter().chain(words).chain(right));
+    let mut grid = Table::headed(left.into_iter().chain(words).chain(right));
     for outcome in &metrics.outcomes {
         let row = row(outcome, vocabulary);
         let behind = outcome.shutdowns_behind_wrong_sensor.unwrap_or_default();

@@ -80,11 +80,13 @@ fn log(
     stages.end();
     let Log { session, end, counts } = log.map_err(ServeError::from)?;
     if end == End::Stopped {
-        return Err(Failure::Stopped);
+        return Err(Failure::stopped());
     }
     if counts.samples == 0 {
-        let (log, reason) = (address.to_string(), guard::nothing(&measured.map, &counts));
-        return Err(Failure::NoSample { log, reason });
+        return Err(Failure::input(format!(
+            "{address}: {}",
+            guard::nothing(&measured.map, &counts)
+        )));
     }
     if end == End::Contradicted {
         let text = "it contradicts its map, and is shown up to there; servotwin watch reports why";
@@ -95,5 +97,5 @@ fn log(
     }
     let too_long =
         "the log has too many events for one page: show a part of it with --from and --to";
-    session.ok_or(Failure::Options(too_long))
+    session.ok_or_else(|| Failure::usage(too_long))
 }

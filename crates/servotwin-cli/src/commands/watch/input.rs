@@ -52,15 +52,11 @@ impl InputOptions {
         if self.sender.is_empty() {
             return Ok(address);
         }
-        let range = || "any, an IP address or IP:PORT".into();
         let allowed = Allowed::parse(&self.sender);
-        let allowed = allowed.map_err(|given| Failure::OutOfRange {
-            option: "--sender",
-            given,
-            range: range(),
-        })?;
+        let range = "any, an IP address or IP:PORT";
+        let allowed = allowed.map_err(|given| Failure::out_of_range("--sender", given, range))?;
         let none = "--sender names the senders of a udp:// source; this source has none";
-        address.from_senders(allowed).ok_or(Failure::Options(none))
+        address.from_senders(allowed).ok_or_else(|| Failure::usage(none))
     }
 
     /// Opens a source, or the part of it that the options name, with the map of its columns. `is_study_named` states
@@ -103,19 +99,16 @@ impl InputOptions {
                 &format!("times are on the clock of the log, {zone}, and so are --from and --to"),
             );
         }
-        let (log, reason) = (address.to_string(), contradictions.join("; "));
         match contradictions.is_empty() {
             true => Ok(()),
-            false => Err(Failure::NoSample { log, reason }),
+            false => Err(Failure::input(format!("{address}: {}", contradictions.join("; ")))),
         }
     }
 
     /// The part of a file to read.
     fn span(&self, address: &Address) -> Result<LogSpan, Failure> {
         match address.is_live() && !self.span.is_whole() {
-            true => {
-                Err(Failure::Options("--from and --to are for files: a live stream has no part"))
-            }
+            true => Err(Failure::usage("--from and --to are for files: a live stream has no part")),
             false => self.span.read(),
         }
     }
@@ -143,7 +136,7 @@ impl InputOptions {
             return Ok(map);
         }
         if address.is_live() {
-            return Err(Failure::Options(
+            return Err(Failure::usage(
                 "a live stream needs --map FILE; --make-map FILE writes one",
             ));
         }
@@ -165,8 +158,7 @@ pub(crate) fn observer<'s>(
     study: &'s Study,
     (path, diagnoser): (&Path, Arc<Diagnoser>),
 ) -> Result<Watcher<'s>, Failure> {
-    let unfit = |error| Failure::Diagnoser { path: path.into(), error };
-    Watcher::new(study, diagnoser).map_err(unfit)
+    Watcher::new(study, diagnoser).map_err(|error| Failure::of_diagnoser(path, &error))
 }
 
 /// Warns of sensors that the diagnoser reads and the map lacks.

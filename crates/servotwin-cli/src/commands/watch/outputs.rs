@@ -4,13 +4,13 @@ use super::super::progress::is_shown;
 use super::super::{note, warn};
 use super::Options;
 use crate::failure::Failure;
-use crate::render::{Side, TextTable};
 use crate::{Global, out};
 use indicatif::{ProgressBar, ProgressStyle};
-use serde_json::{Map, Value, json};
 use servotwin::files;
 use servotwin::moment;
 use servotwin::sanitize;
+use servotwin_view::document::{Document, Table, Value};
+use servotwin_view::row;
 use servotwin_watch::DiagnosisState;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::WatchCounts;
@@ -23,6 +23,7 @@ use servotwin_watch::sink::timeline::Timeline;
 use servotwin_watch::sink::{Sample, Scene, Sink, SinkError, open_mcap};
 use servotwin_watch::source::Address;
 use servotwin_watch::watchdog::{Notice, Silences, SinkLoss, WatchEvent, without_name};
+use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
@@ -77,7 +78,7 @@ impl Outputs {
             threads.add(rules("standard output", file_delivery, true, SinkKind::Stream), lines);
         }
         let timeline = options.html.is_some().then(|| Timeline::new(scene));
-        let shown = Shown { strip: Strip::default(), timeline, unjudged: vec![] };
+        let shown = Shown { strip: Strip::default(), timeline, unjudged: vec![], last: None };
         Ok(Outputs { shown, threads, bar })
     }
 
@@ -128,6 +129,8 @@ pub(crate) struct Shown {
     timeline: Option<Timeline>,
     /// The states without a judgment, in the order of their first appearance.
     pub unjudged: Vec<DiagnosisState>,
+    /// The finding of the last sample in words.
+    pub last: Option<String>,
 }
 
 impl Sink for Shown {
@@ -135,6 +138,9 @@ impl Sink for Shown {
         let state = sample.finding.state;
         if !state.is_judgement() && !self.unjudged.contains(&state) {
             self.unjudged.push(state);
+        }
+        if sample.changed || self.last.is_none() {
+            self.last = Some(sample.finding.words());
         }
         if let Some(timeline) = &mut self.timeline {
             timeline.sample(sample)?;
@@ -269,66 +275,47 @@ impl Totals {
         lost.filter_map(|loss| loss.failure.clone()).collect()
     }
 
-    /// The totals as JSON, printed after the events.
-    pub(crate) fn json(&self, signals: &[&str]) -> Value {
-        let Totals { counts, silences, .. } = self;
-        let met = counts.met().map(|(kind, tally)| {
-            let first = counts.place(tally);
-            (kind.words().0.to_owned(), json!({ "count": tally.count, "first": first }))
-        });
+    /// Adds the totals.
+    pub(crate) fn describe(&self, map: &LogMap, signals: &[&str], document: &mut Document) {
+        let Totals { counts, silences, losses } = self;
         let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
-        let missing = missing.map(|(id, count)| (id.to_string(), json!(count)));
-        let unsent = self.losses.iter().filter(|loss| loss.lost > 0);
-        let unsent = unsent.map(|loss| (loss.sink.clone(), json!(loss.lost)));
-        let failed =
-            self.losses.iter().filter_map(|loss| Some((&loss.sink, loss.failure.as_ref()?)));
-        let failed = failed.map(|(sink, reason)| (sink.clone(), json!(reason)));
-        json!({ "summary": {
-            "frames": counts.frames,
-            "samples": counts.samples,
-            "judged": counts.judged,
-            "met": met.collect::<Map<String, Value>>(),
-            "missing": missing.collect::<Map<String, Value>>(),
-            "unsent": unsent.collect::<Map<String, Value>>(),
-            "failed": failed.collect::<Map<String, Value>>(),
-            "silences": silences,
-        }})
-    }
-
-    /// The totals as text.
-    pub(crate) fn text(&self, map: &LogMap) -> String {
-        let Totals { counts, silences, .. } = self;
+        let missing: BTreeMap<&str, u64> = missing.map(|(id, count)| (*id, *count)).collect();
+        let lost = losses.iter().filter(|loss| loss.lost > 0);
+        let unsent: BTreeMap<&str, u64> = lost.map(|own| (own.sink.as_str(), own.lost)).collect();
+        let failed = losses.iter().filter_map(|loss| Some((&*loss.sink, loss.failure.as_deref()?)));
+        let failed: BTreeMap<&str, &str> = failed.collect();
         let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
         let judged = counts.judged;
-        let mut text =
-            format!("{frames} {counted}s became {samples} samples, {judged} of them judged\n");
+        document
+            .text(format!("{frames} {counted}s became {samples} samples, {judged} of them judged"));
+        document.fact("frames", "", frames);
+        document.fact("samples", "", samples);
+        document.fact("judged", "", judged);
+        document.fact("missing", "", Value::of("", &missing));
+        document.fact("unsent", "", Value::of("", &unsent));
+        document.fact("failed", "", Value::of("", &failed));
+        document.fact("silences", "", Value::of("", silences));
         if let Some(lost) = guard::lost_in_words(map, counts) {
-            text += &format!("{lost}\n");
+            document.text(lost);
         }
         if silences.source > 0 {
             let Silences { source, source_s, .. } = silences;
-            text += &format!("silences of the source: {source}, {source_s:.1} s in all\n");
+            document.text(format!("silences of the source: {source}, {source_s:.1} s in all"));
         }
-        for SinkLoss { sink, lost, failure, .. } in &self.losses {
+        for SinkLoss { sink, lost, failure, .. } in losses {
             if *lost > 0 {
-                text += &format!("samples not sent to {sink}: {lost}\n");
+                document.text(format!("samples not sent to {sink}: {lost}"));
             }
             if let Some(reason) = failure {
-                text += &format!("{sink} failed: {}\n", without_name(sink, reason));
+                document.text(format!("{sink} failed: {}", without_name(sink, reason)));
             }
         }
-        if counts.met().next().is_some() {
-            let heads =
-                [("how often", Side::Right), ("what was met", Side::Left), ("first", Side::Left)];
-            let mut grid = TextTable::new(&heads);
-            for (kind, tally) in counts.met() {
-                let words = kind.words().1.to_owned();
-                grid.push(vec![tally.count.to_string(), words, counts.place(tally)]);
-            }
-            text += "\n";
-            text += &grid.text();
+        let mut met = Table::of("count:how often | kind:what was met | first");
+        for (kind, tally) in counts.met() {
+            let (name, words) = kind.words();
+            met.push(row![tally.count, Value::of(words, &name), counts.place(tally)]);
         }
-        text
+        document.table("met", met);
     }
 }
 

@@ -1,6 +1,6 @@
-//! Static figures for reports: an SVG writer and the chart kinds drawn with it.
+//! What readers see: results as [`document`]s with their renderers, display units, and figures.
 //!
-//! Every kind is a struct of plain data with a `draw` method that returns a [`Figure`]. The bytes depend on the data
+//! Every kind of figure is a struct of plain data with a `draw` method that returns a [`Figure`]. The bytes depend on the data
 //! only. Series differ by color: in a report by their [`SemanticColor`], elsewhere by a palette for color-blind readers. They
 //! also differ by dash or marker, so that a figure can be printed in gray. Non-finite numbers are omitted: a line has a
 //! gap there.
@@ -12,6 +12,7 @@
 mod axis;
 pub mod bars;
 pub mod decimate;
+pub mod document;
 mod font;
 mod frame;
 pub mod heatmap;
@@ -23,7 +24,9 @@ mod meaning;
 mod outline;
 #[cfg(feature = "png")]
 mod png;
+pub mod render;
 pub mod schematic;
+pub mod shown;
 mod style;
 mod svg;
 pub mod time_series;

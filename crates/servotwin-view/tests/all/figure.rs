@@ -4,15 +4,15 @@ use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 use roxmltree::Document;
-use servotwin_plot::bars::{Bar, Bars};
-use servotwin_plot::decimate::decimate;
-use servotwin_plot::heatmap::ConfusionMatrix;
-use servotwin_plot::histogram::{HistogramGrid, HistogramPanel};
-use servotwin_plot::lines::{Curve, Lines};
-use servotwin_plot::schematic::{Net, NetEnd, Part, Schematic};
-use servotwin_plot::time_series::{Band, Panel, Series, TimeSeries};
-use servotwin_plot::tree::{Node, TreeFigure};
-use servotwin_plot::{Figure, FigureError, Look};
+use servotwin_view::bars::{Bar, Bars};
+use servotwin_view::decimate::decimate;
+use servotwin_view::heatmap::ConfusionMatrix;
+use servotwin_view::histogram::{HistogramGrid, HistogramPanel};
+use servotwin_view::lines::{Curve, Lines};
+use servotwin_view::schematic::{Net, NetEnd, Part, Schematic};
+use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
+use servotwin_view::tree::{Node, TreeFigure};
+use servotwin_view::{Figure, FigureError, Look};
 
 use crate::folder::Folder;
 
