@@ -117,7 +117,7 @@ pub(super) fn in_parts(
         ("all", all.len().into()),
     ];
     let verdict = line(
-        "{folder}: {parts} of {all} parts are there. When all are, the same command without --share joins those that are \
+        "{folder}: {parts} of {all} parts belong to this share, and are there. When all are, the same command without --share joins those that are \
          judged, and 'servotwin study --suite flights' learns from those to learn from.",
         values,
     );

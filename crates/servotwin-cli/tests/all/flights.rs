@@ -221,11 +221,11 @@ fn shares_of_a_suite_are_joined_to_the_bytes_of_one_machine() {
         std::fs::remove_file(format!("{out}/outcomes-{suite}-noise.parquet")).unwrap();
     }
     let part = |suite: &str| format!("{out}/parts/outcomes-{suite}-noise-0000.parquet");
-    ["judge", "healthy"].map(|suite| std::fs::remove_file(part(suite)).unwrap());
+    ["judge", "healthy"].iter().for_each(|suite| std::fs::remove_file(part(suite)).unwrap());
     let told = study(&["--suite", "judge,healthy", "--environments", "5", "--share", "1/2"]);
-    assert!(told.contains("1 of 2 parts are there"), "{told}");
+    assert!(told.contains("1 of 2 parts belong"), "{told}");
     let told = study(&["--suite", "learn,hard_negatives,unseen", "--share", "2/3"]);
-    assert!(told.contains("1 of 3 parts are there"), "{told}");
+    assert!(told.contains("1 of 3 parts belong"), "{told}");
     study(&["--suite", "judge"]);
     study(&["--suite", "healthy", "--environments", "5", "--share", "1/1"]);
     let last = part("healthy");
