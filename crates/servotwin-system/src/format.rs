@@ -351,13 +351,9 @@ impl<T: Read> Read for Vec<T> {
         let Value::List(_, of) = key.value else { panic!("'{}' is no list", key.name) };
         let list = mistakes.list(entry)?;
         key.enough(entry, list.len(), mistakes);
-        let mut read = Self::stand_in(key.value);
-        let all: Vec<T> =
-            list.iter().filter_map(|one| T::read(one, key.of(of), mistakes)).collect();
-        if all.len() >= read.len() {
-            read = all;
-        }
-        Some(read)
+        let read = list.iter().filter_map(|one| T::read(one, key.of(of), mistakes));
+        let (read, least): (Vec<T>, Vec<T>) = (read.collect(), Self::stand_in(key.value));
+        Some(if read.len() < least.len() { least } else { read })
     }
 
     fn stand_in(value: Value) -> Self {

@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let constant = |input: &ExternalInput| Piecewise::constant(input.default);
     let inputs = program.network().inputs.iter().map(constant).collect::<Result<Vec<_>, _>>()?;
     let variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
-    let start = Ensemble::new(program).settle(&variant).map_err(|f| format!("{f:?}"))?;
+    let (start, _) = Ensemble::new(program).settle(&variant).map_err(|f| format!("{f:?}"))?;
     let content = json!({
         "start": start,
         "columns": columns.collect::<Vec<_>>(),

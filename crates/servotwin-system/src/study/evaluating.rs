@@ -91,14 +91,18 @@ impl Evaluating {
         let lists = [&self.learned_bands, &self.classifiers].into_iter().flatten();
         let listed = lists.flat_map(|list| &list.value);
         let listed = listed.map(|scenario| (scenario.name(), &scenario.at));
+        let is_known = |name: &str| known().any(|known| known == name);
         let mut result = Ok(());
         for (name, at) in listed.chain(self.trees.keys().map(|name| (name.as_str(), &name.at))) {
-            if !known().any(|known| known == name) {
+            if !is_known(name) {
                 let what = ("scenario in this study", name);
                 result = Err(reader.unknown(OF_SYSTEM, at, what, known()));
             }
         }
-        if let Some(bands) = self.learned_bands.as_ref().filter(|bands| !bands.is_empty())
+        let is_learned = |bands: &&At<Vec<At<Scenario>>>| {
+            !bands.is_empty() && bands.iter().all(|band| is_known(band.name()))
+        };
+        if let Some(bands) = self.learned_bands.as_ref().filter(is_learned)
             && text.training.as_ref().is_none_or(|training| training.healthy == 0)
         {
             result = Err(reader.empty(&bands.at, "training.healthy"));
