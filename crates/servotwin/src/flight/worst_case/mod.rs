@@ -2,7 +2,7 @@
 //!
 //! A flight is a point: command, load, air speed, pressures, temperatures, tolerances, fault and onset ([`space`]). Its
 //! [`margin`](super::margin) is continuous, so a search can follow it long before an error occurs. The search is a
-//! cross-entropy method ([`cross_entropy`]); random points come from the distributions of the study.
+//! cross-entropy method (`cross_entropy`); random points come from the distributions of the study.
 //!
 //! All points of a generation fly at once in lanes, each in an environment and with a specimen of its own beside the twin
 //! of this environment. A point has the same bits alone and among others. Its outcome is a row like that of any flight.
