@@ -581,7 +581,7 @@ fn what_an_aircraft_flies_is_shown_in_metres() {
         "altitude,air_speed,x_p_1",
     ]));
     let unit = |name: &str| {
-        let line = text.lines().find(|line| line.starts_with(name)).unwrap();
+        let line = text.lines().rfind(|line| line.starts_with(name)).unwrap();
         let cells: Vec<&str> = line.split_whitespace().collect();
         (cells[1].to_owned(), cells[2].to_owned())
     };
