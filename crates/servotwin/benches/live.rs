@@ -6,8 +6,8 @@
 
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::runtime::Runtime;
-use servotwin::flight::{spreads, train, training_windows};
-use servotwin::job;
+use servotwin::job::Folder;
+use servotwin::job::flights::{self, Crew};
 use servotwin::parallel::Workers;
 use servotwin::study::{Scenario, Study};
 use servotwin_model::lanes::Level;
@@ -21,13 +21,11 @@ const DURATION_S: f64 = 120.0;
 
 fn main() {
     let study = Study::default();
-    let flights = study.flights.as_ref().expect("the paper's study has flights");
-    let (scenario, workers, pools) = (Scenario::Realistic, Workers::all(), job::pools(&study));
-    let design = spreads::learn((&study, flights), false, scenario, &pools, workers);
-    let design = design.expect("a twin");
-    let taken = training_windows::learn(&design, false, workers).expect("a twin");
-    let tables = training_windows::tables(&design, false, taken, workers).expect("windows");
-    let diagnoser = train::diagnoser(&design, tables, &pools, workers);
+    let folder = std::env::temp_dir().join("servotwin-bench-live");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let crew = Crew { workers: Workers::all(), progress: &|_, _| () };
+    let place = (&study, false);
+    let diagnoser = flights::learn(&Folder::new(&folder), place, Scenario::Realistic, &crew);
     let diagnoser = Arc::new(diagnoser.expect("a diagnoser"));
     let network = study.system.network();
     let mut inputs: Vec<Piecewise> = network

@@ -179,12 +179,10 @@ mod tests {
             window.add(&measured, &twin, &vec![1.0; kept.len()]);
         }
         let sensors = sensors_left(sensors, kept);
-        let (mut known, mut values) = (vec![], vec![]);
-        for family in features::ALL {
-            known.extend(family.features(&sensors));
-            family.compute(&sensors, &window, &mut values);
-        }
-        known.into_iter().zip(values).collect()
+        features::features(&sensors)
+            .into_iter()
+            .zip(features::values(&sensors, &window))
+            .collect()
     }
 
     #[test]
