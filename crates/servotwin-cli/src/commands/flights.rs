@@ -181,7 +181,7 @@ fn sealed(
     })?;
     manifest::write(&folder, study)?;
     let mut document = described(&folder, &sealed.results, study, &[])?;
-    document.text(sealed.in_words(None));
+    document.verdict = Some(Verdict::neutral(sealed.in_words(None)));
     document.text(format!("Recorded in {}.", record.path().display()));
     document.data("opening", &sealed.opening);
     document.data("openings", &sealed.openings);

@@ -242,7 +242,8 @@ fn said_of_press(
         Column::new(column.name.clone(), "", changed(place, &column.numbers().unwrap()))
     });
     table::write(&log, &Table::from_columns(columns.collect()).unwrap()).unwrap();
-    stderr(&servotwin(&["fit", &log, "--study", "press_axis"]))
+    let output = servotwin(&["fit", &log, "--study", "press_axis"]);
+    stdout(&output) + &stderr(&output)
 }
 
 #[test]
@@ -316,9 +317,8 @@ fn a_history_tells_when_a_threshold_is_reached() {
     let start = ["history", &logs, "--study", STUDY];
     let output = servotwin(&[&start[..], &["--out", &table, "--plot", &plot]].concat());
     assert_eq!(output.status.code(), Some(1));
-    let message = stderr(&output);
-    assert!(message.contains("alarm: leakage_a.leakage may reach 0.5 in"), "{message}");
     let text = stdout(&output);
+    assert!(text.contains("leakage_a.leakage may reach 0.5 in"), "{text}");
     assert!(text.contains("flight_9.csv") && text.contains("reaches 0.5 in 2 flights"), "{text}");
     let rows = std::fs::read_to_string(&table).unwrap();
     assert_eq!(rows.lines().count(), 10);
