@@ -6,9 +6,9 @@
 //! twin     ↗
 //! ```
 //!
-//! Each of the four has a file: [`guard`] rejects samples, [`crate::windows`] slides windows of several lengths over
-//! the others, [`evidence`] judges them (bands, features, trees, committee, then the sequential test of [`decision`]),
-//! and [`alarm`] keeps what is raised.
+//! Each of the four has a file: `guard` rejects samples, [`crate::windows`] slides windows of several lengths over
+//! the others, `evidence` judges them (bands, features, trees, committee, then the sequential test of [`decision`]),
+//! and `alarm` keeps what is raised.
 //!
 //! A [`Diagnoser`] never changes; it is stored as JSON ([`FORMAT`]). A [`Session`] holds the state: it takes sample
 //! after sample in fixed memory. A stored session continues elsewhere bit for bit. Many sessions share one diagnoser.
