@@ -16,15 +16,14 @@ use std::path::PathBuf;
 type Told = (String, Vec<String>, usize, Vec<String>, usize, Vec<String>);
 
 /// The wanted scenarios; by default the usual ones, or those of tests on the ground.
-fn wanted(
-    study: &Study,
-    names: Option<Vec<String>>,
-) -> Result<impl Fn(Scenario) -> bool, Failure> {
+fn wanted(study: &Study, names: Option<Vec<String>>) -> Result<impl Fn(Scenario) -> bool, Failure> {
     let known = |name: &String| Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
     for name in names.iter().flatten() {
         if known(name).is_none() {
             let known = Scenario::ALL.map(Scenario::name).join(", ");
-            return Err(Failure::value(format!("there is no scenario '{name}'; there are {known}")));
+            return Err(Failure::value(format!(
+                "there is no scenario '{name}'; there are {known}"
+            )));
         }
     }
     let is_on_ground = study.inner.is_on_ground();
@@ -139,9 +138,12 @@ pub fn run_task(
     let scenarios = names.iter().filter_map(|name| Scenario::named(name)).collect();
     let task = Task { suite, scenarios, part, files, runs, needs };
     let at = At { study, folder: Folder::new(out), full };
-    at.work(py, (threads, None), |folder| folder.hold(Among::Parts), |place, crew| {
-        Ok(tasks::run(place, &task, crew)?)
-    })
+    at.work(
+        py,
+        (threads, None),
+        |folder| folder.hold(Among::Parts),
+        |place, crew| Ok(tasks::run(place, &task, crew)?),
+    )
 }
 
 /// Writes a file that tasks need.
@@ -156,9 +158,12 @@ pub fn prepare_file(
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<()> {
     let at = At { study, folder: Folder::new(out), full };
-    at.work(py, (threads, None), |folder| folder.hold(Among::Parts), |place, crew| {
-        Ok(tasks::prepare(place, file, crew)?)
-    })
+    at.work(
+        py,
+        (threads, None),
+        |folder| folder.hold(Among::Parts),
+        |place, crew| Ok(tasks::prepare(place, file, crew)?),
+    )
 }
 
 /// Joins the parts of suites in a folder.

@@ -101,13 +101,7 @@ pub static CHAPTERS: &[Chapter] = &[
         "Which faults are detected",
         &[section("detectability", "Detectability", detectability::write)],
     ),
-    chapter(
-        "errors",
-        "What errors do",
-        &[
-            section("safety", "Safety", safety::write),
-        ],
-    ),
+    chapter("errors", "What errors do", &[section("safety", "Safety", safety::write)]),
     chapter(
         "work",
         "Faults that begin at work",

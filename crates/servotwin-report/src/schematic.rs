@@ -3,8 +3,8 @@
 //! Components and connections come from the system file. A component's column is its distance from the sources of oil.
 
 use servotwin::system::System;
-use servotwin_model::network::{Network, PortOf};
 use servotwin_model::component::Component;
+use servotwin_model::network::{Network, PortOf};
 use servotwin_model::spec::PortKind;
 use servotwin_view::SemanticColor;
 use servotwin_view::schematic::{Net, NetEnd, Part, Schematic};
@@ -103,7 +103,8 @@ fn nets(network: &Network) -> Vec<Net> {
 /// parts right of all valves. What only signals reach stands right of its nearest neighbor. Tanks and inputs stand
 /// left of theirs.
 fn columns(network: &Network, nets: &[Net]) -> Vec<usize> {
-    let specs: Vec<&Component> = network.components.iter().map(|one| one.component.spec()).collect();
+    let specs: Vec<&Component> =
+        network.components.iter().map(|one| one.component.spec()).collect();
     let is_left = |part: usize| specs.get(part).is_none_or(|spec| spec.kind == "tank");
     let joined = |with_signals: bool| -> Vec<Vec<usize>> {
         let nets = nets.iter().filter(|net| with_signals || net.kind != SIGNAL);

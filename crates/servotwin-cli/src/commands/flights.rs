@@ -111,11 +111,8 @@ pub(super) fn in_parts(
     for ((suite, scenario), [own, all]) in counts {
         table.push(row![suite, scenario, own, all]);
     }
-    let values = [
-        ("folder", folder.path().into()),
-        ("parts", own.len().into()),
-        ("all", all.len().into()),
-    ];
+    let values =
+        [("folder", folder.path().into()), ("parts", own.len().into()), ("all", all.len().into())];
     let verdict = line(
         "{folder}: {parts} of {all} parts belong to this share, and are there. When all are, the same command without --share joins those that are \
          judged, and 'servotwin study --suite flights' learns from those to learn from.",

@@ -6,8 +6,8 @@ use super::{StudyOptions, flights, recordings, records, removed, summary, worker
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
 use indicatif::ProgressBar;
-use servotwin::run::part::Share;
 use servotwin::job::{Folder, Results, StudyEvent, StudyRun};
+use servotwin::run::part::Share;
 use servotwin::study::suites::{FLIGHTS, MAX_ENVIRONMENTS, RECORDS};
 use servotwin::study::{Scenario, Study};
 use servotwin_view::document::Document;

@@ -179,10 +179,7 @@ mod tests {
             window.add(&measured, &twin, &vec![1.0; kept.len()]);
         }
         let sensors = sensors_left(sensors, kept);
-        features::features(&sensors)
-            .into_iter()
-            .zip(features::values(&sensors, &window))
-            .collect()
+        features::features(&sensors).into_iter().zip(features::values(&sensors, &window)).collect()
     }
 
     #[test]

@@ -10,11 +10,11 @@ use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, section};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
 use crate::units;
+use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, find};
 use servotwin_model::fluid::table::{Point, Table};
 use servotwin_model::fluid::{Fluid, FluidKind, own, table};
 use servotwin_model::network::PortOf;
-use servotwin_model::component::Component;
 use servotwin_model::spec::{Law, Parameter, PortKind, Unit};
 
 section! {

@@ -4,9 +4,9 @@ use super::fluid::{FLUID, POINT};
 use super::read::Text;
 use crate::format::{self, ID, number};
 use serde_json::{Map, Value, json};
+use servotwin_model::component::Component;
 use servotwin_model::components::ALL;
 use servotwin_model::fluid::FluidKind;
-use servotwin_model::component::Component;
 use servotwin_model::spec::{Law, Parameter};
 
 /// The schema of system files.

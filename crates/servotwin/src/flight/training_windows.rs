@@ -152,7 +152,8 @@ impl TrainingWindows {
         sensors: usize,
         is_hard_negative: bool,
     ) -> Result<(), TableError> {
-        let left_out = table.metadata.get(LEFT_OUT).and_then(|text| serde_json::from_str(text).ok());
+        let left_out =
+            table.metadata.get(LEFT_OUT).and_then(|text| serde_json::from_str(text).ok());
         let LeftOut { failed, on_the_move } = left_out.unwrap_or_default();
         self.left_out.failed += failed;
         self.left_out.on_the_move.extend(on_the_move);

@@ -3,8 +3,8 @@
 use super::outcomes::{self, Basis, FlownSuite, SuiteSize};
 use super::sealed::{Opening, OpeningRecord, Openings, SealedSubject};
 use super::{Folder, JobError, held_out, pools};
-use crate::files::create_folder;
 use crate::evaluation::model_file;
+use crate::files::create_folder;
 use crate::flight::boundaries::boundaries;
 use crate::flight::judge::{FlightGroup, FlightMetrics};
 use crate::flight::measure;
@@ -201,7 +201,8 @@ pub fn learn(
     let taught = |taken: &mut TrainingWindows, name: &str, bands, [from, to]: [f64; 2]| {
         let Some(suite) = study.suite(name, is_full) else { return Ok(()) };
         let flights = TrainingFlights::new(folder.path(), &design, suite, bands);
-        let share = |share: f64| (crew.progress)("flights to learn from", from + (to - from) * share);
+        let share =
+            |share: f64| (crew.progress)("flights to learn from", from + (to - from) * share);
         let told = |done: usize, all: usize| share(done as f64 / all as f64);
         flights.fly(&flights.files.all(), workers, &told)?;
         flights.add_to(taken)

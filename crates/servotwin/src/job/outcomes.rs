@@ -260,7 +260,12 @@ impl<'f> FlownParts<'f> {
             place: (study, suite, scenario),
             watching: watching.map_err(|error| JobError::Evaluation(error.into()))?,
             empty,
-            files: PartFiles::new(folder.path(), stem(suite, scenario), mark, watched::parts(study, suite)),
+            files: PartFiles::new(
+                folder.path(),
+                stem(suite, scenario),
+                mark,
+                watched::parts(study, suite),
+            ),
         })
     }
 

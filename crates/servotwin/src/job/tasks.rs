@@ -76,8 +76,9 @@ pub fn tasks(
             FLIGHTS => {
                 flights::flights(study)?;
                 let judged = study.suites(is_full).filter(|suite| flights::is_usual(suite));
-                let taught =
-                    [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full));
+                let taught = [LEARN, HARD_NEGATIVES]
+                    .into_iter()
+                    .filter_map(|name| study.suite(name, is_full));
                 let all: Vec<&Suite> = taught.chain(judged).collect();
                 for scenario in flights::scenarios(study).into_iter().filter(|&s| scenarios(s)) {
                     tasks.extend(all.iter().flat_map(|suite| of_suite(place, suite, scenario)));
@@ -93,10 +94,7 @@ pub fn tasks(
     Ok(tasks)
 }
 
-fn of_records(
-    place: Place,
-    scenarios: impl Fn(Scenario) -> bool,
-) -> Result<Vec<Task>, JobError> {
+fn of_records(place: Place, scenarios: impl Fn(Scenario) -> bool) -> Result<Vec<Task>, JobError> {
     let mut tasks = vec![];
     for (purpose, scenarios) in runs(place.study, scenarios) {
         let campaign = campaign(place, purpose, &scenarios);
@@ -161,7 +159,8 @@ fn campaign<'s>(
 pub fn run(place: Place, task: &Task, crew: &Crew) -> Result<(), JobError> {
     let Place { study, is_full, folder, .. } = place;
     let Task { suite, scenarios, part, .. } = task;
-    if let Some(purpose) = Purpose::OF_RECORDS.into_iter().find(|&p| study.records(p).name == *suite)
+    if let Some(purpose) =
+        Purpose::OF_RECORDS.into_iter().find(|&p| study.records(p).name == *suite)
     {
         let campaign = Campaign { workers: crew.workers, ..campaign(place, purpose, scenarios) };
         let told = |done: usize, all: usize| (crew.progress)(suite, done as f64 / all as f64);
@@ -228,7 +227,9 @@ pub fn join(
                 }
                 data_card::write(folder, study)?;
             }
-            FLIGHTS => judged.extend(study.suites(is_full).filter(|suite| flights::is_usual(suite))),
+            FLIGHTS => {
+                judged.extend(study.suites(is_full).filter(|suite| flights::is_usual(suite)))
+            }
             name => judged.extend(Some(place.suite(name)?).filter(|s| s.purpose == Purpose::Test)),
         }
     }

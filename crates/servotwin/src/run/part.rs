@@ -299,8 +299,8 @@ fn window_column(place: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::study::suites::{HEALTHY, JUDGE};
     use crate::study::Purpose;
+    use crate::study::suites::{HEALTHY, JUDGE};
 
     #[test]
     fn a_share_is_read_from_its_text_and_counts_from_one() {

@@ -124,7 +124,10 @@ fn text(value: &impl serde::Serialize) -> String {
 
 #[test]
 fn threads_do_not_change_what_is_learned_nor_what_is_measured() {
-    assert!(text(&learned(&Scratch::new("alone"), Scenario::Noise, 1)) == text(&**diagnoser()), "another diagnoser");
+    assert!(
+        text(&learned(&Scratch::new("alone"), Scenario::Noise, 1)) == text(&**diagnoser()),
+        "another diagnoser"
+    );
     let [one, two] = [1, 2].map(|threads| text(&measured(&outcomes(JUDGE, threads))));
     assert_eq!(one, two);
     assert_eq!(text(&outcomes(UNSEEN, 1)), text(&outcomes(UNSEEN, 2)));
