@@ -190,7 +190,7 @@ def test_the_scenario_fitted_has_the_bytes_of_one_machine(tmp_path):
     assert_same(parts, contents(alone))
 
 
-FLOWN = ["flights", "healthy", "effects"]
+FLOWN = ["flights", "healthy"]
 
 
 @pytest.fixture(scope="module")
