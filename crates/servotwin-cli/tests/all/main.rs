@@ -26,6 +26,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 const SPRING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../systems/spring_actuator.toml");
 
@@ -70,12 +71,16 @@ fn met<'w>(watched: &'w serde_json::Value, kind: &str) -> &'w serde_json::Value 
     all.find(|one| one["kind"] == kind).unwrap_or(&serde_json::Value::Null)
 }
 
+/// Tests run simultaneously, and two may choose the same name.
+static MADE: AtomicUsize = AtomicUsize::new(0);
+
 /// A folder of its own, removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
     fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("servotwin-{name}-{}", std::process::id()));
+        let (program, number) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
+        let path = std::env::temp_dir().join(format!("servotwin-{program}-{number}-{name}"));
         std::fs::create_dir_all(&path).expect("a temporary folder");
         Self(path)
     }

@@ -1,14 +1,19 @@
 //! The folder that a test writes into; tests of other crates include this file, too.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{fs, io};
+
+/// Tests run simultaneously, and two may choose the same name.
+static MADE: AtomicUsize = AtomicUsize::new(0);
 
 /// A fresh folder for one test, removed at its end.
 pub struct Folder(pub PathBuf);
 
 impl Folder {
     pub fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("servotwin-{}-{test}", std::process::id()));
+        let (program, number) = (std::process::id(), MADE.fetch_add(1, Ordering::Relaxed));
+        let path = std::env::temp_dir().join(format!("servotwin-{program}-{number}-{test}"));
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).unwrap();
         Self(path)
