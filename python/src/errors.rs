@@ -2,7 +2,6 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use servotwin::document::Diagnostic;
 use servotwin::files::FileError;
 use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
@@ -10,6 +9,7 @@ use servotwin::signal::{QuantityError, SignalError};
 use servotwin::study::StudyError;
 use servotwin::system::SystemError;
 use servotwin::table::{ContentError, TableError};
+use servotwin::toml_text::Diagnostic;
 use std::fmt::Display;
 
 /// What is known of an error besides its message.

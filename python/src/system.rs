@@ -157,8 +157,8 @@ impl System {
         let lines = Lines(self.inner.network().components.iter().collect());
         table(vec![
             lines.text("id", |line| line.id.clone()),
-            lines.text("kind", |line| line.component.spec().kind.into()),
-            lines.text("summary", |line| line.component.spec().summary.into()),
+            lines.text("kind", |line| line.component.kind.into()),
+            lines.text("summary", |line| line.component.summary.into()),
         ])
     }
 
@@ -167,7 +167,7 @@ impl System {
     fn parameters(&self) -> Table {
         let components = self.inner.network().components.iter();
         let all = components.flat_map(|instance| {
-            let declared = instance.component.spec().parameters.iter().zip(&instance.parameters);
+            let declared = instance.component.parameters.iter().zip(&instance.parameters);
             declared.map(move |(declared, value)| (instance, declared, *value))
         });
         let lines = Lines(all.collect());

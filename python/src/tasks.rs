@@ -2,7 +2,7 @@
 
 use crate::errors::Failure;
 use crate::long::{Watch, long};
-use crate::study::Study;
+use crate::study::{Study, scenario};
 use pyo3::prelude::*;
 use servotwin::campaign::CampaignError;
 use servotwin::job::flights::Crew;
@@ -17,18 +17,12 @@ type Told = (String, Vec<String>, usize, Vec<String>, usize, Vec<String>);
 
 /// The wanted scenarios; by default the usual ones, or those of tests on the ground.
 fn wanted(study: &Study, names: Option<Vec<String>>) -> Result<impl Fn(Scenario) -> bool, Failure> {
-    let known = |name: &String| Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
-    for name in names.iter().flatten() {
-        if known(name).is_none() {
-            let known = Scenario::ALL.map(Scenario::name).join(", ");
-            return Err(Failure::value(format!(
-                "there is no scenario '{name}'; there are {known}"
-            )));
-        }
-    }
     let is_on_ground = study.inner.is_on_ground();
-    Ok(move |scenario: Scenario| match &names {
-        Some(names) => names.iter().any(|name| name == scenario.name()),
+    let named =
+        names.map(|names| names.iter().map(|name| scenario(name)).collect::<Result<Vec<_>, _>>());
+    let named = named.transpose()?;
+    Ok(move |scenario: Scenario| match &named {
+        Some(named) => named.contains(&scenario),
         None => scenario.is_usual() || is_on_ground,
     })
 }
@@ -100,7 +94,7 @@ pub fn run_suites(
         };
         let own = tasks.into_iter().enumerate().filter(|(number, _)| share.holds(*number));
         let own: Vec<Task> = own.map(|(_, task)| task).collect();
-        Ok(tasks::run_all(place, &own, crew)?)
+        Ok(tasks::run(place, &own, crew)?)
     })
 }
 
@@ -142,7 +136,7 @@ pub fn run_task(
         py,
         (threads, None),
         |folder| folder.hold(Among::Parts),
-        |place, crew| Ok(tasks::run(place, &task, crew)?),
+        |place, crew| Ok(tasks::run(place, &[task], crew)?),
     )
 }
 

@@ -2,11 +2,7 @@
 //! but a verdict.
 
 use servotwin::campaign::CampaignError;
-use servotwin::document::Diagnostic;
 use servotwin::evaluation::EvaluationError;
-use servotwin::figure::FigureError;
-use servotwin::figure::document::{Content, Document, Form, Table, Verdict};
-use servotwin::figure::row;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
 use servotwin::flight::runtime::RuntimeError;
@@ -18,8 +14,12 @@ use servotwin::signal::SignalError;
 use servotwin::study::StudyError;
 use servotwin::system::{RewriteError, SystemError};
 use servotwin::table::TableError;
+use servotwin::toml_text::Diagnostic;
 use servotwin_export::ExportError;
 use servotwin_safety::SafetyError;
+use servotwin_view::FigureError;
+use servotwin_view::document::{Content, Document, Form, Table, Verdict};
+use servotwin_view::row;
 use servotwin_watch::WatchError;
 use servotwin_watch::checkpoint::CheckpointError;
 use servotwin_watch::guard::IntakeError;

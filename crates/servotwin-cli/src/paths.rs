@@ -5,11 +5,11 @@
 //! file.
 
 use crate::failure::Failure;
-use servotwin::figure::{FigureError, PngError};
 use servotwin::files::{check_writable, resolve_links};
 use servotwin::leftovers::remove_abandoned_files;
 use servotwin::study::Study;
 use servotwin::table;
+use servotwin_view::{FigureError, PngError};
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};

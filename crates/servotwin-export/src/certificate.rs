@@ -5,8 +5,8 @@ use crate::description::Description;
 use crate::prove::{ProofEvidence, RowDifference};
 use crate::source_file::SourceFile;
 use serde::Serialize;
-use servotwin::figure::document::{Document, Fact, Table, Value, Verdict, fact};
-use servotwin::figure::row;
+use servotwin::view::document::{Document, Fact, Table, Value, Verdict, fact};
+use servotwin::view::row;
 use std::collections::BTreeMap;
 
 /// What no proof compares.

@@ -176,7 +176,7 @@ impl ExportFolder {
     ) -> Result<[PathBuf; 2], ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
         let page = self.file(PAGE);
-        let html = servotwin::figure::render::page(&certificate.document());
+        let html = servotwin::view::render::page(&certificate.document());
         write_atomically(&page, |out| out.write_all(html.as_bytes()))?;
         Ok([self.file(CERTIFICATE), page])
     }

@@ -350,7 +350,7 @@ pub fn read_text(path: impl AsRef<Path>) -> Result<String, FileError> {
 }
 
 /// As [`read_text`], for a file that a person writes: at most 1 MiB.
-pub fn read_document(path: impl AsRef<Path>) -> Result<String, FileError> {
+pub fn read_toml(path: impl AsRef<Path>) -> Result<String, FileError> {
     text_of(read_at_most(MAX_DOCUMENT, path.as_ref())?, path.as_ref())
 }
 

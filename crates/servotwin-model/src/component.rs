@@ -75,11 +75,6 @@ impl Component {
         travel_m: |_| None,
     };
 
-    /// The same; its callers hold it already.
-    pub fn spec(&self) -> &Self {
-        self
-    }
-
     /// The position of a parameter by name.
     pub fn parameter(&self, name: &str) -> Option<usize> {
         self.parameters.iter().position(|p| p.name == name)

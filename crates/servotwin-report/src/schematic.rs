@@ -30,7 +30,7 @@ pub fn of(system: &System) -> Schematic {
     let columns = columns(network, &nets);
     let part = |(place, id): (usize, &&String)| {
         let (group, name) = id.rsplit_once('.').unwrap_or(("", id));
-        let spec = network.components.get(place).map(|instance| instance.component.spec());
+        let spec = network.components.get(place).map(|instance| instance.component);
         let kind = spec.map_or("input", |spec| spec.kind);
         Part {
             id: if spec.is_some() { (*id).clone() } else { format!("input {id}") },
@@ -72,7 +72,7 @@ fn groups<'s>(ids: &[&'s String]) -> Vec<&'s str> {
 /// The connections, then what inputs drive. A net begins with the port that sets its potential or signal.
 fn nets(network: &Network) -> Vec<Net> {
     let end = |port: &PortOf| {
-        let spec = network.components[port.component].component.spec().ports[port.port];
+        let spec = network.components[port.component].component.ports[port.port];
         let arrow = matches!(spec.kind, PortKind::SignalIn { .. });
         (spec.kind, NetEnd { part: port.component, port: spec.name.into(), arrow })
     };
@@ -103,8 +103,7 @@ fn nets(network: &Network) -> Vec<Net> {
 /// parts right of all valves. What only signals reach stands right of its nearest neighbor. Tanks and inputs stand
 /// left of theirs.
 fn columns(network: &Network, nets: &[Net]) -> Vec<usize> {
-    let specs: Vec<&Component> =
-        network.components.iter().map(|one| one.component.spec()).collect();
+    let specs: Vec<&Component> = network.components.iter().map(|one| one.component).collect();
     let is_left = |part: usize| specs.get(part).is_none_or(|spec| spec.kind == "tank");
     let joined = |with_signals: bool| -> Vec<Vec<usize>> {
         let nets = nets.iter().filter(|net| with_signals || net.kind != SIGNAL);

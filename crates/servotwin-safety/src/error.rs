@@ -82,7 +82,7 @@ pub enum SafetyError {
 }
 
 fn faults(count: usize) -> String {
-    servotwin::document::counted(count, "fault")
+    servotwin::toml_text::counted(count, "fault")
 }
 
 /// The first names of a list, and how many follow.

@@ -4,7 +4,6 @@
 use crate::error::SafetyError;
 use crate::results::{FOLDER, StudyResultsFolder};
 use serde::Serialize;
-use servotwin::figure::lines::{Curve, Lines};
 use servotwin::files::{create_folder, write_atomically};
 use servotwin::flight::margin::SearchObjective;
 use servotwin::flight::outcome::FlightOutcome;
@@ -16,6 +15,7 @@ use servotwin::job::worst_case;
 use servotwin::run::RunName;
 use servotwin::shown::shown;
 use servotwin::study::Study;
+use servotwin::view::lines::{Curve, Lines};
 use servotwin_learning::metrics::clopper_pearson_upper;
 use std::collections::BTreeSet;
 use std::path::PathBuf;

@@ -37,7 +37,7 @@ pub(crate) fn about(
         let own = own.map(|fault| {
             json!({ "id": fault.id, "summary": fault.summary, "answer": answer(study, &fault.id) })
         });
-        let spec = instance.component.spec();
+        let spec = instance.component;
         json!({
             "id": instance.id, "kind": spec.kind, "summary": spec.summary,
             "faults": own.collect::<Vec<_>>(),

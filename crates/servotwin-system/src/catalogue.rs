@@ -1,8 +1,8 @@
 //! The component catalogue as documents: searchable and written as Markdown. All of it comes from the declarations of
 //! components and from the headers of their files.
 
-use crate::document::{NumberWithUnit, Quantities};
 use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
+use crate::toml_text::{NumberWithUnit, Quantities};
 use crate::units::word;
 use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, description};
@@ -11,7 +11,7 @@ use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind};
 
 /// Every component, in the order of the documentation.
 pub fn all() -> impl Iterator<Item = &'static Component> {
-    ALL.iter().map(|component| component.spec())
+    ALL.iter().copied()
 }
 
 /// The component of this kind.

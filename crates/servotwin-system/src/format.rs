@@ -2,8 +2,8 @@
 //! all mistakes, its JSON Schema and its table in the book.
 
 /// What the declaration of a section names.
-pub use crate::document::{Collector, Entry, TextSpan};
-use crate::document::{Diagnostic, Quantities, get};
+pub use crate::toml_text::{Collector, Entry, TextSpan};
+use crate::toml_text::{Diagnostic, Quantities, get};
 use crate::units;
 use serde_json::{Value as Json, json};
 use servotwin_model::spec::Unit;

@@ -2,9 +2,9 @@
 //! the text of a path or a built-in name.
 
 use crate::built_in;
-use crate::document::{Collector, Diagnostic};
 use crate::files::{self, FileError};
 use crate::nearest::nearest;
+use crate::toml_text::{Collector, Diagnostic};
 use std::borrow::Cow;
 use std::path::Path;
 use toml::de::DeTable;
@@ -62,7 +62,7 @@ impl FileType {
                 return Ok((text.into(), format!("{folder}/{shown}.toml")));
             }
         }
-        let text = files::read_document(path).map_err(|error| self.named(error))?;
+        let text = files::read_toml(path).map_err(|error| self.named(error))?;
         Ok((text.into(), shown.to_string()))
     }
 

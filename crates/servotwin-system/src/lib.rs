@@ -50,7 +50,6 @@ pub mod units;
 pub mod validity;
 
 // Modules name the crates below by these short paths, as the modules of `servotwin` do.
-use servotwin_io::{document, files, leftovers, nearest, table};
-use servotwin_view as figure;
+use servotwin_io::{files, leftovers, nearest, table, toml_text};
 #[doc(no_inline)]
 pub use servotwin_view::shown;

@@ -44,7 +44,7 @@ fn warnings_at_rest(system: &System, rest: &Rest) -> Vec<String> {
     }
     for (state, &value) in system.program.states().iter().zip(&rest.states) {
         let instance = &system.network().components[state.component];
-        let is_piston = instance.component.spec().states[state.state].name == "position_m";
+        let is_piston = instance.component.states[state.state].name == "position_m";
         let stroke = parameter(instance, "stroke_half_m");
         if state.unit == Unit::Pascal && value > MAX_PRESSURE_PA {
             let (value, most) = (shown(value, Unit::Pascal), shown(MAX_PRESSURE_PA, Unit::Pascal));
@@ -65,18 +65,18 @@ fn warnings_at_rest(system: &System, rest: &Rest) -> Vec<String> {
 
 /// The value of a component's parameter.
 fn parameter(instance: &Instance, name: &str) -> Option<f64> {
-    Some(instance.parameters[instance.component.spec().parameter(name)?])
+    Some(instance.parameters[instance.component.parameter(name)?])
 }
 
 fn is_tank(network: &Network, at: &PortOf) -> bool {
-    network.components[at.component].component.spec().kind == "tank"
+    network.components[at.component].component.kind == "tank"
 }
 
 /// What is wrong with a pump and its relief valves: one is reversed, one opens below the pressure that a compensated pump
 /// holds, or a pump of constant displacement would reach a pressure beyond the model if its flow had no way out.
 fn relief_of_pump(network: &Network, component: usize) -> Vec<String> {
     let instance = &network.components[component];
-    let (spec, id) = (instance.component.spec(), &instance.id);
+    let (spec, id) = (instance.component, &instance.id);
     let Some(port) = spec.port("outlet") else { return vec![] };
     let from = PortOf { component, port };
     if let Some(tank) =
@@ -91,7 +91,7 @@ fn relief_of_pump(network: &Network, component: usize) -> Vec<String> {
     let at = |kind: &str, port: &str| -> Vec<&Instance> {
         let own = reached.iter().map(|at| (&network.components[at.component], at.port));
         let own = own.filter(|(found, own)| {
-            let spec = found.component.spec();
+            let spec = found.component;
             spec.kind == kind && spec.ports[*own].name == port
         });
         own.map(|(found, _)| found).collect()
@@ -144,7 +144,7 @@ fn relief_of_pump(network: &Network, component: usize) -> Vec<String> {
 /// Pressure sensors whose range ends at the pressure of a supply that reaches them, or below it.
 fn sensors_without_head_room(network: &Network, component: usize) -> Vec<String> {
     let instance = &network.components[component];
-    let spec = instance.component.spec();
+    let spec = instance.component;
     let (port, parameter_name) = match spec.kind {
         "pressure_source" => ("port", "pressure_pa"),
         "variable_pump" => ("outlet", "set_pa"),
@@ -206,7 +206,7 @@ fn reached(
     let mut next = 0;
     while let Some(&at) = reached.get(next) {
         next += 1;
-        let spec = network.components[at.component].component.spec();
+        let spec = network.components[at.component].component;
         let name = |port: usize| spec.ports[port].name;
         let is_hydraulic =
             |port: &usize| matches!(spec.ports[*port].kind, PortKind::Hydraulic { .. });

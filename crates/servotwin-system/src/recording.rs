@@ -2,7 +2,6 @@
 //! component for all of its quantities, or `all`.
 
 use crate::ensemble::Ensemble;
-use crate::figure::time_series::{Panel, Series, TimeSeries};
 use crate::nearest::UnknownName;
 use crate::shown::Shown;
 use crate::signal::random::NormalDeviates;
@@ -11,6 +10,7 @@ use crate::system::{Sensor, System};
 use crate::table::{Column, Table, TableError};
 use servotwin_model::program::Slot;
 use servotwin_model::spec::Unit;
+use servotwin_view::time_series::{Panel, Series, TimeSeries};
 use std::collections::BTreeSet;
 
 /// A recorded quantity.

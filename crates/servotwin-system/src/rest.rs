@@ -75,7 +75,7 @@ pub fn of(system: &System) -> Result<Rest, RestError> {
 pub fn describe(system: &System, rest: &Rest) -> Value {
     let network = system.network();
     let components = network.components.iter().map(|instance| {
-        let spec = instance.component.spec();
+        let spec = instance.component;
         let parameters = spec.parameters.iter().zip(&instance.parameters);
         let parameters = parameters.map(|(declared, value)| {
             json!({ "name": declared.name, "unit": declared.unit.symbol(), "value": value })

@@ -20,9 +20,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::document::{NumberWithUnit, Quantities};
 use crate::ensemble::{Ensemble, Later, Sink, Variant, processors};
-use crate::figure::time_series::TimeSeries;
 use crate::nearest::UnknownName;
 use crate::recording::{self, Recorded, with_suffix};
 use crate::rest::Stopped;
@@ -30,12 +28,14 @@ use crate::shown::shown;
 use crate::signal::{Signal, SignalError, bus};
 use crate::system::System;
 use crate::table::{Column, Table, TableError};
+use crate::toml_text::{NumberWithUnit, Quantities};
 use crate::validity::{ValidityFinding, ValidityMonitor};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::{CurveError, Piecewise};
 use servotwin_model::solver::{self, Control, Method, SolverSettings, Statistics};
 use servotwin_model::spec::Unit;
+use servotwin_view::time_series::TimeSeries;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -392,7 +392,7 @@ fn within(name: &str, value: f64, range: (f64, f64), unit: Unit) -> Result<(), S
 /// Whether a name is a fault's, and the unit of its values.
 fn sweep_target(system: &System, id: &str) -> Result<(bool, Unit), UnknownName> {
     if let Some((component, parameter)) = system.parameter(id) {
-        let spec = system.network().components[component].component.spec();
+        let spec = system.network().components[component].component;
         return Ok((false, spec.parameters[parameter].unit));
     }
     match system.program.find_fault(id) {
@@ -556,7 +556,7 @@ impl PreparedRun {
         }
         let instance = &system.network().components[component];
         system.allows(component, parameter, value).map_err(|allowed| {
-            let unit = instance.component.spec().parameters[parameter].unit;
+            let unit = instance.component.parameters[parameter].unit;
             let (name, range) = (id.to_owned(), instance.range(parameter));
             SimulationError::OutOfRange { name, value, range, unit, allowed }
         })?;

@@ -36,7 +36,7 @@ use plausibility::{Lookout, Plausibility};
 use sequencer::{Sequencer, Tick};
 use serde::{Deserialize, Serialize};
 use servotwin::study::Study;
-use servotwin_io::document::NumberWithUnit;
+use servotwin_io::toml_text::NumberWithUnit;
 use sink::{Sample, Sink, SinkError};
 use source::{LogRow, Read, Source, SourceError};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -14,8 +14,8 @@ use servotwin::fit;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::units::{self, NamedUnit};
-use servotwin_io::document::{NumberWithUnit, Quantities};
 use servotwin_io::moment::{self, rounded};
+use servotwin_io::toml_text::{NumberWithUnit, Quantities};
 use servotwin_model::spec::Unit;
 
 /// The typical step is the median of this many steps between samples.

@@ -87,7 +87,7 @@ pub mod run;
 
 #[doc(no_inline)]
 pub use servotwin_io::{
-    document, files, leftovers, manifest, moment, nearest, sanitize, table, text,
+    files, leftovers, manifest, moment, nearest, sanitize, table, text, toml_text,
 };
 #[doc(no_inline)]
 pub use servotwin_system::{
@@ -95,4 +95,4 @@ pub use servotwin_system::{
     recording, rest, schema, shown, signal, simulate, study, system, template, units, validity,
 };
 #[doc(no_inline)]
-pub use servotwin_view as figure;
+pub use servotwin_view as view;

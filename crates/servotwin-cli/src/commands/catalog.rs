@@ -3,8 +3,8 @@
 use crate::failure::Failure;
 use crate::{Global, Run};
 use servotwin::catalogue::{self, Hit, default, flow, law, prose, range};
-use servotwin::document::counted;
 use servotwin::nearest::nearest;
+use servotwin::toml_text::counted;
 use servotwin_model::component::Component;
 use servotwin_model::spec::PortKind;
 use servotwin_view::document::{Content, Document, Table, Value};

@@ -4,11 +4,11 @@ use super::features::read_recording_study;
 use crate::failure::Failure;
 use crate::{Global, Run};
 use servotwin::built_in::{STUDIES, SYSTEMS, find};
-use servotwin::document::Diagnostic;
 use servotwin::kind::FileType;
 use servotwin::plausibility;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::{System, SystemError};
+use servotwin::toml_text::Diagnostic;
 use servotwin_view::document::{Document, Line, Value, Verdict, line};
 use std::path::{Path, PathBuf};
 
@@ -62,7 +62,7 @@ fn file_types(file: &Path) -> Result<Vec<FileType>, SystemError> {
 
 fn of_system(system: &System) -> Document {
     let network = system.network();
-    let faults: usize = network.components.iter().map(|c| c.component.spec().faults.len()).sum();
+    let faults: usize = network.components.iter().map(|c| c.component.faults.len()).sum();
     let mut section = Document::section("system", "");
     section.fact("name", "system", system.name.as_str());
     section.fact("components", "components", network.components.len());

@@ -120,7 +120,7 @@ fn described(system: &System, rest: &Rest) -> Document {
 fn components(system: &System, document: &mut Document) {
     let mut section = Document::section("components", "Components").formed(Form::Listing);
     for instance in &system.network().components {
-        let spec = instance.component.spec();
+        let spec = instance.component;
         let title = format!("{} ({}): {}", instance.id, spec.kind, spec.summary);
         let mut own = Document::section(instance.id.clone(), title);
         let mut table = Table::of("name:parameter | unit: | value");

@@ -4,12 +4,12 @@ use super::read_table;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run};
-use servotwin::document::counted;
 use servotwin::evaluation::EvaluationError;
 use servotwin::recordings::{NominalFit, NominalSource, RecordingError, RecordingStudy};
 use servotwin::shown::number;
 use servotwin::study::Study;
 use servotwin::table::Table;
+use servotwin::toml_text::counted;
 use servotwin::{files, table};
 use servotwin_diagnosis::features::{ALL, Feature};
 use servotwin_view::document::{Document, Table as Rows, Value, Verdict, line};
@@ -96,7 +96,7 @@ const LIST_HEAD: &str = "\
 
 /// Reads a study file of recordings.
 pub(crate) fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
-    let text = files::read_document(path).map_err(EvaluationError::File)?;
+    let text = files::read_toml(path).map_err(EvaluationError::File)?;
     RecordingStudy::parse(&text).map_err(|error| Failure::of_recordings(path, error))
 }
 

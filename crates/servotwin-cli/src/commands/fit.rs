@@ -371,7 +371,7 @@ fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknow
     let components = &study.system.network().components;
     let full = |(component, parameter): (usize, usize)| {
         let instance = &components[component];
-        format!("{}.{}", instance.id, instance.component.spec().parameters[parameter].name)
+        format!("{}.{}", instance.id, instance.component.parameters[parameter].name)
     };
     let matches = |id: &str, name: &str| id == name || id.ends_with(&format!(".{name}"));
     let mut found: Vec<Unknown> = Vec::new();
@@ -388,7 +388,7 @@ fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknow
             }
             Some((name, sigma)) => {
                 let every = components.iter().enumerate().flat_map(|(c, instance)| {
-                    (0..instance.component.spec().parameters.len()).map(move |p| (c, p))
+                    (0..instance.component.parameters.len()).map(move |p| (c, p))
                 });
                 let own = every.filter(|&place| matches(&full(place), name));
                 own.map(|place| of_parameter(place, sigma, study)).collect::<Result<_, _>>()?
@@ -412,7 +412,7 @@ fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknow
 
 fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unknown, Failure> {
     let instance = &study.system.network().components[place.0];
-    let unit = instance.component.spec().parameters[place.1].unit;
+    let unit = instance.component.parameters[place.1].unit;
     let relative = sigma.trim_end().ends_with('%') && unit != Unit::None;
     let unit = if relative { Unit::None } else { unit };
     let words = "a standard deviation is greater than 0";

@@ -10,7 +10,7 @@ use servotwin::flight::unseen_faults::UnseenFaultOutcome;
 use servotwin::job::flights::{self, Crew, FlightResults, scenarios};
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
-use servotwin::job::tasks::{Place, Task, run_all, tasks};
+use servotwin::job::tasks::{self, Place, Task};
 use servotwin::job::{Folder, JobError, manifest};
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{FLIGHTS, RECORDS};
@@ -95,11 +95,11 @@ pub(super) fn in_parts(
     let folder = options.study.folder();
     let _hold = folder.join_study(study)?;
     let place = Place { study, is_full: options.study.full, changed, folder: &folder };
-    let all = tasks(place, &options.suite, is_wanted)?;
+    let all = tasks::tasks(place, &options.suite, is_wanted)?;
     let is_own = |&(number, _): &(usize, &Task)| options.share.is_none_or(|own| own.holds(number));
     let own: Vec<Task> =
         all.iter().enumerate().filter(is_own).map(|(_, task)| task.clone()).collect();
-    with_crew(options.study.threads, global, |crew| run_all(place, &own, crew))?;
+    with_crew(options.study.threads, global, |crew| tasks::run(place, &own, crew))?;
     let mut counts: BTreeMap<(&str, String), [usize; 2]> = BTreeMap::new();
     for (place, list) in [&own, &all].into_iter().enumerate() {
         for Task { suite, scenarios, .. } in list {
@@ -114,8 +114,8 @@ pub(super) fn in_parts(
     let values =
         [("folder", folder.path().into()), ("parts", own.len().into()), ("all", all.len().into())];
     let verdict = line(
-        "{folder}: {parts} of {all} parts belong to this share, and are there. When all are, the same command without --share joins those that are \
-         judged, and 'servotwin study --suite flights' learns from those to learn from.",
+        "{folder}: {parts} of {all} parts belong to this share and are complete. When all parts are, the same command \
+         without --share joins them; 'servotwin study --suite flights' trains with those of learn and hard_negatives.",
         values,
     );
     let mut document = Document::new("share", Verdict::good(verdict));

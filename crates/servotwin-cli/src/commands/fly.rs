@@ -6,7 +6,6 @@ use super::simulate::{fault, onset};
 use super::{StudyOptions, learned, note, quantity};
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
-use servotwin::figure::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin::files::create_folder;
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::cost::{Cost, Fluid};
@@ -22,6 +21,7 @@ use servotwin_model::spec::Unit;
 use servotwin_report::words::{number, spoken};
 use servotwin_view::document::{Document, Table as Rows, Value, Verdict};
 use servotwin_view::row;
+use servotwin_view::time_series::{Band, Mark, Panel, Series, TimeSeries};
 use servotwin_watch::shipped;
 use std::sync::Arc;
 

@@ -36,8 +36,7 @@ impl AnsweredFault {
         diagnoser: &Diagnoser,
     ) -> Self {
         let instance = &study.system.network().components[fault.component];
-        let name =
-            format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name);
+        let name = format!("{}.{}", instance.id, instance.component.faults[fault.fault].name);
         let same = |at: FaultAt| (at.component, at.fault) == (fault.component, fault.fault);
         let known = study.faults.iter().find(|case| same(case.at));
         let begins = |unit: &&String| unit.is_empty() || name.starts_with(&format!("{unit}."));

@@ -34,7 +34,6 @@ pub(crate) mod worst_case;
 
 use crate::failure::Failure;
 use crate::{Global, out, stop};
-use servotwin::document::counted;
 use servotwin::files;
 use servotwin::job::flights::Crew;
 use servotwin::job::{self, Folder, Hold, Kept};
@@ -44,6 +43,7 @@ use servotwin::signal::WrittenQuantity;
 use servotwin::study::{Scenario, Study};
 use servotwin::system::System;
 use servotwin::table::{self, Table};
+use servotwin::toml_text::counted;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
 use servotwin_watch::intake;
@@ -127,7 +127,7 @@ impl StudyOptions {
     /// The file of a study of recordings, if the user named one.
     fn recordings(&self) -> Option<&Path> {
         let path = self.study.as_deref().filter(|path| path.is_file())?;
-        let text = files::read_document(path).ok()?;
+        let text = files::read_toml(path).ok()?;
         (FileType::of(&text) == Some(FileType::Recordings)).then_some(path)
     }
 

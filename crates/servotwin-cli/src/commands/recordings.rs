@@ -25,7 +25,7 @@ pub(crate) fn run(path: &Path, options: &StudyOptions) -> Result<Document, Failu
     }
     let in_study = |error| Failure::of_recordings(path, error);
     let out = options.folder();
-    let text = files::read_document(path)?;
+    let text = files::read_toml(path)?;
     let study = read_recording_study(path)?;
     let written = FILES.map(|name| out.path().join(name)).into_iter().filter(|file| file.exists());
     let folder = path.parent().unwrap_or(Path::new(""));

@@ -7,9 +7,9 @@ use crate::failure::Failure;
 use crate::{Global, stop};
 use indicatif::{ProgressBar, ProgressStyle};
 use servotwin::campaign::{Campaign, CampaignError, CampaignOutcome, runs};
-use servotwin::document::counted;
 use servotwin::job::{data_card, manifest};
 use servotwin::study::{Purpose, Scenario, Study};
+use servotwin::toml_text::counted;
 use servotwin_view::document::{Document, Line, Table, Value, Verdict, line};
 use servotwin_view::row;
 use std::time::Instant;
@@ -34,10 +34,9 @@ pub(super) fn run(options: &Options, global: Global) -> Result<Document, Failure
     for (purpose, scenarios) in runs {
         let begin = Instant::now();
         let campaign = Campaign {
-            scenarios: scenarios.clone(),
             keep_traces: options.keep_traces,
             workers: workers(place.threads),
-            ..Campaign::stored(folder.path(), &study, scenarios[0], purpose)
+            ..Campaign::new(folder.path(), &study, scenarios, purpose)
         };
         let outcome = simulate(&campaign, global)?;
         let seconds = begin.elapsed().as_secs_f64();
@@ -83,9 +82,9 @@ fn simulate(campaign: &Campaign, global: Global) -> Result<CampaignOutcome, Fail
             state.set_len(all as u64);
             state.set_pos(done as u64);
         });
-    })?;
+    });
     bar.finish_and_clear();
-    if outcome.cancelled { Err(Failure::stopped()) } else { Ok(outcome) }
+    Ok(outcome?)
 }
 
 /// The progress bar of a campaign, in rows.

@@ -254,7 +254,7 @@ pub(crate) fn fault(system: &System, text: &str) -> Result<FaultAt, Failure> {
 fn parameter(system: &System, text: &str) -> Result<(String, f64), Failure> {
     let (id, value) = split("--set", text)?;
     let (component, parameter) = system.find_parameter(id)?;
-    let unit = system.network().components[component].component.spec().parameters[parameter].unit;
+    let unit = system.network().components[component].component.parameters[parameter].unit;
     Ok((id.to_owned(), quantity("--set", value, unit, .., "")?))
 }
 
@@ -386,13 +386,13 @@ impl<'s> Plan<'s> {
 
     fn fault_id(&self, fault: &FaultAt) -> String {
         let instance = &self.system.network().components[fault.component];
-        format!("{}.{}", instance.id, instance.component.spec().faults[fault.fault].name)
+        format!("{}.{}", instance.id, instance.component.faults[fault.fault].name)
     }
 
     /// The full name of a parameter, and its unit.
     fn parameter(&self, component: usize, parameter: usize) -> (String, Unit) {
         let instance = &self.system.network().components[component];
-        let declared = &instance.component.spec().parameters[parameter];
+        let declared = &instance.component.parameters[parameter];
         (format!("{}.{}", instance.id, declared.name), declared.unit)
     }
 

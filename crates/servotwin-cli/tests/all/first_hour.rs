@@ -677,8 +677,7 @@ fn sensors_show_their_noise() {
         let (a, b) = (values(&clean, &name), values(&noisy, &name));
         let square = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / a.len() as f64;
         let instance = &system.network().components[sensor.component];
-        let at =
-            |name: &str| instance.parameters[instance.component.spec().parameter(name).unwrap()];
+        let at = |name: &str| instance.parameters[instance.component.parameter(name).unwrap()];
         let span = (instance.component.span)(&instance.parameters).unwrap();
         let step = span.range / 2_f64.powf(at("bits"));
         let declared = ((at("noise_sigma") * span.full_scale).powi(2) + step * step / 12.0).sqrt();

@@ -1,7 +1,7 @@
 //! The decision tree: flat arrays for prediction, and the statistics of every node.
 //!
 //! One tree serves CART, random forest and AdaBoost. `servotwin-learning` grows it node by node. [`Branches`] is all
-//! that prediction needs. [`Tree`] adds the counts, impurities and rejected splits that explain it. Nodes are numbered
+//! that prediction needs. [`Tree`] adds the counts, and impurities that explain it. Nodes are numbered
 //! in preorder: a node comes before its children, and the left child follows its parent.
 //!
 //! A row goes left if its value does not exceed the threshold. A row without a value (NaN) goes to the side learned in
@@ -146,22 +146,6 @@ impl Branches {
     }
 }
 
-/// A split with a larger impurity decrease than the chosen one, but too narrow for any sensor to resolve.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RejectedSplit {
-    /// Number of the node.
-    pub node: usize,
-    /// Index of its feature.
-    pub feature: usize,
-    /// Its threshold.
-    pub threshold: f64,
-    /// Distance of the two adjacent values that the threshold separates.
-    pub gap: f64,
-    /// Its impurity decrease, weighted by the share of samples at the node.
-    pub decrease: f64,
-}
-
 /// The statistics of a leaf, for reports.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeafReport {
@@ -194,9 +178,8 @@ pub struct Tree {
     weights: Vec<f64>,
     impurity: Vec<f64>,
     decrease: Vec<f64>,
-    /// Share of all training weight at the node, with altered priors if costs enter the impurity.
+    /// Share of all training weight at the node.
     share: Vec<f64>,
-    rejected: Vec<RejectedSplit>,
 }
 
 /// The statistics of a new node.
@@ -212,7 +195,7 @@ pub struct NewNode {
     pub weights: Vec<f64>,
     /// Impurity of the training rows at the node.
     pub impurity: f64,
-    /// Share of all training weight, with altered priors if costs enter the impurity.
+    /// Share of all training weight.
     pub share: f64,
 }
 
@@ -230,7 +213,6 @@ impl Tree {
             impurity: vec![],
             decrease: vec![],
             share: vec![],
-            rejected: vec![],
         }
     }
 
@@ -267,11 +249,6 @@ impl Tree {
     /// Sets the threshold of an inner node.
     pub fn set_threshold(&mut self, node: usize, threshold: f64) {
         self.branches.threshold[node] = threshold;
-    }
-
-    /// Records a better but implausible split.
-    pub fn reject(&mut self, split: RejectedSplit) {
-        self.rejected.push(split);
     }
 
     /// Number of features in a row.
@@ -348,11 +325,6 @@ impl Tree {
     /// Largest number of tests on the way to a leaf.
     pub fn depth(&self) -> usize {
         self.depth.iter().copied().max().unwrap_or(0) as usize
-    }
-
-    /// Splits better than the chosen ones but implausible: by node, best first.
-    pub fn rejected(&self) -> &[RejectedSplit] {
-        &self.rejected
     }
 
     /// The node numbers from the root to the leaf of a row. Does not allocate.

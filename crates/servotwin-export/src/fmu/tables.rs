@@ -12,7 +12,7 @@ pub(super) fn text(twin: &ExportedTwin, is_system: bool) -> String {
     let mut write_ranges = |name: &str, ranges: Vec<String>| {
         write_list(&mut text, "servotwin_fmu_range", &format!("fmu_{name}_ranges"), &ranges, "");
     };
-    let declared = network.components.iter().flat_map(|c| c.component.spec().parameters);
+    let declared = network.components.iter().flat_map(|c| c.component.parameters);
     write_ranges("parameter", declared.map(|p| range((p.min, p.max))).collect());
     if is_system {
         let inputs = 0..network.inputs.len();
@@ -40,7 +40,7 @@ fn sensor(program: &Program, slot: Slot) -> Option<String> {
     let instance = &components[component];
     let span = (instance.component.span)(&instance.parameters)?;
     let before: usize = components[..component].iter().map(|other| other.parameters.len()).sum();
-    let parameter = |name| place(instance.component.spec().parameter(name).map(|p| before + p));
+    let parameter = |name| place(instance.component.parameter(name).map(|p| before + p));
     Some(record(&[
         format!("{slot}U"),
         parameter("noise_sigma"),

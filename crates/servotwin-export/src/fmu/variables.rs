@@ -223,7 +223,7 @@ impl Variables {
             let port = input
                 .targets
                 .first()
-                .map(|to| network.components[to.component].component.spec().ports[to.port].summary);
+                .map(|to| network.components[to.component].component.ports[to.port].summary);
             let variable = self.add(input.id.clone(), slot, VariableKind::Input, input.unit);
             variable.description = format!("{}; held during a step", port.unwrap_or("input"));
             variable.start = Some(input.default);
@@ -308,7 +308,7 @@ impl Variables {
     fn add_parameters(&mut self, program: &Program) {
         let mut reference = FIRST_PARAMETER;
         for instance in &program.network().components {
-            let declared = instance.component.spec().parameters.iter();
+            let declared = instance.component.parameters.iter();
             for (parameter, &value) in declared.zip(&instance.parameters) {
                 let name = format!("parameter.{}.{}", instance.id, parameter.name);
                 let variable = self.add(name, reference, VariableKind::Tunable, parameter.unit);
@@ -324,7 +324,7 @@ impl Variables {
     fn add_faults(&mut self, program: &Program) {
         for (number, (component, fault)) in program.faults().enumerate() {
             let instance = &program.network().components[component];
-            let declared = &instance.component.spec().faults[fault];
+            let declared = &instance.component.faults[fault];
             let name = format!("fault.{}.{}", instance.id, declared.name);
             let variable = self.add(name, FIRST_FAULT + number, VariableKind::Tunable, Unit::None);
             variable.description = format!("intensity: {}", declared.summary);
@@ -338,7 +338,7 @@ impl Variables {
 fn summary(program: &Program, observable: &str) -> String {
     let summary = program.network().components.iter().find_map(|instance| {
         let own = observable.strip_prefix(&instance.id)?.strip_prefix('.')?;
-        let (spec, port) = (instance.component.spec(), own.split('.').next()?);
+        let (spec, port) = (instance.component, own.split('.').next()?);
         let state = spec.states.iter().find(|state| state.name == own).map(|state| state.summary);
         state.or_else(|| spec.port(port).map(|port| spec.ports[port].summary))
     });

@@ -47,7 +47,7 @@ fn described_parameters(program: &Program) -> impl Iterator<Item = (String, &'st
     let values = program.parameters(&[]);
     let components = program.network().components.iter().zip(values);
     components.flat_map(|(instance, values)| {
-        let declared = instance.component.spec().parameters.iter();
+        let declared = instance.component.parameters.iter();
         let named = declared.map(|p| (format!("{}.{}", instance.id, p.name), p.unit.symbol()));
         named.zip(values).map(|((name, unit), value)| (name, unit, value)).collect::<Vec<_>>()
     })
@@ -171,7 +171,7 @@ fn states(text: &mut String, program: &Program) {
         components[..component].iter().map(|instance| instance.parameters.len()).sum()
     };
     let guesses = states.iter().map(|state| {
-        let spec = components[state.component].component.spec();
+        let spec = components[state.component].component;
         let (parameter, value) = match spec.states[state.state].start {
             Start::Value(value) => (None, value),
             Start::Parameter(name) => {

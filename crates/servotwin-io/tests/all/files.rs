@@ -5,8 +5,7 @@ use std::io::{self, Write};
 
 use crate::folder::Folder;
 use servotwin_io::files::{
-    AtomicFile, FileError, create_folder, open, read_bytes, read_document, read_text,
-    write_atomically,
+    AtomicFile, FileError, create_folder, open, read_bytes, read_text, read_toml, write_atomically,
 };
 
 #[test]
@@ -152,9 +151,9 @@ fn a_file_without_end_is_refused() {
         fs::File::create(folder.file(name)).unwrap().set_len(length).unwrap();
         folder.file(name)
     };
-    assert_eq!(read_document(sparse("longest", 1 << 20)).unwrap().len(), 1 << 20);
+    assert_eq!(read_toml(sparse("longest", 1 << 20)).unwrap().len(), 1 << 20);
     let refusal = |error: FileError| error.to_string().split_once(": ").unwrap().1.to_owned();
-    let told = refusal(read_document(sparse("longer", (1 << 20) + 1)).unwrap_err());
+    let told = refusal(read_toml(sparse("longer", (1 << 20) + 1)).unwrap_err());
     assert_eq!(told, "longer than 1 MiB, the limit for such a file");
 }
 

@@ -1,7 +1,6 @@
 //! The one integration test binary of this crate.
 
 mod dialect;
-mod document;
 mod files;
 #[allow(dead_code, reason = "shared by several crates")]
 mod folder;
@@ -9,3 +8,4 @@ mod moment;
 mod numbers;
 mod table;
 mod texts;
+mod toml_text;

@@ -66,7 +66,7 @@ fn physical(study: &Study) -> Table {
     let components = &study.system.network().components;
     for at in kinds(study) {
         let instance = &components[at.component];
-        let spec = instance.component.spec();
+        let spec = instance.component;
         let declared = &spec.faults[at.fault];
         let Some(place) = spec.parameter(declared.parameter) else {
             continue;

@@ -78,7 +78,7 @@ fn reaction_in_words(study: &Study, reaction: &Reaction) -> String {
     }
     for &(component, parameter, value) in &reaction.parameters {
         let instance = &network.components[component];
-        let declared = &instance.component.spec().parameters[parameter];
+        let declared = &instance.component.parameters[parameter];
         parts.push(format!("{}.{} = {}", instance.id, declared.name, shown(value, declared.unit)));
     }
     let ignored = reaction.takes_out.iter().map(|&sensor| study.sensors.0[sensor].name.as_str());

@@ -264,7 +264,7 @@ fn physical(sources: &FmeaSources, subject: &FmeaSubject, intensity: f64) -> Str
     let fault = subject.fault;
     let Some(case) = subject.case else { return String::new() };
     let program = &sources.study.system.program;
-    let spec = sources.study.system.network().components[case.at.component].component.spec();
+    let spec = sources.study.system.network().components[case.at.component].component;
     let values = program.parameters(&[FaultAt { intensity, ..case.at }]);
     let value = spec.parameter(fault.parameter).map(|place| values[case.at.component][place]);
     format!(

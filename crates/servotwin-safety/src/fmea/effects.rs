@@ -89,7 +89,7 @@ fn error_words(study: &Study) -> (String, Unit) {
 
 /// Whether the system is part of an aircraft: something in it flies.
 fn is_aircraft(study: &Study) -> bool {
-    let mut kinds = study.system.network().components.iter().map(|c| c.component.spec().kind);
+    let mut kinds = study.system.network().components.iter().map(|c| c.component.kind);
     kinds.any(|kind| kind == "aerodynamic_load")
 }
 

@@ -135,9 +135,8 @@ fn reader(study: &Study, sensor: usize) -> Option<String> {
     let sensor = &study.system.sensors[sensor];
     let network = study.system.network();
     let own = &network.components[sensor.component];
-    let is_signal = |port: usize| {
-        sensor.signal == format!("{}.{}", own.id, own.component.spec().ports[port].name)
-    };
+    let is_signal =
+        |port: usize| sensor.signal == format!("{}.{}", own.id, own.component.ports[port].name);
     let joined = network.connections.iter().find(|ends| {
         ends.iter().any(|end| end.component == sensor.component && is_signal(end.port))
     })?;

@@ -3,10 +3,10 @@
 use super::{SensorSet, SensorTrade};
 use crate::error::SafetyError;
 use crate::results::{FOLDER, StudyResultsFolder};
-use servotwin::figure::Figure;
-use servotwin::figure::lines::{Curve, Lines};
 use servotwin::files::{create_folder, write_atomically};
 use servotwin::table::{self, Column, Table, Values};
+use servotwin::view::Figure;
+use servotwin::view::lines::{Curve, Lines};
 use servotwin_learning::metrics::Rate;
 use std::path::PathBuf;
 

@@ -4,9 +4,9 @@ use super::decision_diagram::DecisionDiagram;
 use super::lanes::LaneTrees;
 use super::numbers::{BandEnd, ExposureHours, event_probabilities};
 use super::structure::{GateKind, TreeGate, TreeInput};
-use servotwin::figure::Figure;
-use servotwin::figure::tree::{Branch, Node, TreeFigure, TreeSymbol};
 use servotwin::text::number;
+use servotwin::view::Figure;
+use servotwin::view::tree::{Branch, Node, TreeFigure, TreeSymbol};
 
 /// A gate with more inputs than this is one box.
 const MAX_BRANCHES: usize = 8;

@@ -1,8 +1,8 @@
 //! Errors in signals.
 
-use crate::document::{NumberWithUnit, Quantities};
 use crate::shown::Shown;
 use crate::table::TableError;
+use crate::toml_text::{NumberWithUnit, Quantities};
 use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
 

@@ -6,8 +6,8 @@
 use super::error::SignalError;
 use super::spec::{Fallback, Kind, Parameter, Sort};
 use super::{ALL, Argument, Measure, Signal, Term, WrittenQuantity, find, units};
-use crate::document::{Collector, Diagnostic, Entry};
 use crate::format::{Key, Read, Value};
+use crate::toml_text::{Collector, Diagnostic, Entry};
 use servotwin_model::spec::Unit;
 use std::fmt;
 use std::str::FromStr;

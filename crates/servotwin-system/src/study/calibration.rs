@@ -17,9 +17,9 @@
 use super::keys::SOME_SPECIMENS;
 use super::reader::{Noted, Reader};
 use super::{Flights, Purpose, Seed, Stream};
-use crate::document::TextSpan;
 use crate::format::{At, Value, section};
 use crate::signal::Signal;
+use crate::toml_text::TextSpan;
 use servotwin_model::hash::{Canonical, Fingerprint};
 use servotwin_model::signal::Piecewise;
 

@@ -4,7 +4,7 @@
 use super::realism::REALISTIC;
 use super::suites::LEARN;
 use super::{Study, StudyError};
-use crate::document::{Collector, Diagnostic};
+use crate::toml_text::{Collector, Diagnostic};
 
 impl Study {
     /// Checks that the study has everything that its campaign and flights need.

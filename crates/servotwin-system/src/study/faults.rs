@@ -2,8 +2,8 @@
 //! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
 
 use super::reader::{Noted, OF_SYSTEM, Reader};
-use crate::document::TextSpan;
 use crate::format::At;
+use crate::toml_text::TextSpan;
 use servotwin_model::program::FaultAt;
 
 /// A row of Table 1.

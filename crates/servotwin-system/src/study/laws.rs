@@ -48,7 +48,7 @@ fn follow(
         return;
     }
     let instance = &system.network().components[source.component];
-    let spec = instance.component.spec();
+    let spec = instance.component;
     for SteadyGain { from, to, gain: own } in
         (instance.component.steady_gains)(&instance.parameters)
     {
@@ -64,7 +64,7 @@ fn follow(
 fn source(system: &System, input: PortOf) -> Option<PortOf> {
     let network = system.network();
     let is_output = |port: &&PortOf| {
-        let spec = network.components[port.component].component.spec();
+        let spec = network.components[port.component].component;
         matches!(spec.ports[port.port].kind, PortKind::SignalOut { .. })
     };
     let joined = network.connections.iter().filter(|ports| ports.contains(&input));
@@ -73,7 +73,7 @@ fn source(system: &System, input: PortOf) -> Option<PortOf> {
 
 /// The signal inputs of a component.
 fn signal_inputs(system: &System, component: usize) -> impl Iterator<Item = usize> {
-    let ports = system.network().components[component].component.spec().ports;
+    let ports = system.network().components[component].component.ports;
     (0..ports.len()).filter(|&port| matches!(ports[port].kind, PortKind::SignalIn { .. }))
 }
 

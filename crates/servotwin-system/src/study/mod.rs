@@ -35,13 +35,13 @@ pub use suites::{Purpose, Suite};
 pub use training::Training;
 
 use crate::built_in;
-use crate::document::{Collector, Diagnostic, Document, TextSpan, write_mistakes};
 use crate::files::FileError;
 use crate::format::{self, At, Names, Value, section};
 use crate::kind::{FileType, named_system};
 use crate::signal::Signal;
 use crate::system::imperfection::Imperfection;
 use crate::system::{System, SystemError};
+use crate::toml_text::{Collector, Diagnostic, TextSpan, TomlText, write_mistakes};
 use keys::{RUN_S, some};
 use reader::{Noted, OF_SENSORS, OF_SYSTEM, Reader};
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
@@ -485,7 +485,7 @@ fn read_text(text: &str, path: &str) -> Result<(Text, Collector), StudyError> {
         return refused(mistakes);
     }
     let mut mistakes = Collector::default();
-    let Some(document) = Document::parse(text, FORMAT, &mut mistakes) else {
+    let Some(document) = TomlText::parse(text, FORMAT, &mut mistakes) else {
         return refused(mistakes.locate(text));
     };
     let parsed = Text::of(&document.root(), (&(0..0), "the file"), &mut mistakes);

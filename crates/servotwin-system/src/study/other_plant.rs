@@ -21,9 +21,9 @@
 use super::faults::full_name;
 use super::keys::some;
 use super::reader::{Noted, OF_SYSTEM, Reader};
-use crate::document::{Diagnostic, NumberWithUnit};
 use crate::format::{At, Names, section};
 use crate::signal::random::NormalDeviates;
+use crate::toml_text::{Diagnostic, NumberWithUnit};
 use servotwin_model::components::{self, Component};
 use servotwin_model::math::{exp, ln};
 use servotwin_model::network::Instance;
@@ -124,7 +124,7 @@ pub fn apply_draws(
         };
         for (place, name) in &draw.parameters {
             let part = &parts[*place];
-            let parameter = part.component.spec().parameter(name).expect("the study checked it");
+            let parameter = part.component.parameter(name).expect("the study checked it");
             let is_same = |other: &&(usize, usize, f64)| (other.0, other.1) == (*place, parameter);
             let before = overrides.iter().rfind(is_same).map(|found| found.2);
             let before = before.unwrap_or(part.parameters[parameter]);
@@ -156,21 +156,21 @@ fn kinds(
         return Err(reader.unknown(OF_SYSTEM, &name.at, ("component in the system", name), all));
     }
     let component = components::find(kind).ok_or_else(|| {
-        let all = components::ALL.iter().map(|component| component.spec().kind);
+        let all = components::ALL.iter().map(|component| component.kind);
         reader.unknown(OF_SYSTEM, &kind.at, ("kind of component", kind), all)
     })?;
     let own = reader.system.network().components[found[0]].component;
     let Some((what, missing)) = lacking(own, component) else {
-        return Ok(found.into_iter().map(|place| (place, component.spec().kind)).collect());
+        return Ok(found.into_iter().map(|place| (place, component.kind)).collect());
     };
-    let own = own.spec().kind;
+    let own = own.kind;
     let message = format!("'{}' cannot stand for '{own}': it has no {what} '{missing}'", **kind);
     Err(reader.note(&kind.at, Diagnostic::new(message)))
 }
 
 /// The first port or fault of a component that another lacks.
 fn lacking(own: &Component, other: &Component) -> Option<(&'static str, &'static str)> {
-    let (own, other) = (own.spec(), other.spec());
+    let (own, other) = (own, other);
     let same_port = |name: &str| other.port(name).map(|port| other.ports[port].kind.family());
     let port = own.ports.iter().find(|port| same_port(port.name) != Some(port.kind.family()));
     let fault = own.faults.iter().find(|fault| other.fault(fault.name).is_none());
@@ -218,7 +218,7 @@ fn parameters(
     let spec = |place: usize| {
         let other = kinds.iter().find(|(swapped, _)| *swapped == place);
         let own = reader.system.network().components[place].component;
-        other.and_then(|(_, kind)| components::find(kind)).unwrap_or(own).spec()
+        other.and_then(|(_, kind)| components::find(kind)).unwrap_or(own)
     };
     let found = named(reader, part);
     let has = |place: &usize| spec(*place).parameter(parameter).is_some();

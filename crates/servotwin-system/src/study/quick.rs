@@ -12,9 +12,9 @@
 
 use super::keys::{RUN_S, SPECIMENS};
 use super::{FORMAT, Study, StudyError};
-use crate::document::{Collector, Document, get};
 use crate::format::section;
 use crate::system::System;
+use crate::toml_text::{Collector, TomlText, get};
 
 section! {
     /// The section of a study file.
@@ -78,8 +78,8 @@ impl Study {
 
 /// The text of a study file with a key of its top level added or set to `true`.
 pub(super) fn with_flag(text: &str, key: &str) -> String {
-    let document = Document::parse(text, FORMAT, &mut Collector::default());
-    let root = document.as_ref().map(Document::root).unwrap_or_default();
+    let document = TomlText::parse(text, FORMAT, &mut Collector::default());
+    let root = document.as_ref().map(TomlText::root).unwrap_or_default();
     match get(&root, key) {
         Some(entry) => {
             let mut text = text.to_owned();

@@ -2,10 +2,10 @@
 //! with their places.
 
 use super::{StudyError, Text};
-use crate::document::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
 use crate::format::At;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
+use crate::toml_text::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
 use servotwin_model::signal::Piecewise;
 use std::cell::RefCell;
 

@@ -30,8 +30,8 @@ use super::keys::{FLIGHT_COUNT, FLIGHT_S};
 use super::reader::{Noted, OF_SYSTEM, Reader};
 use super::seed::Seed;
 use super::{Scenario, Study, StudyError};
-use crate::document::{Collector, Diagnostic, Document, Entry, TextSpan, get};
 use crate::format::{At, Key, Raw, Read, Value, may, only, section};
+use crate::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText, get};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -109,7 +109,7 @@ impl Texts {
     fn of((name, at): (&str, &TextSpan), own: &[Entry], mistakes: &mut Collector) -> Self {
         let known = KNOWN.iter().find(|(known, ..)| *known == name);
         let usual = known.map_or("", |(.., usual)| usual);
-        let usual = Document::parse(usual, 0, &mut Collector::default()).expect("TOML");
+        let usual = TomlText::parse(usual, 0, &mut Collector::default()).expect("TOML");
         let small = layered(own, &usual.root());
         let flag = get(&small, "closed_loop");
         let is_closed_loop = flag.and_then(|flag| flag.value.get_ref().as_bool()).unwrap_or(false);

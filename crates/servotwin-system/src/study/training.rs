@@ -22,9 +22,9 @@
 use super::Environment;
 use super::keys::{RUN_S, SPECIMENS};
 use super::reader::{Noted, Reader};
-use crate::document::TextSpan;
 use crate::format::{At, Names, Value, not_in_order, section};
 use crate::signal::{Signal, SignalError};
+use crate::toml_text::TextSpan;
 use servotwin_model::math::{exp, ln};
 
 section! {

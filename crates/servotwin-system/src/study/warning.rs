@@ -2,8 +2,8 @@
 
 use super::faults::full_name;
 use super::{Study, training};
-use crate::document::{Collector, Diagnostic, NumberWithUnit, Quantities};
 use crate::signal::{Argument, Signal, Sort};
+use crate::toml_text::{Collector, Diagnostic, NumberWithUnit, Quantities};
 
 impl Study {
     /// Lists valid but probably unintended entries with their places in the file.
@@ -70,7 +70,7 @@ impl Study {
     /// one.
     fn inert(&self, component: usize, fault: usize) -> Option<String> {
         let instance = &self.system.network().components[component];
-        let spec = instance.component.spec();
+        let spec = instance.component;
         let declared = &spec.faults[fault];
         let place = spec.parameter(declared.parameter)?;
         let value = instance.parameters[place];

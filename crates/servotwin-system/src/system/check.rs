@@ -3,7 +3,7 @@
 
 use super::read::{Named, Reader};
 use super::scope::{Input, ONE_SOURCE, Part, Scope};
-use crate::document::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
+use crate::toml_text::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
 use servotwin_model::fluid::own::LEAST_BULK_MODULUS_PA;
 use servotwin_model::fluid::{Fluid, FluidKind};
 use servotwin_model::network::{self, PortOf};
@@ -35,7 +35,7 @@ pub(super) fn compile(reader: &mut Reader) -> Option<Program> {
 fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
     let only = (reader.fluids.len() == 1).then_some(0);
     let mut told = BTreeSet::new();
-    for part in reader.scope.parts.iter_mut().filter(|part| part.spec().reference) {
+    for part in reader.scope.parts.iter_mut().filter(|part| part.component.reference) {
         part.fluid = part.fluid.or(only);
         match part.fluid {
             Some(index) => reader.fluids[index].used = true,
@@ -52,7 +52,7 @@ fn choose_fluids(reader: &mut Reader) -> Vec<Fluid> {
         reader.fluids.iter().map(|fluid| fluid.value.clone()).collect();
     let usual = Fluid::default();
     let mut told = BTreeSet::new();
-    for part in reader.scope.parts.iter().filter(|part| part.spec().reference && part.sound) {
+    for part in reader.scope.parts.iter().filter(|part| part.component.reference && part.sound) {
         let fluid = part.fluid.map_or(Some(&usual), |index| fluids[index].as_ref());
         let (Some(fluid), Some(kelvin)) = (fluid, temperature_k(part)) else {
             continue;
@@ -96,7 +96,7 @@ fn liquid(part: &Part, fluids: &[Named<Option<Fluid>>]) -> String {
 }
 
 fn temperature_k(part: &Part) -> Option<f64> {
-    part.spec().parameter("temperature_k").map(|index| part.parameters[index])
+    part.component.parameter("temperature_k").map(|index| part.parameters[index])
 }
 
 /// Whether this was not reported before: instances of an assembly share its places.
@@ -107,7 +107,7 @@ fn once(told: &mut BTreeSet<(usize, usize)>, at: &TextSpan, which: usize) -> boo
 fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector) {
     let mut told = BTreeSet::new();
     for part in &mut scope.parts {
-        for (index, declared) in part.spec().parameters.iter().enumerate() {
+        for (index, declared) in part.component.parameters.iter().enumerate() {
             if !part.parameters[index].is_nan() {
                 continue;
             }
@@ -115,7 +115,7 @@ fn missing_parameters(scope: &mut Scope, mistakes: &mut Collector) {
             part.sound = false;
             if once(&mut told, &part.at, index) {
                 let range = Quantities(declared.min, declared.max, declared.unit.symbol());
-                let place = format!("'{}' ({})", part.id, part.spec().kind);
+                let place = format!("'{}' ({})", part.id, part.component.kind);
                 let write = format!("{} = … ({}; {range})", declared.name, declared.summary);
                 let mistake = Diagnostic::missing(&place, declared.name, write);
                 mistakes.note(&part.at, mistake);
@@ -151,7 +151,7 @@ fn signals(scope: &Scope, mistakes: &mut Collector) {
 
 /// Checks that an input's default is within the range of a port.
 fn default_in_range(scope: &Scope, input: &Input, port: PortOf, mistakes: &mut Collector) {
-    let spec = scope.parts[port.component].spec();
+    let spec = scope.parts[port.component].component;
     let Some((min, max)) = spec.input_range(scope.port(port)) else { return };
     if (min..=max).contains(&input.default) || input.default.is_nan() {
         return;

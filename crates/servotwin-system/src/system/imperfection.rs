@@ -25,7 +25,7 @@ impl Imperfection {
         let Some(span) = (component.span)(parameters) else {
             return Self { sigma: 0.0, step: 0.0 };
         };
-        let spec = component.spec();
+        let spec = component;
         let value = |name: &str| spec.parameter(name).map_or(0.0, |p| parameters[p]);
         let bits = value("bits");
         let step = if bits > 0.0 { span.range / f64::powi(2.0, bits as i32) } else { 0.0 };

@@ -35,7 +35,7 @@ impl System {
         let mut list = Vec::new();
         let healthy = self.program.parameters(&[]);
         for (component, instance) in self.network().components.iter().enumerate() {
-            let spec = instance.component.spec();
+            let spec = instance.component;
             for (fault, declared) in spec.faults.iter().enumerate() {
                 let place = spec.parameter(declared.parameter).expect("checked by the contract");
                 let full = self.program.parameters(&[FaultAt { component, fault, intensity: 1.0 }]);
@@ -59,7 +59,7 @@ impl System {
     pub fn all_faults(&self) -> Vec<String> {
         let components = self.network().components.iter();
         let names = components.flat_map(|instance| {
-            let declared = instance.component.spec().faults.iter();
+            let declared = instance.component.faults.iter();
             declared.map(|fault| format!("{}.{}", instance.id, fault.name))
         });
         names.collect()

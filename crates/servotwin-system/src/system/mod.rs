@@ -45,10 +45,10 @@ pub(crate) use schema::of_file as schema;
 
 use crate::built_in;
 use crate::compiled::Compiled;
-use crate::document::{Diagnostic, NumberWithUnit, Quantities, write_mistakes};
 use crate::files::FileError;
 use crate::kind::FileType;
 use crate::signal::{Signal, SignalError};
+use crate::toml_text::{Diagnostic, NumberWithUnit, Quantities, write_mistakes};
 use servotwin_model::components::MeasuringSpan;
 use servotwin_model::network::{self, Network};
 use servotwin_model::program::{Program, Slot};
@@ -126,7 +126,7 @@ impl System {
         let parameter = || {
             let (id, own) = name.rsplit_once('.')?;
             let part = network.components.iter().find(|part| part.id == id)?;
-            let spec = part.component.spec();
+            let spec = part.component;
             spec.parameter(own).map(|place| spec.parameters[place].unit)
         };
         input.or_else(parameter).unwrap_or(Unit::None)
@@ -181,14 +181,14 @@ impl System {
         let (id, parameter) = name.rsplit_once('.')?;
         let components = &self.network().components;
         let component = components.iter().position(|c| c.id == id)?;
-        Some((component, components[component].component.spec().parameter(parameter)?))
+        Some((component, components[component].component.parameter(parameter)?))
     }
 
     /// The full names of all parameters.
     pub(crate) fn all_parameters(&self) -> Vec<String> {
         let components = self.network().components.iter();
         let names = components.flat_map(|instance| {
-            let declared = instance.component.spec().parameters.iter();
+            let declared = instance.component.parameters.iter();
             declared.map(|parameter| format!("{}.{}", instance.id, parameter.name))
         });
         names.collect()
@@ -204,7 +204,7 @@ impl System {
         if (min..=max).contains(&value) {
             return Ok(());
         }
-        let unit = instance.component.spec().parameters[parameter].unit;
+        let unit = instance.component.parameters[parameter].unit;
         let range = Quantities(min, max, unit.symbol());
         let soft = instance.fluid.too_soft_pa(value).filter(|_| unit == Unit::Kelvin);
         Err(match soft {
@@ -224,7 +224,7 @@ impl System {
         let mut network = self.network().clone();
         for &(component, parameter, value) in values {
             let instance = &mut network.components[component];
-            let declared = &instance.component.spec().parameters[parameter];
+            let declared = &instance.component.parameters[parameter];
             self.allows(component, parameter, value).map_err(|allowed| {
                 let (id, name) = (&instance.id, declared.name);
                 let value = NumberWithUnit(value, declared.unit.symbol());

@@ -5,10 +5,10 @@ use super::fluid::{FLUID, MODULUS, OF_ALL, POINT, WITH_MODULUS, WITH_SLOPE, allo
 use super::reservoir::Reservoir;
 use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor, schema};
-use crate::document::{Collector, Diagnostic, Document, Entry, NumberWithUnit, TextSpan, get};
 use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, section};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
+use crate::toml_text::{Collector, Diagnostic, Entry, NumberWithUnit, TextSpan, TomlText, get};
 use crate::units;
 use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, find};
@@ -149,7 +149,7 @@ fn members<'a>(all: &[Entry<'a>], section: &str) -> Vec<Entry<'a>> {
 impl Reader {
     /// Reads a whole file.
     pub(super) fn read(&mut self, text: &str) {
-        let Some(document) = Document::parse(text, FORMAT, &mut self.mistakes) else { return };
+        let Some(document) = TomlText::parse(text, FORMAT, &mut self.mistakes) else { return };
         let root = document.root();
         let text = Text::of(&root, (&(0..0), "the file"), &mut self.mistakes);
         // What a wrong key was meant for may be missing elsewhere.
@@ -437,7 +437,7 @@ impl Reader {
     fn overrides(&mut self, content: &mut Scope, assembly: &str, entry: &Entry) {
         if entry.key == "fluid" {
             if let Some(fluid) = self.fluid_named(entry) {
-                let sources = content.parts.iter_mut().filter(|part| part.spec().reference);
+                let sources = content.parts.iter_mut().filter(|part| part.component.reference);
                 sources.for_each(|part| part.fluid = Some(fluid));
             }
             return;
@@ -477,7 +477,7 @@ impl Reader {
         };
         let word = self.mistakes.text(kind)?;
         let Some(component) = find(word) else {
-            let known = ALL.iter().map(|component| component.spec().kind);
+            let known = ALL.iter().map(|component| component.kind);
             self.mistakes.note(&kind.value_at(), unknown("kind of component", word, known));
             return None;
         };
@@ -488,7 +488,7 @@ impl Reader {
 
     /// Reads parameters, faults and fluid of a component.
     fn settings(&mut self, part: &mut Part, all: &[Entry]) {
-        let spec = part.spec();
+        let spec = part.component;
         for entry in all.iter().filter(|entry| entry.key != "kind") {
             match (entry.key, spec.parameter(entry.key)) {
                 (_, Some(index)) => match self.declared(entry, &spec.parameters[index]) {
@@ -512,7 +512,7 @@ impl Reader {
     }
 
     fn faults(&mut self, part: &mut Part, entry: &Entry) {
-        let spec = part.spec();
+        let spec = part.component;
         for fault in self.mistakes.table(entry).unwrap_or_default() {
             let Some(index) = spec.fault(fault.key) else {
                 let known = spec.faults.iter().map(|fault| fault.name);
@@ -535,7 +535,7 @@ impl Reader {
     }
 
     fn unknown_parameter(&mut self, part: &mut Part, entry: &Entry) {
-        let spec: &'static Component = part.spec();
+        let spec: &'static Component = part.component;
         let (key, id) = (entry.key, &part.id);
         let (what, help) = if spec.fault(key).is_some() {
             ("fault", format!("its value at intensity 1 is set by: faults.{key} = …"))
@@ -616,7 +616,7 @@ impl Reader {
         if scope.is_broken(word) {
             return None;
         }
-        let ports = |index: usize| scope.parts[index].spec().ports.iter().map(|port| port.name);
+        let ports = |index: usize| scope.parts[index].component.ports.iter().map(|port| port.name);
         if let Some(index) = scope.part(word) {
             let message = format!("'{}' is a component: which of its ports?", **word);
             let help = format!("its ports: {}", ports(index).collect::<Vec<_>>().join(", "));
@@ -630,7 +630,7 @@ impl Reader {
             self.mistakes.note(&word.at, unknown("component", id, known));
             return None;
         };
-        let spec = scope.parts[component].spec();
+        let spec = scope.parts[component].component;
         if let Some(port) = spec.port(port) {
             return Some(Resolved::Port(PortOf { component, port }));
         }
@@ -768,7 +768,7 @@ impl Reader {
     /// A pressure source that no other reservoir feeds, with the input that gives its pressure.
     fn source(&mut self, scope: &Scope, word: &At<String>) -> Option<(usize, usize)> {
         let driven_by = |component: usize| {
-            let port = scope.parts[component].spec().port("pressure")?;
+            let port = scope.parts[component].component.port("pressure")?;
             let port = PortOf { component, port };
             scope.inputs.iter().position(|input| input.targets.iter().any(|end| end.port == port))
         };
@@ -824,7 +824,7 @@ fn wrong_suffix(key: &str, right: &str, unit: Unit) -> String {
 /// reported as missing.
 fn unsound(part: &mut Part, parameter: usize) {
     part.sound = false;
-    let declared = &part.spec().parameters[parameter];
+    let declared = &part.component.parameters[parameter];
     let value = &mut part.parameters[parameter];
     if value.is_nan() {
         *value = declared.min;

@@ -5,7 +5,7 @@
 //! all its sources and tanks. The result is parsed again; if it differs from the intended system, an error is returned.
 
 use super::{FORMAT, System, SystemError};
-use crate::document::{Collector, Document, Entry, get};
+use crate::toml_text::{Collector, Entry, TomlText, get};
 use servotwin_model::network::{FLUID_PARAMETERS, Network};
 
 /// A parameter with its new value.
@@ -54,8 +54,8 @@ impl System {
     /// # Errors
     /// The layout of the file does not allow a parameter to be written, or the system is impossible with the values.
     pub fn rewritten(&self, head: &[String], values: &[NewValue]) -> Result<String, RewriteError> {
-        let document = Document::parse(&self.text, FORMAT, &mut Collector::default());
-        let root = document.as_ref().map(Document::root).unwrap_or_default();
+        let document = TomlText::parse(&self.text, FORMAT, &mut Collector::default());
+        let root = document.as_ref().map(TomlText::root).unwrap_or_default();
         let components = table(&root, "components").unwrap_or_default();
         let values = self.in_whole_circuits(values);
         let mut edits = Vec::new();
@@ -83,7 +83,7 @@ impl System {
         let components = &self.network().components;
         let source = |component| self.program.fluid_source(component);
         let is_of_fluid = |new: &NewValue| {
-            let spec = components[new.component].component.spec();
+            let spec = components[new.component].component;
             spec.reference && FLUID_PARAMETERS.contains(&spec.parameters[new.parameter].name)
         };
         let determines = |new: &&NewValue| source(new.component) == new.component;
@@ -99,9 +99,9 @@ impl System {
         };
         others.into_iter().for_each(|new| put(new.clone()));
         for new in following.into_iter().chain(decisive) {
-            let name = components[new.component].component.spec().parameters[new.parameter].name;
+            let name = components[new.component].component.parameters[new.parameter].name;
             for (component, instance) in components.iter().enumerate() {
-                let spec = instance.component.spec();
+                let spec = instance.component;
                 let is_in_circuit = spec.reference && source(component) == source(new.component);
                 if let Some(parameter) = spec.parameter(name).filter(|_| is_in_circuit) {
                     put(NewValue { component, parameter, ..new.clone() });
@@ -131,13 +131,13 @@ impl System {
 
     fn refusal(&self, new: &NewValue) -> RewriteError {
         let instance = &self.network().components[new.component];
-        let parameter = instance.component.spec().parameters[new.parameter].name;
+        let parameter = instance.component.parameters[new.parameter].name;
         RewriteError::Layout { component: instance.id.clone(), parameter }
     }
 
     fn edit(&self, components: &[Entry], new: &NewValue) -> Option<Edit> {
         let instance = &self.network().components[new.component];
-        let key = instance.component.spec().parameters[new.parameter].name;
+        let key = instance.component.parameters[new.parameter].name;
         // A component of the system, otherwise one of an assembly's instance.
         if let Some(own) = table(components, &instance.id) {
             return self.in_table(&own, key, key, new);
@@ -203,7 +203,7 @@ mod tests {
     fn new(system: &System, id: &str, parameter: &str, value: f64) -> NewValue {
         let components = &system.network().components;
         let component = components.iter().position(|c| c.id == id).unwrap();
-        let parameter = components[component].component.spec().parameter(parameter).unwrap();
+        let parameter = components[component].component.parameter(parameter).unwrap();
         NewValue { component, parameter, value, comment: "± 1".into() }
     }
 

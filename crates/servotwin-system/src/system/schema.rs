@@ -11,7 +11,7 @@ use servotwin_model::spec::{Law, Parameter};
 
 /// The schema of system files.
 pub(crate) fn of_file() -> Value {
-    let specs = || ALL.iter().map(|component| component.spec());
+    let specs = || ALL.iter().copied();
     let mut definitions: Map<String, Value> =
         specs().map(|spec| (spec.kind.into(), of_kind(spec))).collect();
     let by_kind = specs().map(|spec| {

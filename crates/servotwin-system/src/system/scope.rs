@@ -1,6 +1,6 @@
 //! The parsed content of a system or an assembly: components, inputs and connections, with their places in the file.
 
-use crate::document::{Diagnostic, TextSpan};
+use crate::toml_text::{Diagnostic, TextSpan};
 use servotwin_model::components::Component;
 use servotwin_model::fluid::Fluid;
 use servotwin_model::network::{ExternalInput, Instance, Network, PortOf};
@@ -27,10 +27,6 @@ impl Part {
     pub(crate) fn new(id: String, at: TextSpan, component: &'static Component) -> Self {
         let Instance { parameters, fault_full, .. } = Instance::new("", component);
         Self { id, at, component, parameters, faults: fault_full, fluid: None, sound: true }
-    }
-
-    pub(crate) fn spec(&self) -> &'static Component {
-        self.component.spec()
     }
 }
 
@@ -84,13 +80,13 @@ impl Scope {
 
     /// The components of a kind.
     pub(crate) fn of_kind(&self, kind: &'static str) -> impl Iterator<Item = usize> {
-        (0..self.parts.len()).filter(move |part| self.parts[*part].spec().kind == kind)
+        (0..self.parts.len()).filter(move |part| self.parts[*part].component.kind == kind)
     }
 
     /// All signal outputs of components, with their ids and units.
     pub(crate) fn outputs(&self) -> impl Iterator<Item = (String, PortOf, Unit)> {
         let ports = |(component, part): (usize, &Part)| {
-            (0..part.spec().ports.len()).map(move |port| PortOf { component, port })
+            (0..part.component.ports.len()).map(move |port| PortOf { component, port })
         };
         let ports = self.parts.iter().enumerate().flat_map(ports);
         ports.filter_map(|port| match self.port(port).kind {
@@ -163,7 +159,7 @@ impl Scope {
     }
 
     pub(crate) fn port(&self, port: PortOf) -> &'static Port {
-        &self.parts[port.component].spec().ports[port.port]
+        &self.parts[port.component].component.ports[port.port]
     }
 
     /// The id of a port, `component.port`.

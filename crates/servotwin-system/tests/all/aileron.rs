@@ -24,7 +24,7 @@ pub fn component(id: &str) -> usize {
 pub fn parameter(id: &str) -> (usize, usize) {
     let (owner, name) = id.rsplit_once('.').expect("component.parameter");
     let owner = component(owner);
-    let spec = program().network().components[owner].component.spec();
+    let spec = program().network().components[owner].component;
     (owner, spec.parameter(name).unwrap_or_else(|| panic!("{id}")))
 }
 

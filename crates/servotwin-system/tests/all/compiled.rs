@@ -26,9 +26,7 @@ fn runs(system: &System, level: Level, compiled: Option<&Compiled>) -> Vec<Run> 
         })
         .collect();
     let faults: Vec<(usize, usize)> = (program.network().components.iter().enumerate())
-        .flat_map(|(c, instance)| {
-            (0..instance.component.spec().faults.len()).map(move |fault| (c, fault))
-        })
+        .flat_map(|(c, instance)| (0..instance.component.faults.len()).map(move |fault| (c, fault)))
         .collect();
     let fault = |job: usize| {
         let (component, fault) = faults[job * faults.len() / VARIANTS];

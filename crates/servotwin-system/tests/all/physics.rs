@@ -531,7 +531,7 @@ fn a_fault_of_one_actuator_does_what_it_does_of_the_other() {
 fn faults_of(owner: impl Fn(&str) -> bool) -> Vec<(String, FaultAt)> {
     let mut all = Vec::new();
     for instance in program().network().components.iter().filter(|c| owner(&c.id)) {
-        for declared in instance.component.spec().faults {
+        for declared in instance.component.faults {
             let id = format!("{}.{}", instance.id, declared.name);
             let at = fault(&id, 1.0);
             all.push((id, at));

@@ -1,6 +1,6 @@
 //! Tests of values, statistics and errors.
 
-use servotwin_io::document::{Collector, Document, Entry};
+use servotwin_io::toml_text::{Collector, Entry, TomlText};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use servotwin_system::format::{Read, Value, must};
@@ -200,7 +200,7 @@ fn mistakes_say_what_is_possible() {
 /// The signals under `key = …` of a file, or its mistakes.
 fn read(text: &str) -> Result<Vec<Signal>, String> {
     let mut mistakes = Collector::default();
-    let document = Document::parse(text, 1, &mut mistakes).expect("TOML");
+    let document = TomlText::parse(text, 1, &mut mistakes).expect("TOML");
     let key = must("a", Value::Signal, "a signal");
     let read = |entry: &Entry| Signal::read(entry, key, &mut mistakes);
     let signals = document.root().iter().filter_map(read).collect();

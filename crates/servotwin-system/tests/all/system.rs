@@ -26,12 +26,12 @@ fn component<'a>(system: &'a System, id: &str) -> &'a Instance {
 
 fn parameter(system: &System, id: &str, name: &str) -> f64 {
     let instance = component(system, id);
-    instance.parameters[instance.component.spec().parameter(name).expect("declared")]
+    instance.parameters[instance.component.parameter(name).expect("declared")]
 }
 
 fn fault(system: &System, id: &str, name: &str) -> f64 {
     let instance = component(system, id);
-    instance.fault_full[instance.component.spec().fault(name).expect("declared")]
+    instance.fault_full[instance.component.fault(name).expect("declared")]
 }
 
 /// A source fills a volume through an orifice; `more` follows.

@@ -17,8 +17,8 @@ use servotwin::beside::InputMistake;
 use servotwin::format::Key;
 use servotwin::system::System;
 use servotwin::units::NamedUnit;
-use servotwin_io::document::{Collector, Diagnostic, TextSpan, write_mistakes};
 use servotwin_io::files::{self, FileError};
+use servotwin_io::toml_text::{Collector, Diagnostic, TextSpan, write_mistakes};
 use std::path::Path;
 
 /// The format of map files that this version reads.
@@ -109,7 +109,7 @@ impl Map {
     /// The file cannot be read, or has mistakes.
     pub fn read(path: impl AsRef<Path>, system: &System) -> Result<Self, MapError> {
         let path = path.as_ref();
-        let text = files::read_document(path).map_err(MapError::File)?;
+        let text = files::read_toml(path).map_err(MapError::File)?;
         Self::parse(&text, &path.display().to_string(), system)
     }
 

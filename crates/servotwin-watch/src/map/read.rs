@@ -4,9 +4,9 @@ use super::{Channel, FORMAT, Map, MapError, Origin, Time};
 use crate::sequencer::SequencerRules;
 use crate::source::frame::numbered;
 use crate::source::{DATE, Wanted};
-use servotwin::document::{Collector, Diagnostic, Document, Entry, TextSpan};
 use servotwin::format::{At, Key, Read, Value, section};
 use servotwin::system::System;
+use servotwin::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText};
 use servotwin::units::{self, NamedUnit};
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
@@ -96,7 +96,7 @@ impl Channels {
 /// Reads the text of a map file.
 pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, MapError> {
     let mut reader = Reader::new(system);
-    if let Some(document) = Document::parse(text, FORMAT, &mut reader.mistakes) {
+    if let Some(document) = TomlText::parse(text, FORMAT, &mut reader.mistakes) {
         let text = Text::of(&document.root(), (&(0..0), "the file"), &mut reader.mistakes);
         reader.file(text);
     }

@@ -6,10 +6,10 @@
 use super::columns::DIMENSIONLESS;
 use super::{Campaign, Plants, Scenario};
 use crate::fit::{Fit, Unknown};
+use crate::run::part;
 use crate::run::{Calibrated, CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins};
 use crate::study::{Purpose, Stream};
 use crate::table::{self, Column, Table, Values};
-use servotwin_model::hash::Fingerprint;
 use std::path::{Path, PathBuf};
 
 /// The path of the file with the specimens of a pool: true values, fitted values and standard errors.
@@ -113,10 +113,9 @@ impl Campaign<'_> {
     /// Fingerprint of everything that determines a pool.
     fn calibration_mark(&self) -> String {
         let study = self.study;
-        let mut mark = Fingerprint::default();
+        let mut mark = part::model_mark(study);
         mark.add("calibration 1").add(self.purpose.suffix()).add(&self.solver);
         mark.add(&study.sample_period_s).add(&study.seed);
-        self.add_model(&mut mark);
         mark.add(&study.realism).add(&study.calibration);
         mark.to_string()
     }

@@ -144,7 +144,7 @@ impl Maker<'_> {
         let mut columns = vec![whole("specimen", numbers, SPECIMEN)];
         for (component, parameter) in toleranced(study) {
             let instance = &study.system.network().components[component];
-            let declared = &instance.component.spec().parameters[parameter];
+            let declared = &instance.component.parameters[parameter];
             let nominal = instance.parameters[parameter];
             let value = |overrides: &[(usize, usize, f64)]| {
                 let is_it = |&&(c, p, _): &&(usize, usize, f64)| (c, p) == (component, parameter);

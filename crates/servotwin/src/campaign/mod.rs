@@ -68,8 +68,6 @@ pub struct CampaignOutcome {
     pub failed: Vec<(Scenario, usize, String)>,
     /// Number of variants that began without a steady state, in all scenarios; `manifest.json` lists them.
     pub on_the_move: usize,
-    /// Whether it was stopped early.
-    pub cancelled: bool,
 }
 
 /// The campaigns of a study: training commands and judged cases for each group of scenarios.
@@ -82,12 +80,17 @@ pub fn runs(study: &Study, choice: impl Fn(Scenario) -> bool) -> Vec<(Purpose, V
 }
 
 impl<'s> Campaign<'s> {
-    /// The campaign of one scenario with existing parts in a folder, with the default settings.
-    pub fn stored(folder: &Path, study: &'s Study, scenario: Scenario, purpose: Purpose) -> Self {
+    /// The campaign of scenarios in a folder, with the default settings.
+    pub fn new(
+        folder: &Path,
+        study: &'s Study,
+        scenarios: Vec<Scenario>,
+        purpose: Purpose,
+    ) -> Self {
         Campaign {
             study,
             purpose,
-            scenarios: vec![scenario],
+            scenarios,
             solver: SolverSettings::campaign(),
             workers: Workers::new(1),
             folder: folder.into(),
@@ -109,8 +112,8 @@ impl Campaign<'_> {
     /// Simulates what is missing and writes the data sets. `progress` receives the number of rows done and their total.
     ///
     /// # Errors
-    /// A file cannot be written, the study is empty, or the healthy system cannot be simulated. Failures of single
-    /// variants are in the outcome.
+    /// A file cannot be written, the study is empty, the healthy system cannot be simulated, or
+    /// [`CampaignError::Cancelled`]. Failures of single variants are in the outcome.
     pub fn run(
         &self,
         progress: impl Fn(usize, usize) + Sync,
@@ -118,9 +121,7 @@ impl Campaign<'_> {
         let prepared = self.prepared()?;
         let all: Vec<usize> = (0..prepared.part_count()).collect();
         let mut outcome = self.run_parts(&prepared, &all, progress)?;
-        if !outcome.cancelled {
-            self.write_data_sets(&prepared, &mut outcome)?;
-        }
+        self.write_data_sets(&prepared, &mut outcome)?;
         Ok(outcome)
     }
 

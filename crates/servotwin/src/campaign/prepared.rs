@@ -5,8 +5,6 @@ use super::{Campaign, CampaignError};
 use crate::run::part::{self, PartFiles};
 use crate::run::plan;
 use crate::study::{Scenario, Suite};
-use servotwin_diagnosis::features::Sensor;
-use servotwin_model::c_source;
 use servotwin_model::hash::Fingerprint;
 
 /// The plan of a campaign.
@@ -22,10 +20,15 @@ impl PreparedCampaign {
         self.files[0].parts.len()
     }
 
-    /// The file names of a part in the folder of parts, and its number of rows in all scenarios.
-    pub fn part_files(&self, part: usize) -> (Vec<String>, usize) {
-        let names = self.files.iter().filter_map(|files| files.name(part)).collect();
-        (names, self.files.iter().map(|files| files.parts[part].len()).sum())
+    /// The number of rows of a part in all scenarios.
+    pub(crate) fn rows_of(&self, part: usize) -> usize {
+        self.files.iter().map(|files| files.parts[part].len()).sum()
+    }
+
+    /// The files of a part, relative to the output folder.
+    pub(crate) fn files_of(&self, part: usize) -> Vec<String> {
+        let own = self.files.iter().filter(|files| !files.parts[part].is_empty());
+        own.map(|files| part::file_name(&files.stem, part)).collect()
     }
 
     /// The numbers of the runs of a part in any scenario.
@@ -49,8 +52,7 @@ impl Campaign<'_> {
         if let Some(&scenario) = self.scenarios.iter().find(|s| !s.is_possible(self.study)) {
             return Err(CampaignError::no_section(scenario, self.study));
         }
-        let mut model = Fingerprint::default();
-        self.add_model(&mut model);
+        let model = part::model_mark(self.study);
         let faulty = plan::faulty(self.study, &suite);
         let all = part::parts(self.study, &suite);
         let of = |&scenario: &Scenario| {
@@ -64,17 +66,6 @@ impl Campaign<'_> {
             )
         };
         Ok(PreparedCampaign { files: self.scenarios.iter().map(of).collect(), suite })
-    }
-
-    /// Adds the equations with their parameters, and the sensors.
-    pub(super) fn add_model(&self, mark: &mut Fingerprint) {
-        let study = self.study;
-        let equations = c_source::write_equations(&study.system.program, "model", &[]);
-        mark.add(&equations.expect("a prefix that is a name"));
-        mark.add(&study.system.text).add(&study.measured);
-        for Sensor { name, quantity, actuator, noise, is_noisy, follows } in &study.sensors.0 {
-            mark.add(name).add(quantity.name()).add(actuator).add(noise).add(is_noisy).add(follows);
-        }
     }
 
     /// The fingerprint of everything that determines a part: equations with parameters, inputs, variants, sensors and

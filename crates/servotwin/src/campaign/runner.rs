@@ -24,7 +24,7 @@ const WAITING: usize = 4;
 type Complete = (usize, usize, BTreeMap<usize, PartRow>);
 
 impl Campaign<'_> {
-    /// Simulates the variants of parts whose rows no file contains, unless cancelled. It writes no data set.
+    /// Simulates the variants of parts whose rows no file contains. It writes no data set.
     ///
     /// # Errors
     /// See [`Campaign::run`].
@@ -35,9 +35,8 @@ impl Campaign<'_> {
         progress: impl Fn(usize, usize) + Sync,
     ) -> Result<CampaignOutcome, CampaignError> {
         let mut outcome = CampaignOutcome::default();
-        let simulated = self.simulate_rounds(prepared, wanted, &mut outcome, &progress);
-        outcome.cancelled = matches!(simulated, Err(CampaignError::Cancelled));
-        if outcome.cancelled { Ok(outcome) } else { simulated.map(|()| outcome) }
+        self.simulate_rounds(prepared, wanted, &mut outcome, &progress)?;
+        Ok(outcome)
     }
 
     fn simulate_rounds(

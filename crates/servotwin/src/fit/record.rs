@@ -13,12 +13,12 @@
 //! overshoot at a step.
 
 use crate::beside::InputMistake;
-use crate::document::{NumberWithUnit, Quantities};
 use crate::moment::{self, Clock};
 use crate::recording::{self, with_suffix};
 use crate::sanitize;
 use crate::system::System;
 use crate::table::{Table, TableError};
+use crate::toml_text::{NumberWithUnit, Quantities};
 use crate::units::{self, Misread, NamedUnit};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;

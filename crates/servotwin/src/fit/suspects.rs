@@ -400,7 +400,7 @@ impl Fit<'_> {
 
     pub(super) fn fault_name(&self, (component, fault): (usize, usize)) -> String {
         let instance = &self.system.network().components[component];
-        format!("{}.{}", instance.id, instance.component.spec().faults[fault].name)
+        format!("{}.{}", instance.id, instance.component.faults[fault].name)
     }
 }
 

@@ -164,7 +164,7 @@ fn what_a_record_does_not_show_stays_and_what_is_the_same_trades_off() {
         let (component, parameter) = id.rsplit_once('.').unwrap();
         let components = &study.system.network().components;
         let component = components.iter().position(|c| c.id == component).unwrap();
-        let parameter = components[component].component.spec().parameter(parameter).unwrap();
+        let parameter = components[component].component.parameter(parameter).unwrap();
         let parameters = vec![(component, parameter)];
         Unknown::tolerance(&study.system, &Tolerance { parameters, sigma, absolute: false })
     };

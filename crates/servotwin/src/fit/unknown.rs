@@ -70,7 +70,7 @@ impl Unknown {
         };
         let members: Vec<_> = tolerance.parameters.iter().map(member).collect();
         let (component, parameter, _) = members[0];
-        let spec = components[component].component.spec();
+        let spec = components[component].component;
         let mut unknown = Self {
             name: format!("{}.{}", components[component].id, spec.parameters[parameter].name),
             unit: spec.parameters[parameter].unit,
@@ -107,7 +107,7 @@ impl Unknown {
         let [low, high] = draw.range;
         let sigma = (high - low) / 12f64.sqrt();
         let parameter = |(component, name): &(usize, String)| {
-            let spec = system.network().components[*component].component.spec();
+            let spec = system.network().components[*component].component;
             (*component, spec.parameter(name).expect("the study checked it"))
         };
         let parameters = draw.parameters.iter().map(parameter).collect();
@@ -123,7 +123,7 @@ impl Unknown {
     pub(crate) fn fault(system: &System, component: usize, fault: usize) -> Self {
         let instance = &system.network().components[component];
         Self {
-            name: format!("{}.{}", instance.id, instance.component.spec().faults[fault].name),
+            name: format!("{}.{}", instance.id, instance.component.faults[fault].name),
             unit: Unit::None,
             moved: Moved::Fault(component, fault),
             prior: FAULT_PRIOR,

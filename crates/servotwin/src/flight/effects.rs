@@ -67,7 +67,7 @@ fn pistons(study: &Study, first: usize) -> BTreeMap<usize, (usize, Slot)> {
         let own = full_name(unit, "");
         let mut components = study.system.network().components.iter();
         let cylinder = components.find(|instance| {
-            instance.id.starts_with(&own) && instance.component.spec().kind.contains("cylinder")
+            instance.id.starts_with(&own) && instance.component.kind.contains("cylinder")
         })?;
         let name = format!("{}.position_m", cylinder.id);
         Some(study.system.program.observable(&name)?.slot)

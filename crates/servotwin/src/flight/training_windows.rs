@@ -25,7 +25,6 @@ use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::residual::{BAND, Window};
 use servotwin_diagnosis::spread::Spread;
 use servotwin_diagnosis::windows::{WindowKind, WindowSample, Windows};
-use servotwin_model::hash::Fingerprint;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -284,8 +283,8 @@ impl<'f> TrainingFlights<'f> {
         bands: Vec<Vec<f64>>,
     ) -> Self {
         let (study, scenario) = (design.study, design.scenario);
-        let mut mark = Fingerprint::default();
-        mark.add(&study.text).add(&study.system.text).add(scenario.name());
+        let mut mark = part::model_mark(study);
+        mark.add(&study.text).add(scenario.name());
         mark.add(&suite.name).add(&suite.environments).add(&bands);
         design.spreads.iter().for_each(|spread| {
             mark.add(&spread.map(|Spread { spool, growth }| (u64::from(spool), growth)));

@@ -1,13 +1,13 @@
 //! Reasons why a stage of the main job stops.
 
 use crate::campaign::CampaignError;
-use crate::document::counted;
 use crate::evaluation::EvaluationError;
 use crate::files::FileError;
 use crate::flight::runtime::RuntimeError;
 use crate::parallel::Cancelled;
 use crate::study::StudyError;
 use crate::table::TableError;
+use crate::toml_text::counted;
 use servotwin_diagnosis::diagnoser::HealthyEvidence;
 use std::path::{Path, PathBuf};
 

@@ -218,7 +218,7 @@ fn windows(
         return Ok(windows);
     }
     for purpose in study.purposes() {
-        let stored = Campaign::stored(folder.path(), study, subject.scenario(), purpose);
+        let stored = Campaign::new(folder.path(), study, vec![subject.scenario()], purpose);
         for rows in stored.windows()? {
             // A data set has no rows for failed variants.
             let ran = rows.into_iter().filter(|row| row.failure.is_empty());

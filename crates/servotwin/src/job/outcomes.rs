@@ -10,7 +10,7 @@ use crate::flight::watched::{self, Watching};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
-use crate::run::part::PartFiles;
+use crate::run::part::{self, PartFiles};
 use crate::run::{CampaignError, RunName, plan};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
 use crate::study::{Purpose, Scenario, Study, Suite};
@@ -18,7 +18,6 @@ use crate::table::{self, Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::error::Error;
-use servotwin_model::hash::Fingerprint;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -253,7 +252,7 @@ impl<'f> FlownParts<'f> {
         let model = Arc::new(diagnoser(folder, scenario)?);
         let watching = watching(suite, &model);
         let empty = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
-        let mut mark = Fingerprint::default();
+        let mut mark = part::model_mark(study);
         empty.origin().into_iter().for_each(|(key, value)| _ = mark.add(key).add(&value));
         create_folder(folder.parts())?;
         Ok(FlownParts {

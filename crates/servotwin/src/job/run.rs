@@ -226,31 +226,15 @@ impl<'r> StudyRun<'r> {
         }
     }
 
-    /// Simulates the data sets of one scenario, and nothing else.
-    ///
-    /// # Errors
-    /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
-    pub fn data_sets(&self, scenario: Scenario) -> Result<(), JobError> {
-        let _kept = self.folder.keep_study(self.study, self.replace)?;
-        self.study
-            .purposes()
-            .into_iter()
-            .try_for_each(|purpose| self.simulate(purpose, vec![scenario]))
-    }
-
     fn simulate(&self, purpose: Purpose, scenarios: Vec<Scenario>) -> Result<(), JobError> {
         let campaign = Campaign {
-            scenarios: scenarios.clone(),
             workers: self.workers,
-            ..Campaign::stored(self.folder.path(), self.study, scenarios[0], purpose)
+            ..Campaign::new(self.folder.path(), self.study, scenarios, purpose)
         };
         let rows = |done, all| {
             (self.observer)(&StudyEvent::Rows { campaign: &campaign, done, all });
         };
         let outcome = campaign.run(rows)?;
-        if outcome.cancelled {
-            return Err(CampaignError::Cancelled.into());
-        }
         (self.observer)(&StudyEvent::Simulated { campaign: &campaign, outcome: &outcome });
         Ok(())
     }

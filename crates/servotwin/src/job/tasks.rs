@@ -3,12 +3,13 @@
 
 use super::flights::{self, Crew};
 use super::{Folder, JobError, data_card, manifest, outcomes};
-use crate::campaign::{Campaign, CampaignError, calibration_file, runs};
+use crate::campaign::{Campaign, calibration_file, runs};
 use crate::flight::{training_windows, watched};
 use crate::run::part;
 use crate::study::suites::{FLIGHTS, HARD_NEGATIVES, LEARN, RECORDS};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use std::path::PathBuf;
+use std::slice::from_ref;
 
 /// A part of a suite. Tasks with the same needs may run at the same time, behind those that come before.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,19 +98,15 @@ pub fn tasks(
 fn of_records(place: Place, scenarios: impl Fn(Scenario) -> bool) -> Result<Vec<Task>, JobError> {
     let mut tasks = vec![];
     for (purpose, scenarios) in runs(place.study, scenarios) {
-        let campaign = campaign(place, purpose, &scenarios);
-        let prepared = campaign.prepared()?;
-        let suite = campaign.suite().name;
-        tasks.extend((0..prepared.part_count()).map(|part| {
-            let (files, runs) = prepared.part_files(part);
-            Task {
-                suite: suite.clone(),
-                scenarios: scenarios.clone(),
-                part,
-                files: files.into_iter().map(|file| format!("{}/{file}", part::PARTS)).collect(),
-                runs,
-                needs: campaign.calibration().into_iter().collect(),
-            }
+        let campaign = campaign(place, scenarios.clone(), purpose);
+        let (prepared, suite) = (campaign.prepared()?, campaign.suite().name);
+        tasks.extend((0..prepared.part_count()).map(|part| Task {
+            suite: suite.clone(),
+            scenarios: scenarios.clone(),
+            part,
+            files: prepared.files_of(part),
+            runs: prepared.rows_of(part),
+            needs: campaign.calibration().into_iter().collect(),
         }));
     }
     Ok(tasks)
@@ -136,7 +133,7 @@ fn of_suite(Place { study, folder, .. }: Place, suite: &Suite, scenario: Scenari
         suite: suite.name.clone(),
         scenarios: vec![scenario],
         part,
-        files: vec![format!("{}/{stem}-{part:04}.parquet", part::PARTS)],
+        files: vec![part::file_name(&stem, part)],
         runs: runs.len(),
         needs: needs.clone(),
     };
@@ -145,34 +142,61 @@ fn of_suite(Place { study, folder, .. }: Place, suite: &Suite, scenario: Scenari
 
 fn campaign<'s>(
     Place { study, folder, .. }: Place<'s>,
+    scenarios: Vec<Scenario>,
     purpose: Purpose,
-    scenarios: &[Scenario],
 ) -> Campaign<'s> {
-    let stored = Campaign::stored(folder.path(), study, scenarios[0], purpose);
-    Campaign { scenarios: scenarios.to_vec(), ..stored }
+    Campaign::new(folder.path(), study, scenarios, purpose)
 }
 
-/// Computes those files of a task that are absent or unusable.
+/// Computes those files of tasks that are absent or unusable, in the order of the tasks. What they need that is not trained
+/// is prepared with them.
 ///
 /// # Errors
-/// What the task needs is missing; a run cannot begin; a file cannot be written; [`CampaignError::Cancelled`].
-pub fn run(place: Place, task: &Task, crew: &Crew) -> Result<(), JobError> {
+/// What a task needs is missing; a run cannot begin; a file cannot be written; [`Cancelled`](crate::campaign::CampaignError::Cancelled).
+pub fn run(place: Place, tasks: &[Task], crew: &Crew) -> Result<(), JobError> {
+    let all: usize = tasks.iter().map(|task| task.runs).sum();
+    let mut done = 0;
+    // The parts of a suite in a scenario fly together.
+    for alike in tasks.chunk_by(|a, b| (&a.suite, &a.scenarios) == (&b.suite, &b.scenarios)) {
+        let runs: usize = alike.iter().map(|task| task.runs).sum();
+        let told = |what: &str, share: f64| {
+            let runs = done as f64 + share * runs as f64;
+            (crew.progress)(what, runs / all.max(1) as f64);
+        };
+        let parts: Vec<usize> = alike.iter().map(|task| task.part).collect();
+        let crew = Crew { workers: crew.workers, progress: &told };
+        run_parts(place, (&alike[0].suite, &alike[0].scenarios), &parts, &crew)?;
+        done += runs;
+    }
+    Ok(())
+}
+
+/// Computes parts of a suite in scenarios with the same plants.
+fn run_parts(
+    place: Place,
+    (suite, scenarios): (&str, &[Scenario]),
+    parts: &[usize],
+    crew: &Crew,
+) -> Result<(), JobError> {
     let Place { study, is_full, folder, .. } = place;
-    let Task { suite, scenarios, part, .. } = task;
-    if let Some(purpose) =
-        Purpose::OF_RECORDS.into_iter().find(|&p| study.records(p).name == *suite)
-    {
-        let campaign = Campaign { workers: crew.workers, ..campaign(place, purpose, scenarios) };
-        let told = |done: usize, all: usize| (crew.progress)(suite, done as f64 / all as f64);
-        let outcome = campaign.run_parts(&campaign.prepared()?, &[*part], told)?;
-        return if outcome.cancelled { Err(CampaignError::Cancelled.into()) } else { Ok(()) };
+    let mut of_records = Purpose::OF_RECORDS.into_iter();
+    if let Some(purpose) = of_records.find(|&purpose| study.records(purpose).name == suite) {
+        let campaign = campaign(place, scenarios.to_vec(), purpose);
+        let campaign = Campaign { workers: crew.workers, ..campaign };
+        campaign.run_parts(&campaign.prepared()?, parts, rows_of(suite, crew))?;
+        return Ok(());
     }
     let known = place.suite(suite)?;
     let (own, size) = ((known, scenarios[0]), (study, is_full));
     match known.purpose {
-        Purpose::Train => flights::fly_to_learn(folder, size, own, &[*part], crew),
-        _ => outcomes::fly_parts(folder, size, own, &[*part], crew),
+        Purpose::Train => flights::fly_to_learn(folder, size, own, parts, crew),
+        _ => outcomes::fly_parts(folder, size, own, parts, crew),
     }
+}
+
+/// Reports how many rows of a suite of records are simulated.
+fn rows_of<'c>(suite: &'c str, crew: &'c Crew) -> impl Fn(usize, usize) + Sync + 'c {
+    move |done, all| (crew.progress)(suite, done as f64 / all.max(1) as f64)
 }
 
 /// Writes a file that tasks need, unless it is there.
@@ -185,7 +209,7 @@ pub fn prepare(place: Place, file: &str, crew: &Crew) -> Result<(), JobError> {
     let workers = crew.workers;
     for purpose in Purpose::OF_RECORDS {
         if path == calibration_file(folder.path(), purpose) {
-            let campaign = campaign(place, purpose, &[Scenario::Fitted]);
+            let campaign = campaign(place, vec![Scenario::Fitted], purpose);
             return Ok(Campaign { workers, ..campaign }.calibrate()?);
         }
     }
@@ -219,18 +243,20 @@ pub fn join(
         match name.as_str() {
             RECORDS => {
                 for (purpose, scenarios) in runs(study, &scenarios) {
-                    let campaign = campaign(place, purpose, &scenarios);
-                    let outcome = Campaign { workers: crew.workers, ..campaign }.run(|_, _| ())?;
-                    if outcome.cancelled {
-                        return Err(CampaignError::Cancelled.into());
-                    }
+                    let campaign = campaign(place, scenarios, purpose);
+                    let suite = campaign.suite().name;
+                    let campaign = Campaign { workers: crew.workers, ..campaign };
+                    campaign.run(rows_of(&suite, crew))?;
                 }
                 data_card::write(folder, study)?;
             }
             FLIGHTS => {
                 judged.extend(study.suites(is_full).filter(|suite| flights::is_usual(suite)))
             }
-            name => judged.extend(Some(place.suite(name)?).filter(|s| s.purpose == Purpose::Test)),
+            name => match place.suite(name)? {
+                suite if suite.purpose == Purpose::Test => judged.push(suite),
+                suite => run(place, &tasks(place, from_ref(&suite.name), &scenarios)?, crew)?,
+            },
         }
     }
     if !judged.is_empty() {
@@ -244,7 +270,7 @@ pub fn join(
 /// Runs suites and joins them. [`FLIGHTS`] trains the diagnosers; other suites are flown with those that are there.
 ///
 /// # Errors
-/// As [`tasks`], [`run`] and [`flights::learn`].
+/// As [`join`] and [`flights::learn`].
 pub fn run_suites(
     place: Place,
     suites: &[String],
@@ -257,24 +283,5 @@ pub fn run_suites(
             flights::learn(place.folder, (place.study, place.is_full), scenario, crew)?;
         }
     }
-    run_all(place, &tasks(place, suites, &scenarios)?, crew)?;
     join(place, suites, scenarios, crew)
-}
-
-/// Runs tasks one after the other. What they need that is not trained is prepared with them.
-///
-/// # Errors
-/// As [`run`].
-pub fn run_all(place: Place, tasks: &[Task], crew: &Crew) -> Result<(), JobError> {
-    let all: usize = tasks.iter().map(|task| task.runs).sum();
-    let mut done = 0;
-    for task in tasks {
-        let told = |what: &str, share: f64| {
-            let runs = done as f64 + share * task.runs as f64;
-            (crew.progress)(what, runs / all.max(1) as f64);
-        };
-        run(place, task, &Crew { workers: crew.workers, progress: &told })?;
-        done += task.runs;
-    }
-    Ok(())
 }

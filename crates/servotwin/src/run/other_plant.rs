@@ -60,12 +60,12 @@ impl OtherPlants {
         let parts = &self.system.network().components;
         // A parameter that the other kind lacks has no counterpart in the plant.
         let value = |&(place, parameter, value): &(usize, usize, f64)| {
-            let name = twins[place].component.spec().parameters[parameter].name;
-            Some((place, parts[place].component.spec().parameter(name)?, value))
+            let name = twins[place].component.parameters[parameter].name;
+            Some((place, parts[place].component.parameter(name)?, value))
         };
         let fault = |fault: &FaultAt| {
-            let name = twins[fault.component].component.spec().faults[fault.fault].name;
-            let other = parts[fault.component].component.spec().fault(name);
+            let name = twins[fault.component].component.faults[fault.fault].name;
+            let other = parts[fault.component].component.fault(name);
             FaultAt { fault: other.expect("the study checked it"), ..*fault }
         };
         variant.overrides = variant.overrides.iter().filter_map(value).collect();
@@ -94,7 +94,7 @@ impl OtherPlants {
 
 /// A component of another kind with the values of the component that it stands for.
 fn stand_in(own: &Instance, other: &'static components::Component) -> Instance {
-    let (own_spec, spec) = (own.component.spec(), other.spec());
+    let (own_spec, spec) = (own.component, other);
     let mut instance = Instance::new(own.id.clone(), other);
     for (place, parameter) in spec.parameters.iter().enumerate() {
         if let Some(known) = own_spec.parameter(parameter.name) {

@@ -9,7 +9,9 @@ use crate::manifest::in_hexadecimal;
 use crate::study::{Study, Suite};
 use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
+use servotwin_diagnosis::features::Sensor;
 use servotwin_diagnosis::residual::Window;
+use servotwin_model::c_source;
 use servotwin_model::hash::Fingerprint;
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
@@ -110,8 +112,8 @@ pub(crate) fn parts_of(
     parts
 }
 
-/// Divides parts into rounds that are simulated together: neighbors, each by its place in `parts`. A round holds its twins,
-/// and the rows of unfinished parts, in memory. Twins have `twin_samples` samples; `twin` tells that of a run.
+/// Divides the wanted parts into rounds of neighbors that are simulated together. A round holds its twins, and the rows of
+/// unfinished parts, in memory. A twin has `twin_samples` samples, and runs with the same value of `twin` share one.
 pub(crate) fn rounds<K: Ord>(
     parts: &[Vec<usize>],
     wanted: &BTreeSet<usize>,
@@ -140,7 +142,8 @@ pub(crate) fn rounds<K: Ord>(
 #[derive(Clone, Debug)]
 pub(crate) struct PartFiles {
     folder: PathBuf,
-    stem: String,
+    /// How the names of the files begin.
+    pub stem: String,
     /// The fingerprint of everything that determines a part besides the numbers of its runs.
     fingerprint: Fingerprint,
     /// The numbers of the runs of each part; a part without runs has no file.
@@ -148,7 +151,7 @@ pub(crate) struct PartFiles {
 }
 
 impl PartFiles {
-    /// The files of parts in the folder of an output folder.
+    /// The files of parts in an output folder.
     pub(crate) fn new(
         folder: impl Into<PathBuf>,
         stem: String,
@@ -156,17 +159,11 @@ impl PartFiles {
         parts: Vec<Vec<usize>>,
     ) -> Self {
         fingerprint.add(FORMAT);
-        PartFiles { folder: folder.into().join(PARTS), stem, fingerprint, parts }
-    }
-
-    /// The name of the file of a part; `None` for a part without runs.
-    pub(crate) fn name(&self, part: usize) -> Option<String> {
-        let is_there = !self.parts[part].is_empty();
-        is_there.then(|| format!("{}-{part:04}.parquet", self.stem))
+        PartFiles { folder: folder.into(), stem, fingerprint, parts }
     }
 
     fn path(&self, part: usize) -> PathBuf {
-        self.folder.join(format!("{}-{part:04}.parquet", self.stem))
+        self.folder.join(file_name(&self.stem, part))
     }
 
     /// The numbers of all parts.
@@ -248,6 +245,23 @@ impl PartFiles {
         let table = table.with_metadata("fingerprint", self.mark(part));
         table::write(self.path(part), &table.with_metadata("checksum", sum))
     }
+}
+
+/// The file of a part, relative to the output folder.
+pub(crate) fn file_name(stem: &str, part: usize) -> String {
+    format!("{PARTS}/{stem}-{part:04}.parquet")
+}
+
+/// The fingerprint of a study's model, on which all parts depend: the equations with their parameters, and the sensors.
+pub(crate) fn model_mark(study: &Study) -> Fingerprint {
+    let mut mark = Fingerprint::default();
+    let equations = c_source::write_equations(&study.system.program, "model", &[]);
+    mark.add(&equations.expect("a prefix that is a name"));
+    mark.add(&study.system.text).add(&study.measured);
+    for Sensor { name, quantity, actuator, noise, is_noisy, follows } in &study.sensors.0 {
+        mark.add(name).add(quantity.name()).add(actuator).add(noise).add(is_noisy).add(follows);
+    }
+    mark
 }
 
 /// Checksum over the rows of a part, which detects flipped bits.

@@ -33,9 +33,8 @@ fn data_sets(
     let mut found = BTreeMap::new();
     for scenarios in Scenario::groups(study, |_| true) {
         for purpose in study.purposes() {
-            let stored = Campaign::stored(&folder.0, study, scenarios[0], purpose);
-            let campaign =
-                Campaign { scenarios: scenarios.clone(), workers: Workers::new(threads), ..stored };
+            let campaign = Campaign::new(&folder.0, study, scenarios.clone(), purpose);
+            let campaign = Campaign { workers: Workers::new(threads), ..campaign };
             assert!(campaign.run(|_, _| ()).unwrap().failed.is_empty());
             for &scenario in &scenarios {
                 let file = Results::new(&folder.0).data_set(scenario, purpose);

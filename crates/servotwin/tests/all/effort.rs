@@ -21,8 +21,8 @@ fn study() -> Study {
 /// The data sets that one simulation gives, with perfect sensors and with noise.
 fn data_sets(study: &Study, folder: &Folder) -> [Table; 2] {
     let scenarios = [Scenario::Ideal, Scenario::Noise];
-    let stored = Campaign::stored(&folder.0, study, Scenario::Ideal, Purpose::Test);
-    let campaign = Campaign { scenarios: scenarios.into(), workers: Workers::new(2), ..stored };
+    let campaign = Campaign::new(&folder.0, study, scenarios.into(), Purpose::Test);
+    let campaign = Campaign { workers: Workers::new(2), ..campaign };
     let outcome = campaign.run(|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     scenarios.map(|scenario| {
@@ -85,7 +85,7 @@ fn a_damaged_part_is_named_and_made_anew() {
     let before = data_sets(&study, &folder);
     let part = folder.file("parts/noise-0000.parquet");
     let whole = std::fs::read(&part).unwrap();
-    let stored = Campaign::stored(&folder.0, &study, Scenario::Noise, Purpose::Test);
+    let stored = Campaign::new(&folder.0, &study, vec![Scenario::Noise], Purpose::Test);
     let mut named = 0;
     for place in (0..whole.len()).step_by(whole.len().div_ceil(20)) {
         let mut bytes = whole.clone();

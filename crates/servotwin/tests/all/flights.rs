@@ -12,7 +12,7 @@ use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
 use servotwin::flight::watched;
 use servotwin::job::flights::{Crew, fly_all, learn};
 use servotwin::job::outcomes::{self, watching};
-use servotwin::job::tasks::{Place, run_all, tasks};
+use servotwin::job::tasks::{Place, run, tasks};
 use servotwin::job::{Folder, JobError};
 use servotwin::parallel::Workers;
 use servotwin::run::other_plant::OtherPlants;
@@ -248,7 +248,7 @@ fn parts_that_are_lost_or_damaged_are_flown_again_to_the_same_bytes() {
     let fly = |name: &str| {
         let tasks = tasks(of, &[name.into()], |own| own == scenario).unwrap();
         assert_eq!(tasks.len(), 1);
-        run_all(of, &tasks, &crew)
+        run(of, &tasks, &crew)
     };
     let unfinished = fly(HARD_NEGATIVES);
     assert!(matches!(unfinished, Err(JobError::Campaign(CampaignError::Unfinished { .. }))));
@@ -285,7 +285,7 @@ fn shares_of_a_suite_join_to_the_bytes_of_an_undivided_one() {
     let of = Place { study: study(), is_full: false, changed: &changed, folder: &shared };
     let mut tasks = tasks(of, &[HEALTHY.into()], |own| own == scenario).unwrap();
     tasks.reverse();
-    run_all(of, &tasks, &crew).unwrap();
+    run(of, &tasks, &crew).unwrap();
     assert!(tasks.len() > 1 && parts_of(&shared, "healthy").len() == tasks.len());
     outcomes::fly(&shared, place, &many, scenario, &crew).unwrap();
     let joined = |folder: &Folder| std::fs::read(folder.outcomes(HEALTHY, "noise")).unwrap();

@@ -265,7 +265,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Change> {
             let (id, parameter) = name.rsplit_once('.')?;
             let components = &study.system.network().components;
             let component = components.iter().position(|known| known.id == id)?;
-            let parameter = components[component].component.spec().parameter(parameter)?;
+            let parameter = components[component].component.parameter(parameter)?;
             if kind == Weather {
                 // Conditions that the liquid does not allow are not flown.
                 study.system.allows(component, parameter, size).ok()?;

@@ -150,7 +150,7 @@ impl SearchSpace {
         let parts = &study.system.network().components;
         for tolerance in realism.map_or(&[][..], |realism| realism.tolerances()) {
             let name = tolerance.parameters.first().map_or("none".into(), |&(part, parameter)| {
-                let own = &parts[part].component.spec().parameters[parameter];
+                let own = &parts[part].component.parameters[parameter];
                 format!("{}.{}", parts[part].id, own.name)
             });
             dimensions.push(Dimension::new(name, Distribution::Deviation));

@@ -317,9 +317,9 @@ impl Collector {
 }
 
 /// A parsed file.
-pub struct Document<'t>(Spanned<DeTable<'t>>);
+pub struct TomlText<'t>(Spanned<DeTable<'t>>);
 
-impl<'t> Document<'t> {
+impl<'t> TomlText<'t> {
     /// Parses a text; `None` if it is not TOML or has another format, so that nothing else in it can be judged.
     pub fn parse(text: &'t str, format: u32, mistakes: &mut Collector) -> Option<Self> {
         let (root, errors) = DeTable::parse_recoverable(text);
@@ -337,7 +337,7 @@ impl<'t> Document<'t> {
             mistakes.note(&entry.value_at(), Diagnostic::new(mistake));
         }
         drop(all);
-        mistakes.is_empty().then_some(Document(root))
+        mistakes.is_empty().then_some(TomlText(root))
     }
 
     /// The entries of its root.

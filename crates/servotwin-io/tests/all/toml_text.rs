@@ -1,11 +1,11 @@
 //! Mistakes in TOML files are few and short, however many and long they are in the file.
 
-use servotwin_io::document::{Collector, Diagnostic, Document, write_mistakes};
+use servotwin_io::toml_text::{Collector, Diagnostic, TomlText, write_mistakes};
 use std::fmt;
 
 fn mistakes(text: &str) -> Vec<Diagnostic> {
     let mut found = Collector::default();
-    Document::parse(text, 1, &mut found);
+    TomlText::parse(text, 1, &mut found);
     found.locate(text)
 }
 
