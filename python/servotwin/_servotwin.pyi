@@ -347,26 +347,24 @@ def run_suites(
     out: Path,
     suites: list[str],
     scenarios: Optional[list[str]] = None,
-    full: bool = False,
     share: Optional[str] = None,
     threads: Optional[int] = None,
     progress: Optional[Progress] = None,
 ) -> None: ...
 def tasks_of(
-    study: Study, suites: list[str], scenarios: Optional[list[str]] = None, full: bool = False
+    study: Study, suites: list[str], scenarios: Optional[list[str]] = None
 ) -> list[_Task]: ...
 def run_task(
-    study: Study, out: Path, full: bool, task: _Task, threads: Optional[int] = None
+    study: Study, out: Path, task: _Task, threads: Optional[int] = None
 ) -> None: ...
 def prepare_file(
-    study: Study, out: Path, full: bool, file: str, threads: Optional[int] = None
+    study: Study, out: Path, file: str, threads: Optional[int] = None
 ) -> None: ...
 def join_suites(
     study: Study,
     out: Path,
     suites: list[str],
     scenarios: Optional[list[str]] = None,
-    full: bool = False,
     threads: Optional[int] = None,
 ) -> None: ...
 def write_report(out: Path) -> Any: ...

@@ -37,7 +37,6 @@ def run_suites(
     suites: Sequence[str],
     *,
     scenarios: Optional[Sequence[str]] = None,
-    full: bool = False,
     threads: Optional[int] = None,
     storage_options: Optional[dict[str, Any]] = None,
     progress: Union[bool, Progress] = True,
@@ -58,8 +57,6 @@ def run_suites(
         As in `servotwin.run_suites`.
     scenarios : list of str, optional
         As in `servotwin.run_suites`.
-    full : bool
-        Whether to fly the full sizes of the study.
     threads : int, optional
         The threads of each task; 1 by default, because a worker computes one on each of its threads.
     storage_options : dict, optional
@@ -69,7 +66,7 @@ def run_suites(
     """
     options = storage_options or {}
     names = None if scenarios is None else list(scenarios)
-    tasks = _native.tasks_of(study, list(suites), names, full)
+    tasks = _native.tasks_of(study, list(suites), names)
     store = _Store(out, options)
     store.keep("study.toml", study.text)
     store.keep("system.toml", study.system.text)
@@ -79,14 +76,14 @@ def run_suites(
             # Tasks with the same needs come one after the other.
             for needs, group in itertools.groupby(tasks, key=lambda task: task[5]):
                 for file in needs:
-                    _prepare(study, store, full, file)
+                    _prepare(study, store, file)
                 own = list(group)
-                futures = _submitted(study, client, (out, options), full, own, threads or 1)
+                futures = _submitted(study, client, (out, options), own, threads or 1)
                 sent.extend(futures)
                 _watched(f"{own[0][0]} on Dask", futures, [task[4] for task in own], show)
         with _mirrored(store) as folder:
             before = _written(folder)
-            _native.join_suites(study, folder, list(suites), names, full)
+            _native.join_suites(study, folder, list(suites), names)
             # The manifest last: where it is, everything is.
             made = sorted(_written(folder) - before - {"manifest.json"})
             store.put_all(folder, [*made, "manifest.json"])
@@ -99,11 +96,11 @@ def _written(folder: _Path) -> set[str]:
     return {path.name for path in folder.iterdir() if path.is_file() and not path.name.startswith(".")}
 
 
-def _prepare(study: _native.Study, store: _Store, full: bool, file: str) -> None:
+def _prepare(study: _native.Study, store: _Store, file: str) -> None:
     """Compute here what tasks need, and put it into the storage."""
     with _mirrored(store) as folder:
         before = _written(folder)
-        _native.prepare_file(study, folder, full, file)
+        _native.prepare_file(study, folder, file)
         store.put_all(folder, [file, *sorted(_written(folder) - before - {file})])
 
 
@@ -123,7 +120,6 @@ def _submitted(
     study: _native.Study,
     client: Any,
     where: tuple[str, dict[str, Any]],
-    full: bool,
     tasks: list[Any],
     threads: int,
 ) -> list[Any]:
@@ -133,8 +129,8 @@ def _submitted(
     def submit(task: Any) -> Any:
         suite, scenarios, part = task[:3]
         name = f"{study.name} {suite} {'+'.join(scenarios)} {part}"
-        key = f"servotwin {name}-{_mark(where[0], mark, full)}"
-        return client.submit(_part, mark, *where, full, task, threads, key=key, pure=False, retries=3)
+        key = f"servotwin {name}-{_mark(where[0], mark)}"
+        return client.submit(_part, mark, *where, task, threads, key=key, pure=False, retries=3)
 
     return [submit(task) for task in tasks]
 
@@ -171,7 +167,7 @@ def _mirrored(store: _Store) -> Iterator[_Path]:
 
 
 def _part(
-    mark: str, out: str, options: dict[str, Any], full: bool, task: Any, threads: int
+    mark: str, out: str, options: dict[str, Any], task: Any, threads: int
 ) -> dict[str, float]:
     """Compute one part in a worker, and put its files into the storage."""
     begin = time.monotonic()
@@ -184,7 +180,7 @@ def _part(
             store.fetch(file, folder / file)
         there = [file for file in files if store.fetch(file, folder / file)]
         before = {file: (folder / file).read_bytes() for file in there}
-        _native.run_task(_study(store, mark), folder, full, task, threads)
+        _native.run_task(_study(store, mark), folder, task, threads)
         for file in files:
             path = folder / file
             if before.get(file) != path.read_bytes():

@@ -52,7 +52,6 @@ def run_suites(
     suites: Sequence[str],
     *,
     scenarios: Optional[Sequence[str]] = None,
-    full: bool = False,
     share: Optional[str] = None,
     threads: Optional[int] = None,
     progress: Union[bool, Progress] = True,
@@ -72,8 +71,6 @@ def run_suites(
         are flown with the diagnosers in the folder.
     scenarios : list of str, optional
         The scenarios; by default "ideal", "noise" and "realistic", as far as a suite has them.
-    full : bool
-        Whether to fly the full sizes of the study.
     share : str, optional
         A share such as "3/100". When all shares have ended, the same call without it joins them.
     threads : int, optional
@@ -83,7 +80,7 @@ def run_suites(
     """
     with told(progress) as show:
         names = None if scenarios is None else list(scenarios)
-        _native.run_suites(study, os.fspath(out), list(suites), names, full, share, threads, show)
+        _native.run_suites(study, os.fspath(out), list(suites), names, share, threads, show)
 
 
 def report(out: Path) -> Report:

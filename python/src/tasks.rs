@@ -27,17 +27,16 @@ fn wanted(study: &Study, names: Option<Vec<String>>) -> Result<impl Fn(Scenario)
     })
 }
 
-/// A study in a size, and its output folder.
+/// A study, and its output folder.
 struct At<'s> {
     study: &'s Study,
     folder: Folder,
-    full: bool,
 }
 
 impl At<'_> {
     fn place(&self) -> Place<'_> {
-        let At { study, folder, full } = self;
-        Place { study: &study.inner, is_full: *full, changed: &[], folder }
+        let At { study, folder } = self;
+        Place { study: &study.inner, changed: &[], folder }
     }
 
     /// Does work that holds the folder.
@@ -63,7 +62,7 @@ impl At<'_> {
 
 /// Runs suites into a folder, or a share of their parts.
 #[pyfunction]
-#[pyo3(signature = (study, out, suites, scenarios = None, full = false, share = None, threads = None, progress = None))]
+#[pyo3(signature = (study, out, suites, scenarios = None, share = None, threads = None, progress = None))]
 #[expect(clippy::too_many_arguments, reason = "they are Python's")]
 pub fn run_suites(
     py: Python<'_>,
@@ -71,14 +70,13 @@ pub fn run_suites(
     out: PathBuf,
     suites: Vec<String>,
     scenarios: Option<Vec<String>>,
-    full: bool,
     share: Option<&str>,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<()> {
     let wanted = wanted(study, scenarios)?;
     let share: Option<Share> = share.map(str::parse).transpose().map_err(Failure::value)?;
-    let at = At { study, folder: Folder::new(out), full };
+    let at = At { study, folder: Folder::new(out) };
     let inner = &study.inner;
     let hold = |folder: &Folder| match share {
         Some(_) => folder.join_study(inner),
@@ -100,15 +98,14 @@ pub fn run_suites(
 
 /// The tasks of suites.
 #[pyfunction]
-#[pyo3(signature = (study, suites, scenarios = None, full = false))]
+#[pyo3(signature = (study, suites, scenarios = None))]
 pub fn tasks_of(
     py: Python<'_>,
     study: &Study,
     suites: Vec<String>,
     scenarios: Option<Vec<String>>,
-    full: bool,
 ) -> PyResult<Vec<Told>> {
-    let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new(""), full });
+    let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new("") });
     let tasks = py.detach(|| tasks::tasks(at.place(), &suites, wanted)).map_err(Failure::from)?;
     let told = |Task { suite, scenarios, part, files, runs, needs }: Task| {
         let names = scenarios.iter().map(|scenario| scenario.name().into()).collect();
@@ -119,19 +116,18 @@ pub fn tasks_of(
 
 /// Computes the files of a task in a folder that may hold nothing but what it needs.
 #[pyfunction]
-#[pyo3(signature = (study, out, full, task, threads = None))]
+#[pyo3(signature = (study, out, task, threads = None))]
 pub fn run_task(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
-    full: bool,
     task: Told,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<()> {
     let (suite, names, part, files, runs, needs) = task;
     let scenarios = names.iter().filter_map(|name| Scenario::named(name)).collect();
     let task = Task { suite, scenarios, part, files, runs, needs };
-    let at = At { study, folder: Folder::new(out), full };
+    let at = At { study, folder: Folder::new(out) };
     at.work(
         py,
         (threads, None),
@@ -142,16 +138,15 @@ pub fn run_task(
 
 /// Writes a file that tasks need.
 #[pyfunction]
-#[pyo3(signature = (study, out, full, file, threads = None))]
+#[pyo3(signature = (study, out, file, threads = None))]
 pub fn prepare_file(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
-    full: bool,
     file: &str,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<()> {
-    let at = At { study, folder: Folder::new(out), full };
+    let at = At { study, folder: Folder::new(out) };
     at.work(
         py,
         (threads, None),
@@ -162,17 +157,16 @@ pub fn prepare_file(
 
 /// Joins the parts of suites in a folder.
 #[pyfunction]
-#[pyo3(signature = (study, out, suites, scenarios = None, full = false, threads = None))]
+#[pyo3(signature = (study, out, suites, scenarios = None, threads = None))]
 pub fn join_suites(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
     suites: Vec<String>,
     scenarios: Option<Vec<String>>,
-    full: bool,
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<()> {
-    let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new(out), full });
+    let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new(out) });
     let inner = &study.inner;
     let hold = |folder: &Folder| Ok(folder.keep_study(inner, false)?.hold);
     at.work(py, (threads, None), hold, |place, crew| {

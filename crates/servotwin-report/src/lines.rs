@@ -9,10 +9,10 @@ use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::bands::Band;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
-use servotwin::flight::judge::{FlightMetrics, HealthyMetrics};
-use servotwin::flight::measure;
 use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
+use servotwin::measure::flights::{FlightMetrics, HealthyMetrics};
+use servotwin::measure::{self, Measure};
 use servotwin::shown::{Shown, shown};
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
@@ -29,68 +29,29 @@ pub enum Who {
     Committee,
 }
 
-/// One measure of a diagnosis.
-pub(crate) struct Measure {
-    /// The name of the measure.
-    pub title: String,
-    /// Its rate under a protocol, if it was measured.
-    pub rate: fn(&ProtocolResult) -> Option<Rate>,
-}
-
-/// Drops a rate that counted nothing.
-fn counted(rate: Rate) -> Option<Rate> {
-    Some(rate).filter(|rate| rate.of > 0)
-}
-
-/// Measures of unsafe errors; less is better. Empty if no command switches an actuator off.
-pub(crate) fn safety(words: &Vocabulary) -> Vec<Measure> {
-    let off = words.off();
-    let mut measures = vec![];
-    if !words.has_off() {
-        return measures;
-    }
-    if words.has_several() {
-        measures.push(Measure {
-            title: format!("wrong {} {}", words.unit(), words.switched_off()),
-            rate: |result| counted(result.safety.as_ref()?.wrong_actuator_shutdown),
-        });
-    }
-    measures.push(Measure {
-        title: format!("{off} missed (of detected)"),
-        rate: |result| counted(result.safety.as_ref()?.missed_shutdown),
-    });
-    measures.push(Measure {
-        title: format!("{off} missed (of all)"),
-        rate: |result| result.safety.as_ref()?.missed_shutdown_of_all.and_then(counted),
-    });
-    measures.push(Measure {
-        title: format!("needless {off}"),
-        rate: |result| counted(result.safety.as_ref()?.needless_shutdown),
-    });
-    measures
-}
+/// Measures of unsafe errors; less is better.
+pub(crate) const SAFETY: [&Measure; 4] = [
+    &measure::WRONG_SHUTDOWN,
+    &measure::SHUTDOWN_MISSED_OF_ALL,
+    &measure::SHUTDOWN_MISSED,
+    &measure::NEEDLESS_SHUTDOWN,
+];
 
 /// Measures of right answers; more is better.
-pub(crate) fn right(words: &Vocabulary) -> Vec<Measure> {
-    vec![
-        Measure {
-            title: format!("{} right", words.action()),
-            rate: |result| result.right_action.and_then(counted),
-        },
-        Measure {
-            title: "end to end right".into(),
-            rate: |result| result.end_to_end.and_then(counted),
-        },
-    ]
-}
+pub(crate) const RIGHT: [&Measure; 4] = [
+    &measure::RIGHT_ACTION_OF_ALL,
+    &measure::END_TO_END_OF_ALL,
+    &measure::RIGHT_ACTION,
+    &measure::END_TO_END,
+];
 
 /// What the flights of a scenario show, over all faults and intensities, also those that no sensor shows.
 pub fn in_flight(metrics: &FlightMetrics, words: &Vocabulary) -> Vec<(String, Rate)> {
-    let line = |measure: &&measure::Measure| {
+    let line = |measure: &&Measure| {
         let [sentence, _] = words.describe_measure(measure, &[metrics.limit_s]);
-        (sentence, metrics.rates.of(measure))
+        Some((sentence, metrics.rates.counted(measure)?))
     };
-    measure::FIRST.iter().map(line).filter(|(_, rate)| rate.of > 0).collect()
+    measure::FIRST.iter().filter_map(line).collect()
 }
 
 /// False alarms per hour, their upper limit, and their counts.
@@ -221,10 +182,10 @@ pub fn headline(scenarios: &[&SubjectResult], words: &Vocabulary) -> Vec<Headlin
             rows.push(HeadlineRow { title: title.to_owned(), who, is_safety, rates });
         }
     };
-    for measure in safety(words) {
+    for measure in SAFETY {
         for who in Who::ALL {
-            let of = |evaluation: &Evaluation| who.headline(evaluation).and_then(measure.rate);
-            push(&measure.title, who.title(), true, &of);
+            let of = |own: &Evaluation| who.headline(own)?.rates.counted(measure);
+            push(&words.measure(measure), who.title(), true, &of);
         }
     }
     let (trees, committee) = (Who::Trees.title(), Who::Committee.title());
@@ -236,10 +197,10 @@ pub fn headline(scenarios: &[&SubjectResult], words: &Vocabulary) -> Vec<Headlin
     let healthy = "healthy specimen alarms";
     push(healthy, "bands", true, &|e| Some(e.false_alarms.as_ref()?.alarms));
     push("fault detected", "bands", false, &|e| Some(e.detection.detected));
-    for measure in right(words) {
+    for measure in RIGHT {
         for who in Who::ALL {
-            let of = |evaluation: &Evaluation| who.headline(evaluation).and_then(measure.rate);
-            push(&measure.title, who.title(), false, &of);
+            let of = |own: &Evaluation| who.headline(own)?.rates.counted(measure);
+            push(&words.measure(measure), who.title(), false, &of);
         }
     }
     rows

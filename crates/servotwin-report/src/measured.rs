@@ -3,7 +3,7 @@
 //!
 //! The page contains nothing that depends on the machine, so the same study gives the same page everywhere.
 
-use crate::lines::{self, Measure, Who};
+use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{
     begun, by_environment, by_environment_and_tail, chosen, number, percent, spoken,
@@ -11,13 +11,13 @@ use crate::words::{
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::Protocol;
-use servotwin::flight::judge::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
-use servotwin::flight::measure;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
 use servotwin::job::outcomes::FlownSuite;
 use servotwin::job::sealed::Openings;
+use servotwin::measure;
+use servotwin::measure::flights::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
 use servotwin::study::Study;
 use servotwin::study::suites::OTHER_STRUCTURE;
 use servotwin_view::document::{Document, Table, Value};
@@ -106,21 +106,17 @@ impl Measured<'_> {
             results.subjects.iter().any(|result| result.subject == servotwin::job::Subject::Fitted);
         let fitted = if has_fitted { " --fitted" } else { "" };
         let mut commands = vec![];
-        let are_full = flights.is_some_and(|flights| flights.is_full);
-        if are_full {
-            commands.push(format!("servotwin study {study} --suite flights --full --out out"));
-        }
         if !results.subjects.is_empty() {
             commands.push(format!("servotwin study {study}{full}{fitted} --out out"));
-        } else if !are_full {
+        }
+        if flights.is_some() && (results.subjects.is_empty() || full.is_empty()) {
             commands.push(format!("servotwin study {study} --suite flights --out out"));
         }
-        for FlownSuite { suite, scenario, seed, outcomes, basis, .. } in *healthy {
-            let full = if basis.is_full { " --full" } else { "" };
+        for FlownSuite { suite, scenario, seed, outcomes, .. } in *healthy {
             let environments = outcomes.len();
             commands.push(format!(
                 "servotwin study {study} --suite {suite} --scenario {scenario} --environments {environments} --seed \
-                 {seed}{full} --out out"
+                 {seed} --out out"
             ));
         }
         commands.push("servotwin report out --markdown".into());
@@ -191,31 +187,23 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
         let committee = healthy.map(|healthy| healthy.committee_shutdowns);
         push(&measure, Who::Committee.title(), ALL, committee);
     }
-    let measures: Vec<Measure> =
-        lines::right(words).into_iter().chain(lines::safety(words)).collect();
     for protocol in protocols(evaluation) {
-        for measure in &measures {
+        for measure in lines::RIGHT.into_iter().chain(lines::SAFETY) {
             for who in Who::ALL {
                 let result = who.under(evaluation, protocol);
-                push(&measure.title, who.title(), protocol.title(), result.and_then(measure.rate));
+                let rate = result.and_then(|result| result.rates.counted(measure));
+                push(&words.measure(measure), who.title(), protocol.title(), rate);
             }
         }
     }
     for isolation in &evaluation.isolation {
-        let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, Some(rate));
-        push("fault isolated", isolation.decided);
-        push(&format!("{} right, of isolated", words.action()), isolation.right_action);
-        push(&format!("{} right or not isolated", words.action()), isolation.right_or_not_isolated);
-        if words.has_off() && words.has_several() {
-            let measure = format!("wrong {} {}", words.unit(), words.switched_off());
-            push(&measure, isolation.safety.wrong_actuator_shutdown);
-        }
-        if words.has_off() {
-            push(
-                &format!("{} missed (of detected)", words.off()),
-                isolation.safety.missed_shutdown,
-            );
-            push(&format!("needless {}", words.off()), isolation.safety.needless_shutdown);
+        let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, rate);
+        push("fault isolated", Some(isolation.decided));
+        let action = words.action();
+        push(&format!("{action} right, of isolated"), Some(isolation.right_of_decided));
+        push(&format!("{action} right or not isolated"), Some(isolation.right_or_not_isolated));
+        for measure in lines::SAFETY {
+            push(&words.measure(measure), isolation.rates.counted(measure));
         }
     }
     rates

@@ -9,6 +9,7 @@ use servotwin::evaluation::detection::Curve;
 use servotwin::evaluation::metrics::Rate;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
+use servotwin::measure;
 use servotwin::study::{Purpose, Scenario};
 use servotwin_view::document::{Call, Document, Fact, Form, Value, fact};
 use servotwin_view::value_map::ValueMap;
@@ -150,26 +151,15 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Fact> {
         let rate = rate.filter(|rate| rate.of > 0);
         cards.extend(rate.map(|rate| card(name, rate, target)));
     };
-    let safety = headline.and_then(|headline| headline.safety.as_ref()).filter(|_| words.has_off());
-    if words.has_several() {
-        push(
-            format!("Healthy {} {} beside a listed fault", words.unit(), words.switched_off()),
-            safety.map(|safety| safety.wrong_actuator_shutdown),
-            Target::Never,
-        );
-    }
-    // Undetected faults count, too, where every fault was tested.
-    let missed = safety.map(|safety| match safety.missed_shutdown_of_all {
-        Some(of_all) => (of_all, "all"),
-        None => (safety.missed_shutdown, "the detected"),
-    });
+    let rate = |measure| headline.and_then(|headline| headline.rates.counted(measure));
     push(
-        format!(
-            "Missed {}, of {} faults that need one",
-            words.off(),
-            missed.map_or("all", |(_, which)| which)
-        ),
-        missed.map(|(rate, _)| rate),
+        format!("Healthy {} {} beside a listed fault", words.unit(), words.switched_off()),
+        rate(&measure::WRONG_SHUTDOWN),
+        Target::Never,
+    );
+    push(
+        format!("Missed {}, of all faults that need one", words.off()),
+        rate(&measure::SHUTDOWN_MISSED_OF_ALL),
         Target::Never,
     );
     push(
@@ -183,12 +173,12 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Fact> {
     push("Faults detected".into(), Some(evaluation.detection.detected), Target::AtLeast(TARGET));
     push(
         format!("Isolated by the {}, of the detected faults", who.title()),
-        headline.and_then(|headline| headline.end_to_end),
+        rate(&measure::END_TO_END),
         Target::AtLeast(TARGET),
     );
     push(
         format!("{} right, of the detected faults", begun(&words.action())),
-        headline.and_then(|headline| headline.right_action),
+        rate(&measure::RIGHT_ACTION),
         Target::AtLeast(TARGET),
     );
     cards

@@ -4,8 +4,8 @@
 //! accused. Only the paper's study refers to the paper's figures.
 
 use super::words::{chosen, spoken};
-use servotwin::flight::judge::STRONG;
-use servotwin::flight::measure::Measure;
+use servotwin::measure::Measure;
+use servotwin::measure::flights::STRONG;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::{FAULTY, HEALTHY, Question};
 
@@ -124,9 +124,15 @@ impl Vocabulary {
         }
     }
 
-    /// Describes a measure of flights: what happened, and in which faults. `limits_s` are the limits on latency of the
+    /// What happens in a measure without a limit on latency.
+    pub(crate) fn measure(&self, measure: &Measure) -> String {
+        let [sentence, _] = self.describe_measure(measure, &[]);
+        sentence
+    }
+
+    /// Describes a measure: what happened, and in which faults. `limits_s` are the limits on latency of the
     /// scenarios.
-    pub(crate) fn describe_measure(&self, measure: &Measure, limits_s: &[f64]) -> [String; 2] {
+    pub fn describe_measure(&self, measure: &Measure, limits_s: &[f64]) -> [String; 2] {
         let mut limits: Vec<String> = limits_s.iter().map(|&limit| chosen(limit)).collect();
         limits.dedup();
         let limit = match limits.as_slice() {

@@ -1,7 +1,7 @@
 //! Formats numbers and names for reports.
 
 use servotwin::evaluation::metrics::{Rate, Tail};
-use servotwin::flight::judge::{EnvironmentMetrics, HealthyMetrics};
+use servotwin::measure::flights::{EnvironmentMetrics, HealthyMetrics};
 
 pub use servotwin_io::text::{number, spoken};
 use servotwin_view::document::Value;

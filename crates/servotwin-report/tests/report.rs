@@ -4,12 +4,13 @@ use servotwin::campaign::Comparison;
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::detection::{Curve, Detection, Least};
 use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::{Protocol, ProtocolResult, Safety};
-use servotwin::flight::outcome::FlightOutcome;
+use servotwin::evaluation::protocol::{Protocol, ProtocolResult};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::outcomes::{Basis, FlownSuite};
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
+use servotwin::measure;
+use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::BASELINE_CORRECTED;
@@ -125,12 +126,12 @@ fn fitted_twins_are_reported_as_they_were_measured() {
 
 /// The healthy flights of a scenario, the largest evidence of which spreads evenly up to 0.5 of its limit.
 fn healthy_run() -> FlownSuite {
-    let flight = |environment: u64| FlightOutcome {
+    let flight = |environment: u64| RunOutcome {
         environment,
         duration_s: 300.0,
         is_finished: true,
         evidence: 0.001 * environment as f64,
-        ..FlightOutcome::default()
+        ..RunOutcome::default()
     };
     FlownSuite {
         suite: "healthy".into(),
@@ -138,7 +139,6 @@ fn healthy_run() -> FlownSuite {
         seed: 3,
         runs: String::new(),
         basis: Basis {
-            is_full: false,
             diagnoser_sha256: String::new(),
             study_sha256: String::new(),
             system_sha256: String::new(),
@@ -208,7 +208,7 @@ fn sections_have_names_and_stand_a_study_without_results() {
 }
 
 /// Two kinds of fault of the press: the leak is seen in most tests, the sensor's in one of four.
-fn evaluation() -> Evaluation {
+fn evaluation(has_stop: bool) -> Evaluation {
     let curve = |kind: &str, detail: &str, counts: [u64; 2]| Curve {
         kind: kind.into(),
         detail: detail.into(),
@@ -224,16 +224,14 @@ fn evaluation() -> Evaluation {
         title: Protocol::NewCommand.title().into(),
         splits: 1,
         stages: vec![],
-        end_to_end: Some(Rate::new(4, 5)),
-        right_action: Some(Rate::new(5, 5)),
-        isolated_of_all: Some(0.6),
-        safety: Some(Safety {
-            wrong_actuator: Rate::new(0, 5),
-            wrong_actuator_shutdown: Rate::new(0, 5),
-            missed_shutdown: Rate::new(1, 5),
-            missed_shutdown_of_all: None,
-            needless_shutdown: Rate::new(0, 0),
-        }),
+        rates: [
+            Some((&measure::END_TO_END, Rate::new(4, 5))),
+            Some((&measure::RIGHT_ACTION, Rate::new(5, 5))),
+            has_stop.then_some((&measure::SHUTDOWN_MISSED_OF_ALL, Rate::new(4, 8))),
+        ]
+        .into_iter()
+        .flatten()
+        .collect(),
         components: vec![],
         confused: vec![],
     };
@@ -271,7 +269,12 @@ fn evaluation() -> Evaluation {
 fn press_report(text: &str) -> String {
     let study = Study::parse(text, "studies/press_axis.toml").unwrap();
     let settings = servotwin::evaluation::EvaluationSettings::default();
-    let subject = SubjectResult::new(Subject::Noise, &study, settings, evaluation());
+    let subject = SubjectResult::new(
+        Subject::Noise,
+        &study,
+        settings,
+        evaluation(!study.shutdowns().is_empty()),
+    );
     let results = Results::new(&study, vec![subject]);
     let manifest = manifest();
     let material = results_alone(&study, &results, &manifest);
@@ -297,14 +300,14 @@ fn the_report_of_one_unit_speaks_of_that_unit_alone() {
         assert_eq!(at, None, "'{foreign}' in the report of a press");
     }
     // The study calls what switches off a stop.
-    assert!(html.contains("“stop” missed (of detected)"));
+    assert!(html.contains("“stop” missed (of all)"));
 }
 
 #[test]
 fn of_what_was_not_counted_nothing_is_said() {
     let html = press_report(PRESS);
-    // No unit but one, no fault that calls for less, no protocol that tests all: no such rows.
-    for absent in ["needless “stop”", "(of all)", "wrong unit", "</b> none"] {
+    // No unit but one, and no fault that calls for less: no such rows.
+    for absent in ["needless “stop”", "wrong unit", "</b> none"] {
         assert!(!html.contains(absent), "{absent}");
     }
     let (before, rest) = PRESS.split_once("[reactions]").unwrap();
@@ -326,7 +329,7 @@ fn the_first_screen_has_figures_with_counts_and_targets_and_the_weakest_faults()
     for card in &cards {
         assert!(card.contains(" of ") && card.contains("target: "), "{card}");
     }
-    assert!(cards[0].starts_with("act") && cards[0].contains("1 of 5"));
+    assert!(cards[0].starts_with("act") && cards[0].contains("4 of 8"));
     let weakest = first.split("<ol>").nth(1).unwrap();
     assert_eq!(weakest.matches("<li>").count(), 1, "the other kind is always detected");
     assert!(weakest.contains("(1 of 4)") && weakest.contains("It never shows in stroke/idle"));
@@ -337,7 +340,7 @@ fn the_first_screen_has_figures_with_counts_and_targets_and_the_weakest_faults()
 fn only_specimens_with_tolerances_are_compared_with_those_without() {
     let study = Study::parse(PRESS, "studies/press_axis.toml").unwrap();
     let subject = |subject: Subject, detected: u64| {
-        let mut evaluation = evaluation();
+        let mut evaluation = evaluation(true);
         evaluation.detection.curves[1].points = vec![(1.0, Rate::new(detected, 40))];
         evaluation.detection.detected = Rate::new(40 + detected, 80);
         let settings = servotwin::evaluation::EvaluationSettings::default();

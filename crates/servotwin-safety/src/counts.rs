@@ -6,9 +6,9 @@
 
 use crate::interval::{CountedValue, poisson_rate_per_h};
 use crate::results::StudyResultsFolder;
-use servotwin::flight::judge::{FlightMetrics, STRONG};
-use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::{Folder, JobError, outcomes};
+use servotwin::measure::flights::{FlightMetrics, STRONG};
+use servotwin::measure::outcome::{FirstAction, RunOutcome};
 use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
 use std::collections::BTreeMap;
@@ -53,7 +53,7 @@ pub struct JudgedFlights {
     /// What was flown, in words.
     pub title: String,
     /// The finished flights with a fault.
-    pub faults: Vec<FlightOutcome>,
+    pub faults: Vec<RunOutcome>,
     /// Hours without a fault, and the shutdowns in them.
     pub healthy: (f64, u64),
     /// For each of `faults`, whether a test on the ground passes it, if it was tested; `None` without tests.
@@ -86,8 +86,8 @@ impl JudgedFlights {
 
     /// The same flights with the tests of their faults on the ground.
     #[must_use]
-    pub fn with_tests(self, tests: &[FlightOutcome]) -> Self {
-        let mut of_fault: BTreeMap<(&str, u64), Vec<&FlightOutcome>> = BTreeMap::new();
+    pub fn with_tests(self, tests: &[RunOutcome]) -> Self {
+        let mut of_fault: BTreeMap<(&str, u64), Vec<&RunOutcome>> = BTreeMap::new();
         for test in tests.iter().filter(|test| test.is_finished) {
             of_fault.entry(key(test)).or_default().push(test);
         }
@@ -104,7 +104,7 @@ impl JudgedFlights {
 
     /// The counts of the faults that need an action.
     pub(crate) fn of(&self, action: &str, intensities: FaultIntensities) -> ActionCounts {
-        let is_meant = |row: &FlightOutcome| match intensities {
+        let is_meant = |row: &RunOutcome| match intensities {
             FaultIntensities::All => true,
             FaultIntensities::Strong => row.intensity >= STRONG,
             FaultIntensities::Weak => row.intensity < STRONG,
@@ -153,7 +153,7 @@ impl JudgedFlights {
 }
 
 /// The fault and the bits of its intensity.
-fn key(outcome: &FlightOutcome) -> (&str, u64) {
+fn key(outcome: &RunOutcome) -> (&str, u64) {
     (&outcome.event, outcome.intensity.to_bits())
 }
 
@@ -161,7 +161,7 @@ fn key(outcome: &FlightOutcome) -> (&str, u64) {
 fn judged(
     (folder, suite, scenario): (&Folder, &str, Scenario),
     command: &'static str,
-) -> Result<Vec<FlightOutcome>, JobError> {
+) -> Result<Vec<RunOutcome>, JobError> {
     let path = folder.outcomes(suite, scenario.name());
     let stored = outcomes::stored(folder, suite, scenario)?;
     Ok(stored.ok_or(JobError::Missing { path, command })?.outcomes)
@@ -171,7 +171,7 @@ fn judged(
 ///
 /// # Errors
 /// The file is damaged.
-pub(crate) fn tests(results: &StudyResultsFolder) -> Result<Vec<FlightOutcome>, JobError> {
+pub(crate) fn tests(results: &StudyResultsFolder) -> Result<Vec<RunOutcome>, JobError> {
     let stored = outcomes::stored(&results.folder.ground_test(), JUDGE, TESTS)?;
     Ok(stored.map_or(vec![], |own| own.outcomes))
 }
@@ -179,11 +179,11 @@ pub(crate) fn tests(results: &StudyResultsFolder) -> Result<Vec<FlightOutcome>, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servotwin::flight::outcome::Word;
+    use servotwin::measure::outcome::Word;
 
     #[test]
     fn hidden_faults_are_paired_with_their_tests() {
-        let fault = |intensity: f64, word: Word, first: FirstAction| FlightOutcome {
+        let fault = |intensity: f64, word: Word, first: FirstAction| RunOutcome {
             event: "actuator_1.leakage_a.leakage".into(),
             action: "shut_down".into(),
             intensity,
@@ -192,7 +192,7 @@ mod tests {
             is_finished: true,
             word,
             first,
-            ..FlightOutcome::default()
+            ..RunOutcome::default()
         };
         let found = |intensity| fault(intensity, Word::Actuator, FirstAction::Right);
         let silent = |intensity| fault(intensity, Word::Healthy, FirstAction::None);

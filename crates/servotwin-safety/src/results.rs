@@ -1,12 +1,12 @@
 //! The results of a study as evidence: what they were made of, and which scenario is quoted.
 
 use crate::error::SafetyError;
-use servotwin::flight::judge::FlightMetrics;
 use servotwin::job::flights::{self, FlightResults};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Folder, JobError, Results, Subject};
 use servotwin::manifest::{sha256, sha256_of_text};
+use servotwin::measure::flights::FlightMetrics;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table;
 use std::path::PathBuf;

@@ -6,12 +6,12 @@ use crate::results::{FOLDER, StudyResultsFolder};
 use serde::Serialize;
 use servotwin::files::{create_folder, write_atomically};
 use servotwin::flight::margin::SearchObjective;
-use servotwin::flight::outcome::FlightOutcome;
 use servotwin::flight::worst_case::INTENSITY;
 use servotwin::flight::worst_case::space::SearchSpace;
 use servotwin::job::JobError;
 use servotwin::job::flights::Crew;
 use servotwin::job::worst_case;
+use servotwin::measure::outcome::RunOutcome;
 use servotwin::run::RunName;
 use servotwin::shown::shown;
 use servotwin::study::Study;
@@ -44,8 +44,8 @@ pub struct MethodSummary {
 }
 
 impl MethodSummary {
-    fn new(objective: SearchObjective, rows: &[FlightOutcome]) -> Self {
-        let is_error = |row: &FlightOutcome| objective.is_error(row);
+    fn new(objective: SearchObjective, rows: &[RunOutcome]) -> Self {
+        let is_error = |row: &RunOutcome| objective.is_error(row);
         MethodSummary {
             runs: rows.len(),
             failed: rows.iter().filter(|row| !row.is_finished).count(),
@@ -120,7 +120,7 @@ pub fn search(
 fn summary(
     results: &StudyResultsFolder,
     (space, seed): (&SearchSpace, u64),
-    flown: &[Vec<FlightOutcome>; 2],
+    flown: &[Vec<RunOutcome>; 2],
 ) -> Result<ObjectiveSummary, SafetyError> {
     let [search, random] = flown.each_ref().map(|rows| MethodSummary::new(space.objective, rows));
     let finished = (random.runs - random.failed) as u64;
@@ -140,12 +140,12 @@ fn summary(
 fn findings(
     results: &StudyResultsFolder,
     (space, seed): (&SearchSpace, u64),
-    flown: &[Vec<FlightOutcome>; 2],
+    flown: &[Vec<RunOutcome>; 2],
 ) -> Result<Vec<WorstCaseFinding>, SafetyError> {
-    let mut worst: Vec<&FlightOutcome> =
+    let mut worst: Vec<&RunOutcome> =
         flown.iter().flatten().filter(|row| row.is_finished).collect();
     worst.sort_by(|a, b| {
-        let key = |row: &FlightOutcome| (!row.shuts_down_healthy(), space.objective.rank(row));
+        let key = |row: &RunOutcome| (!row.shuts_down_healthy(), space.objective.rank(row));
         let ((a_healthy, a), (b_healthy, b)) = (key(a), key(b));
         (a_healthy, a.0).cmp(&(b_healthy, b.0)).then(a.1.total_cmp(&b.1))
     });
@@ -173,11 +173,11 @@ fn findings(
 
 /// How many joint cells there are, and how many of them have a flight: the command, and the lower or upper half of each
 /// range of the environment.
-fn joint_cells(space: &SearchSpace, flown: &[Vec<FlightOutcome>; 2]) -> (f64, usize) {
+fn joint_cells(space: &SearchSpace, flown: &[Vec<RunOutcome>; 2]) -> (f64, usize) {
     let command = space.dimensions.iter().position(|dimension| dimension.name == "command");
     let ranges: Vec<usize> = space.environment().map(|(place, _)| place).collect();
     let commands = command.map_or(1, |place| space.dimensions[place].choices.len());
-    let cell = |row: &FlightOutcome| -> Option<Vec<usize>> {
+    let cell = |row: &RunOutcome| -> Option<Vec<usize>> {
         let values = space.point_of(&row.point)?.values;
         let halves = ranges.iter().map(|&place| usize::from(values[place] >= 0.5));
         Some(command.map(|place| values[place] as usize).into_iter().chain(halves).collect())
@@ -214,7 +214,7 @@ fn held_fixed(study: &Study, space: &SearchSpace) -> Vec<String> {
 fn draw(
     results: &StudyResultsFolder,
     space: &SearchSpace,
-    flown: &[Vec<FlightOutcome>; 2],
+    flown: &[Vec<RunOutcome>; 2],
 ) -> Result<PathBuf, SafetyError> {
     let name = space.objective.name();
     let title = format!("Worst case: {}", name.replace('_', " "));

@@ -24,7 +24,7 @@ fn main() {
     let folder = std::env::temp_dir().join("servotwin-bench-live");
     std::fs::create_dir_all(&folder).expect("a folder");
     let crew = Crew { workers: Workers::all(), progress: &|_, _| () };
-    let place = (&study, false);
+    let place = &study;
     let diagnoser = flights::learn(&Folder::new(&folder), place, Scenario::Realistic, &crew);
     let diagnoser = Arc::new(diagnoser.expect("a diagnoser"));
     let network = study.system.network();

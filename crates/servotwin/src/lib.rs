@@ -79,6 +79,7 @@ pub mod evaluation;
 pub mod fit;
 pub mod flight;
 pub mod job;
+pub mod measure;
 pub(crate) mod monitor;
 pub mod observer;
 pub mod prelude;

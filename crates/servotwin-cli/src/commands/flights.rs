@@ -5,13 +5,13 @@ use super::study::Options;
 use super::{StudyOptions, workers};
 use crate::failure::Failure;
 use crate::{Global, stop};
-use servotwin::flight::judge::FlightMetrics;
 use servotwin::flight::unseen_faults::UnseenFaultOutcome;
 use servotwin::job::flights::{self, Crew, FlightResults, scenarios};
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::tasks::{self, Place, Task};
 use servotwin::job::{Folder, JobError, manifest};
+use servotwin::measure::flights::FlightMetrics;
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{FLIGHTS, RECORDS};
 use servotwin::study::{Purpose, Scenario, Study, Suite};
@@ -29,8 +29,8 @@ pub(super) fn run(options: &Options, global: Global) -> Result<Document, Failure
     match options.sealed {
         true => sealed(&options.study, &study, &scenarios, global),
         false => {
-            let is_full = check(&options.study, &study)?;
-            let suites = chosen_suites(options, &study, is_full)?;
+            check(&study)?;
+            let suites = chosen_suites(options, &study)?;
             let is_learning = suites.iter().any(|suite| suite.purpose == Purpose::Train);
             match options.share {
                 None if !is_learning => {
@@ -60,12 +60,12 @@ fn chosen_scenarios(study: &Study, named: Option<&str>) -> Result<Vec<Scenario>,
 }
 
 /// The named suites; none for [`FLIGHTS`].
-fn chosen_suites(options: &Options, study: &Study, is_full: bool) -> Result<Vec<Suite>, Failure> {
+fn chosen_suites(options: &Options, study: &Study) -> Result<Vec<Suite>, Failure> {
     if options.suite.iter().all(|name| name == FLIGHTS) {
         return Ok(vec![]);
     }
     let suite = |name: &String| {
-        let all = || study.suites(is_full).filter(|s| s.purpose != Purpose::Tune);
+        let all = || study.suites().filter(|s| s.purpose != Purpose::Tune);
         let unknown = || {
             let known: Vec<&str> = all().map(|suite| suite.name.as_str()).collect();
             let range = format!(
@@ -94,7 +94,7 @@ pub(super) fn in_parts(
     stop::heed();
     let folder = options.study.folder();
     let _hold = folder.join_study(study)?;
-    let place = Place { study, is_full: options.study.full, changed, folder: &folder };
+    let place = Place { study, changed, folder: &folder };
     let all = tasks::tasks(place, &options.suite, is_wanted)?;
     let is_own = |&(number, _): &(usize, &Task)| options.share.is_none_or(|own| own.holds(number));
     let own: Vec<Task> =
@@ -131,15 +131,15 @@ pub(super) fn flown(
     (suites, scenarios): (&[Suite], &[Scenario]),
     global: Global,
 ) -> Result<Document, Failure> {
-    let is_full = check(options, study)?;
+    check(study)?;
     stop::heed();
     let folder = options.folder();
     let _hold = options.keep(study, global)?;
     let results = with_crew(options.threads, global, |crew| match suites {
-        [] => flights::fly_all(&folder, (study, is_full), scenarios, crew),
+        [] => flights::fly_all(&folder, study, scenarios, crew),
         suites => {
             let suites: Vec<&Suite> = suites.iter().collect();
-            flights::fly(&folder, (study, is_full), &suites, scenarios, (crew, &|share| share))
+            flights::fly(&folder, study, &suites, scenarios, (crew, &|share| share))
         }
     })?;
     manifest::write(&folder, study)?;
@@ -147,17 +147,9 @@ pub(super) fn flown(
     described(&folder, &results, study, &names)
 }
 
-/// Whether the full size is wanted, which the study must have.
-fn check(options: &StudyOptions, study: &Study) -> Result<bool, Failure> {
-    if study.flights.is_none() {
-        return Err(JobError::NoFlights.into());
-    }
-    if options.full && !study.has_full_suites() {
-        return Err(Failure::usage(
-            "the [suites] of the study have no full sizes, which --full asks for",
-        ));
-    }
-    Ok(options.full)
+/// Refuses a study without flights.
+fn check(study: &Study) -> Result<(), Failure> {
+    if study.flights.is_none() { Err(JobError::NoFlights.into()) } else { Ok(()) }
 }
 
 /// Judges the stored diagnosers in sealed environments.
@@ -167,14 +159,14 @@ fn sealed(
     scenarios: &[Scenario],
     global: Global,
 ) -> Result<Document, Failure> {
-    let is_full = check(options, study)?;
+    check(study)?;
     stop::heed();
     let folder = options.folder();
     let _hold = options.keep(study, global)?;
     let here = std::env::current_dir().unwrap_or_default();
     let record = OpeningRecord::find(&here, folder.path());
     let sealed = with_crew(options.threads, global, |crew| {
-        flights::fly_sealed(&folder, (study, is_full), scenarios, &record, crew)
+        flights::fly_sealed(&folder, study, scenarios, &record, crew)
     })?;
     manifest::write(&folder, study)?;
     let mut document = described(&folder, &sealed.results, study, &[])?;

@@ -176,7 +176,7 @@ fn learned(
 ) -> Result<Diagnoser, Failure> {
     note(global, &format!("learning in flights first ({})", folder.diagnoser(scenario).display()));
     let crew = Crew { workers: workers(threads), progress: &|_, _| () };
-    let learned = job::flights::learn(folder, (study, false), scenario, &crew);
+    let learned = job::flights::learn(folder, study, scenario, &crew);
     stop::check()?;
     Ok(learned?)
 }

@@ -3,9 +3,9 @@
 use super::workers;
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
-use servotwin::flight::outcome::{self, FirstAction, FlightOutcome, Needed};
 use servotwin::flight::worst_case::space::SearchSpace;
-use servotwin::job::{self, Folder, Subject, flights, outcomes, worst_case};
+use servotwin::job::{self, Folder, Subject, outcomes, worst_case};
+use servotwin::measure::outcome::{self, FirstAction, Needed, RunOutcome};
 use servotwin::nearest::UnknownName;
 use servotwin::run::RunName;
 use servotwin::study::{Purpose, Study};
@@ -57,11 +57,10 @@ fn flight(
     Options { name, threads, .. }: &Options,
 ) -> Result<Document, Failure> {
     stop::heed();
-    let is_full = flights::results(folder)?.is_some_and(|results| results.is_full);
     let space = SearchSpace::of_run(study, name);
     let flown = match space {
         Some(space) => worst_case::fly_again(folder, study, (name, &space), workers(*threads)),
-        None => outcomes::fly_run(folder, (study, is_full), name, workers(*threads)),
+        None => outcomes::fly_run(folder, study, name, workers(*threads)),
     };
     stop::check()?;
     let flown = flown?;
@@ -89,7 +88,7 @@ fn flight(
 }
 
 /// In what a flight went on.
-fn conditions(row: &FlightOutcome) -> Vec<Fact> {
+fn conditions(row: &RunOutcome) -> Vec<Fact> {
     let right = match row.needed {
         _ if !row.action.is_empty() => &row.action,
         Needed::Shutdown => "any shutdown",
@@ -111,7 +110,7 @@ fn conditions(row: &FlightOutcome) -> Vec<Fact> {
 }
 
 /// What the diagnosis did in a flight.
-fn flight_in_words(row: &FlightOutcome) -> String {
+fn flight_in_words(row: &RunOutcome) -> String {
     match (row.first, row.first_action_s) {
         _ if !row.is_finished => "the flight could not be simulated to its end".into(),
         (FirstAction::None, _) | (_, None) if row.onset_s.is_none() => {

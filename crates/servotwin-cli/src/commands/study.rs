@@ -180,9 +180,6 @@ impl<'s> Screen<'s> {
                 let seconds = state.end_stage();
                 self.notes.write(&describe(campaign, outcome, seconds).text);
             }
-            StudyEvent::FlightsKept => self.notes.write(
-                "kept what was measured in the full flights (without flights.json the small ones are flown)",
-            ),
             StudyEvent::Flying { what, share } | StudyEvent::Evaluating { what, share } => {
                 let what = state.number.clone() + what;
                 let stages = || Stages::new(self.global);

@@ -5,12 +5,15 @@
 //! `UPDATE=1 cargo test -p servotwin-cli --test all book` writes these tables anew.
 
 use super::{Folder, stderr, stdout};
+use servotwin::measure::{self, Measure};
+use servotwin::study::Study;
 use servotwin::{catalogue, format, signal, study, system};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::{
     BASELINE_CORRECTED, Constant, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
 };
 use servotwin_diagnosis::hierarchy::Names;
+use servotwin_report::vocabulary::Vocabulary;
 use std::path::{Component, Path};
 use std::process::{Command, Output};
 
@@ -454,6 +457,17 @@ fn constants_table() -> String {
     )
 }
 
+/// All measures of runs, in the words of the built-in study.
+fn measures_table() -> String {
+    let words = Vocabulary::of(&Study::default());
+    let row = |measure: &&Measure| {
+        let [happened, faults] = words.describe_measure(measure, &[]);
+        format!("| `{}` | {happened} | {faults} |\n", measure.name)
+    };
+    let rows: String = measure::ALL.iter().map(row).collect();
+    format!("| name | what happened | in which faults |\n|---|---|---|\n{rows}")
+}
+
 #[test]
 fn every_constant_names_a_page_that_exists() {
     for Constant { name, source, .. } in usual_constants() {
@@ -479,6 +493,7 @@ fn tables_of_the_book_are_what_is_declared() {
         ("signals.md", format!("```text\n{}```", signal::help())),
         (SHIPPED, FILES.map(shipped_section).concat()),
         ("tuning.md", constants_table()),
+        ("results.md", measures_table()),
     ];
     for (name, generated) in pages {
         let found = page(name);

@@ -465,13 +465,14 @@ fn safety_does_not_hang_on_a_name() {
         let results: serde_json::Value = serde_json::from_str(&results).unwrap();
         let protocols = results["subjects"][0]["evaluation"]["protocols"].as_array().unwrap();
         let unseen = protocols.iter().find(|p| p["protocol"] == "unseen_intensity").unwrap();
-        unseen["safety"].clone()
+        ["shutdown_missed_of_all", "shutdown_missed", "needless_shutdown"]
+            .map(|measure| unseen["rates"][measure].clone())
     };
     let usual = study("shut_down", "shut_down = { switches_off = true }");
-    assert!(usual["missed_shutdown"]["of"].as_u64().unwrap() > 0, "{usual}");
+    assert!(usual[0]["of"].as_u64().unwrap() > 0, "{usual:?}");
     assert_eq!(study("a_stop", "a_stop = { switches_off = true }"), usual);
     // A study that says of no command that it switches off has no figures of safety.
-    assert!(study("nothing", "").is_null());
+    assert!(study("nothing", "").iter().all(serde_json::Value::is_null));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Flights and the closed loop, run as users run them, on a study small enough for a test.
 
 use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
-use servotwin::flight::outcome::{self, FlightOutcome};
+use servotwin::measure::outcome::{self, RunOutcome};
 use servotwin::table::{self, Table};
 use std::path::Path;
 
@@ -33,11 +33,6 @@ pub fn learned(folder: &Folder) -> [String; 2] {
 fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() {
     let folder = Folder::new("flights");
     let ([study, _], out) = (learned(&folder), folder.file("out"));
-    let none = folder.file("none");
-    let full = servotwin(&["study", &study, "--suite", "flights", "--out", &none, "--full"]);
-    assert_eq!(full.status.code(), Some(2));
-    assert!(stderr(&full).contains("no full sizes"), "{}", stderr(&full));
-    assert!(!Path::new(&none).exists());
     let text = std::fs::read_to_string(folder.file("said.txt")).unwrap();
     let summary = text.as_str();
     assert!(
@@ -65,7 +60,6 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     }
     let read = |name: &str| std::fs::read_to_string(Path::new(&out).join(name)).unwrap();
     let results: serde_json::Value = serde_json::from_str(&read("flights.json")).unwrap();
-    assert_eq!(results["is_full"], false);
     let judged = results["suites"].as_array().unwrap().iter().filter(|m| m["suite"] == "judge");
     assert_eq!(judged.count(), 2);
     assert!(read("manifest.json").contains("diagnoser-noise.json"));
@@ -146,8 +140,7 @@ fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
             let output = fly(&format!("{suite}#{}@realistic", row.number));
             assert!(output.status.success(), "{}", stderr(&output));
             let told: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
-            let alone: Vec<FlightOutcome> =
-                serde_json::from_value(told["outcomes"].clone()).unwrap();
+            let alone: Vec<RunOutcome> = serde_json::from_value(told["outcomes"].clone()).unwrap();
             assert_eq!(&alone[0], row);
             let name = format!("{suite}#{}@realistic", row.number);
             let words = stdout(&servotwin(&["run", &name, &out]));
@@ -344,36 +337,6 @@ fn what_was_measured_and_cannot_be_read_is_told_before_anything_is_flown() {
 }
 
 #[test]
-#[ignore = "slow: ./check --all"]
-fn a_study_keeps_what_was_measured_in_full_flights() {
-    let folder = Folder::new("full-flights");
-    let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
-    let (learn, judge) = ("repeats = 3, healthy = 2 }", "repeats = 1, healthy = 1 }");
-    let text = tiny().replace(learn, "repeats = 3, healthy = 2, full = { healthy = 3 } }");
-    let text = text.replace(judge, "repeats = 1, healthy = 1, full = { healthy = 2 } }");
-    assert!(text.matches("full").count() == 2, "{text}");
-    std::fs::write(&study, text).unwrap();
-    let read = || std::fs::read_to_string(Path::new(&out).join("flights.json")).unwrap();
-    let run = |arguments: &[&str]| {
-        let output = servotwin(&[arguments, &[&study, "--out", &out]].concat());
-        assert!(output.status.success(), "{}", stderr(&output));
-        stderr(&output)
-    };
-    run(&["study", "--suite", "flights", "--full"]);
-    let measured = read();
-    assert!(run(&["study"]).contains("kept what was measured in the full flights"));
-    assert_eq!(read(), measured);
-    // Of one scenario only: the others are missed, so the small ones are flown.
-    for file in ["flights.json", "diagnoser-realistic.json"] {
-        std::fs::remove_file(Path::new(&out).join(file)).unwrap();
-    }
-    run(&["study", "--suite", "flights", "--full", "--scenario", "noise"]);
-    run(&["study"]);
-    let results: serde_json::Value = serde_json::from_str(&read()).unwrap();
-    assert_eq!(results["is_full"], false);
-}
-
-#[test]
 fn what_cannot_be_flown_is_told_in_one_line() {
     let folder = Folder::new("not-flown");
     let (study, out) = (folder.file("tiny.toml"), folder.file("out"));
@@ -504,7 +467,7 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
     let rows = outcome::from_table(&rows).unwrap();
     assert_eq!(rows.len(), 8);
     // The decision comes at the end, and the strong bias of the valve is not missed.
-    let decided = |row: &FlightOutcome| row.first_word_s.is_none_or(|at| (at - 4.98).abs() < 1e-9);
+    let decided = |row: &RunOutcome| row.first_word_s.is_none_or(|at| (at - 4.98).abs() < 1e-9);
     assert!(rows.iter().all(decided), "{rows:?}");
     let bias = rows.iter().filter(|row| row.kind.starts_with("servo_valve.bias"));
     assert!(bias.clone().all(|row| row.right_action_s.is_some()), "{rows:?}");

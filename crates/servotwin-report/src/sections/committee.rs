@@ -8,6 +8,7 @@ use servotwin::evaluation::isolation::{Isolation, LEVEL};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
+use servotwin::measure;
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
@@ -39,11 +40,11 @@ pub fn write(material: &Material, page: &mut Document) {
 
 fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Table {
     let heads = ["held out".to_owned(), "by".to_owned()];
-    let right = lines::right(words);
+    let right = [&measure::RIGHT_ACTION, &measure::END_TO_END];
     // With one actuator there is no actuator stage.
     let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
     let stages = letters.iter().map(|letter| (*letter).to_owned());
-    let measures = right.iter().map(|measure| measure.title.clone());
+    let measures = right.iter().map(|measure| words.measure(measure));
     let last = ["end to end, by kind".to_owned()];
     let mut grid = Table::headed(heads.into_iter().chain(stages).chain(measures).chain(last));
     for protocol in ALL {
@@ -55,8 +56,8 @@ fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Table {
             let mut row = vec![title, who.title().to_owned()];
             let accuracy = |letter| stacked(judged.stage(letter).map(|score| score.accuracy));
             row.extend(letters.iter().map(|letter| accuracy(letter)));
-            row.extend(right.iter().map(|measure| stacked((measure.rate)(judged))));
-            row.push(by_kind(judged.end_to_end));
+            row.extend(right.iter().map(|measure| stacked(judged.rates.counted(measure))));
+            row.push(by_kind(judged.rates.counted(&measure::END_TO_END)));
             match who {
                 Who::Trees => grid.push(row),
                 Who::Committee => grid.push_strong(row),
@@ -130,32 +131,26 @@ fn wrong_kinds(
 }
 
 fn heads(words: &Vocabulary) -> Vec<String> {
-    let (off, several) = (words.has_off(), words.has_off() && words.has_several());
-    let mut titles = vec![
+    let titles = [
         "scenario".to_owned(),
         "held out".to_owned(),
         "share decided".to_owned(),
         format!("{} right, of decided", words.action()),
         "right or not isolated".to_owned(),
     ];
-    titles.extend(several.then(|| format!("healthy {} {}", words.unit(), words.switched_off())));
-    titles.extend(off.then(|| format!("{} missed", words.off())));
-    titles.extend(off.then(|| format!("needless {}", words.off())));
-    titles
+    titles.into_iter().chain(lines::SAFETY.map(|measure| words.measure(measure))).collect()
 }
 
 fn row(result: &SubjectResult, isolation: &Isolation, words: &Vocabulary) -> Vec<String> {
-    let (off, several) = (words.has_off(), words.has_off() && words.has_several());
-    let mut rates =
-        vec![isolation.decided, isolation.right_action, isolation.right_or_not_isolated];
-    rates.extend(several.then_some(isolation.safety.wrong_actuator_shutdown));
-    rates.extend(off.then_some(isolation.safety.missed_shutdown));
-    rates.extend(off.then_some(isolation.safety.needless_shutdown));
-    let titles = [result.title.clone(), words.adapted(&isolation.title)];
-    titles.into_iter().chain(rates.into_iter().map(counted)).collect()
+    let Isolation { title, decided, right_of_decided, right_or_not_isolated, rates, .. } =
+        isolation;
+    let safety = lines::SAFETY.map(|measure| rates.counted(measure));
+    let own = [decided, right_of_decided, right_or_not_isolated].map(|rate| Some(*rate));
+    let titles = [result.title.clone(), words.adapted(title)];
+    titles.into_iter().chain(own.into_iter().chain(safety).map(counted)).collect()
 }
 
 /// A share with its count below it.
-fn counted(rate: Rate) -> String {
-    format!("{}\n{} of {}", share(Some(rate)), rate.count, rate.of)
+fn counted(rate: Option<Rate>) -> String {
+    rate.map_or_else(String::new, |own| format!("{}\n{} of {}", share(rate), own.count, own.of))
 }

@@ -8,10 +8,10 @@ use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, spoken, stacked,
 };
 use servotwin::evaluation::metrics::{Rate, poisson_mean};
-use servotwin::flight::judge::{FlightMetrics, Latency, STRONG};
-use servotwin::flight::measure::{self, Measure};
 use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::{FlownSuite, SuiteSize};
+use servotwin::measure::flights::{FlightMetrics, Latency, STRONG};
+use servotwin::measure::{self, Measure};
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{
     HARD_NEGATIVES, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED,
@@ -42,7 +42,7 @@ pub fn write(material: &Material, page: &mut Document) {
                 _ => "Limits that the study file does not set are servotwin's, marked as default.",
             }
         )));
-    page.note(sizes(results, material.study, words));
+    page.note(sizes(results, words));
     page.table("", all_measures(results, words).captioned(format!(
             "Every measure of these flights, after the faults in which it is counted, with 95 % intervals from drawing \
              kinds of fault at their intensities. The limit is {}.",
@@ -444,8 +444,7 @@ pub(super) fn at_most(rate: Rate) -> String {
     format!("at most {:.2} % (95 %)", 100.0 * rate.high)
 }
 
-fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
-    let has_full = study.has_full_suites();
+fn sizes(results: &FlightResults, words: &Vocabulary) -> String {
     let run = words.run();
     let runs = |count: u64| match count {
         1 => format!("1 {run}"),
@@ -478,15 +477,7 @@ fn sizes(results: &FlightResults, study: &Study, words: &Vocabulary) -> String {
     };
     let without = results.left_out.iter();
     let without = without.filter_map(|(scenario, own)| own.without_steady_state(scenario));
-    let size = without.fold(size, |text, line| format!("{text} {line}."));
-    match results.is_full {
-        true => format!("{size} These are the full sizes of the study."),
-        false if has_full => format!(
-            "{size} These are the small sizes, which an ordinary run has time for. The full ones: \
-             servotwin study --suite flights --full --out FOLDER, then servotwin report FOLDER."
-        ),
-        false => size,
-    }
+    without.fold(size, |text, line| format!("{text} {line}."))
 }
 
 fn latencies(metrics: &FlightMetrics, looks: &Looks) -> Figure {

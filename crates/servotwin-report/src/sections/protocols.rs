@@ -3,8 +3,9 @@
 use crate::Material;
 use crate::lines;
 use crate::vocabulary::Vocabulary;
-use crate::words::{by_kind, percent, stacked};
+use crate::words::{by_kind, stacked};
 use servotwin::evaluation::protocol::ProtocolResult;
+use servotwin::measure;
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
@@ -60,9 +61,10 @@ fn grid(results: &[ProtocolResult], words: &Vocabulary) -> Table {
         let mut row = vec![words.adapted(&result.title), result.splits.to_string()];
         let accuracy = |letter: &str| stacked(result.stage(letter).map(|score| score.accuracy));
         row.extend(stages.iter().map(|(letter, _)| accuracy(letter)));
-        row.push(stacked(result.end_to_end));
-        row.push(by_kind(result.end_to_end));
-        row.push(percent(result.isolated_of_all));
+        let end_to_end = result.rates.counted(&measure::END_TO_END);
+        row.push(stacked(end_to_end));
+        row.push(by_kind(end_to_end));
+        row.push(stacked(result.rates.counted(&measure::END_TO_END_OF_ALL)));
         grid.push(row);
     }
     grid

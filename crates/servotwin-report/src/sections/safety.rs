@@ -4,9 +4,9 @@ use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{share, spoken, stacked};
 use crate::{Material, hardest_first};
-use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::{ALL, ProtocolResult};
+use servotwin::evaluation::protocol::{ALL, ComponentScore, ProtocolResult};
 use servotwin::job::results::SubjectResult;
+use servotwin::measure::{self, Measure};
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
@@ -66,26 +66,22 @@ fn about(words: &Vocabulary, page: &mut Document) {
 
 /// A table with one row for each protocol and classifier, and one column for each measure.
 fn grid(result: &SubjectResult, words: &Vocabulary) -> Table {
-    let mut safety = lines::safety(words);
-    // A measure without a count under any protocol has no column.
-    let protocols = &result.evaluation.protocols;
-    let judged = || protocols.iter().chain(&result.evaluation.committee);
-    safety.retain(|measure| judged().any(|judged| (measure.rate)(judged).is_some()));
+    let judged = |who: Who, protocol| who.under(&result.evaluation, protocol);
+    let all = || ALL.into_iter().flat_map(|protocol| Who::ALL.map(|who| (protocol, who)));
+    let is_counted = |measure: &&Measure| {
+        let mut rates = all().filter_map(|(protocol, who)| judged(who, protocol));
+        rates.any(|judged| judged.rates.counted(measure).is_some())
+    };
+    let safety: Vec<&Measure> = lines::SAFETY.into_iter().filter(is_counted).collect();
     let mut heads = vec!["held out".to_owned(), "by".to_owned()];
-    heads.extend(safety.iter().map(|measure| measure.title.clone()));
+    heads.extend(safety.iter().map(|measure| words.measure(measure)));
     let mut grid = Table::headed(heads);
-    for protocol in ALL {
-        for who in Who::ALL {
-            let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
-            if judged.safety.is_none() {
-                continue;
-            }
-            let title =
-                if who == Who::Trees { words.adapted(&judged.title) } else { String::new() };
-            let mut row = vec![title, who.title().to_owned()];
-            row.extend(safety.iter().map(|measure| stacked((measure.rate)(judged))));
-            grid.push(row);
-        }
+    for (protocol, who) in all().filter(|_| !safety.is_empty()) {
+        let Some(judged) = judged(who, protocol) else { continue };
+        let title = if who == Who::Trees { words.adapted(&judged.title) } else { String::new() };
+        let mut row = vec![title, who.title().to_owned()];
+        row.extend(safety.iter().map(|measure| stacked(judged.rates.counted(measure))));
+        grid.push(row);
     }
     grid
 }
@@ -133,13 +129,14 @@ fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &m
     heads.push("end to end right".to_owned());
     let mut grid = Table::headed(heads);
     let mut list: Vec<_> = result.components.iter().collect();
-    let right = |rate: Rate| rate.share.unwrap_or(1.0);
-    list.sort_by(|a, b| right(a.right).total_cmp(&right(b.right)));
-    for component in list {
-        let mut row = vec![spoken(&component.component), component.right.of.to_string()];
-        row.extend(several.then(|| share(Some(component.wrong_actuator))));
-        row.extend(off.then(|| share(Some(component.wrong_actuator_shutdown))));
-        row.push(stacked(Some(component.right)));
+    let right = |own: &ComponentScore| own.rates.of(&measure::END_TO_END);
+    let right_share = |own: &ComponentScore| right(own).share.unwrap_or(1.0);
+    list.sort_by(|a, b| right_share(a).total_cmp(&right_share(b)));
+    for own in list {
+        let mut row = vec![spoken(&own.component), right(own).of.to_string()];
+        row.extend(several.then(|| share(own.rates.counted(&measure::WRONG_ACTUATOR))));
+        row.extend(off.then(|| share(own.rates.counted(&measure::WRONG_SHUTDOWN))));
+        row.push(stacked(Some(right(own))));
         grid.push(row);
     }
     if !grid.is_empty() {

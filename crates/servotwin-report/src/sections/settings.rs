@@ -8,6 +8,7 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
+use servotwin::measure;
 use servotwin::study::Purpose;
 use servotwin_view::document::{Document, Table};
 
@@ -66,9 +67,10 @@ fn third_sensor(
         }
     };
     let words = &material.words();
-    for measure in lines::safety(words).iter().chain(&lines::right(words)) {
-        push(&measure.title, Who::Trees, &measure.rate);
-        push("", Who::Committee, &measure.rate);
+    for measure in lines::SAFETY.into_iter().chain(lines::RIGHT) {
+        let of = |result: &ProtocolResult| result.rates.counted(measure);
+        push(&words.measure(measure), Who::Trees, &of);
+        push("", Who::Committee, &of);
     }
     let trees: Vec<ProtocolResult> =
         [without, with].iter().filter_map(|result| under(result, Who::Trees)).collect();
@@ -101,7 +103,7 @@ fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
 
 /// Describes the gain from the sensor.
 fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
-    let (first, second) = (before.end_to_end, after.end_to_end);
+    let [first, second] = [before, after].map(|own| own.rates.counted(&measure::END_TO_END));
     let overlap = match first.zip(second) {
         Some((first, second)) => first.low <= second.high && second.low <= first.high,
         None => true,

@@ -9,9 +9,10 @@ use crate::words::{NONE, number, percent, rate, stacked};
 use servotwin::evaluation::Evaluation;
 use servotwin::evaluation::baseline::RandomThirds;
 use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::Protocol;
+use servotwin::evaluation::protocol::{Protocol, ProtocolResult};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
+use servotwin::measure;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::document::{Document, Table};
 
@@ -198,7 +199,8 @@ fn seed_paper(material: &Material, page: &mut Document) {
         let values = [baseline, trees].map(|result| accuracy(result.stage(letter)));
         push(letter, title, values);
     }
-    push("", "end to end", [baseline.end_to_end, trees.end_to_end]);
+    let end_to_end = |own: &ProtocolResult| own.rates.counted(&measure::END_TO_END);
+    push("", "end to end", [end_to_end(baseline), end_to_end(trees)]);
     page.table("", grid.captioned("Apart: the seed paper's own test, which is another question. No noise, plants that \
         are the twin but for one fault, and a third of the variants held out at random, so that nearly \
         every one has a neighbour in training (the same fault at the same intensity in another operating \

@@ -5,8 +5,8 @@ use crate::Material;
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
 use servotwin::evaluation::metrics::Rate;
-use servotwin::flight::outcome::Needed;
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, Words};
+use servotwin::measure::outcome::Needed;
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.

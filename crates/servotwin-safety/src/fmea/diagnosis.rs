@@ -5,9 +5,9 @@ use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns};
 use servotwin::evaluation::protocol::{Confused, Protocol};
-use servotwin::flight::judge::{KindLatency, STRONG};
-use servotwin::flight::outcome::{FirstAction, FlightOutcome};
 use servotwin::job::results::SubjectResult;
+use servotwin::measure::flights::{KindLatency, STRONG};
+use servotwin::measure::outcome::{FirstAction, RunOutcome};
 use servotwin::shown::{number, shown};
 use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
 use servotwin_learning::metrics::{MedianTime, Rate};
@@ -103,8 +103,8 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
         parts.push(reported_in_words(own));
         evidence.push(flight_evidence(own.0, &own.1));
     }
-    let is_own = |test: &&FlightOutcome| test.event == subject.fault.id && test.is_finished;
-    let tests: Vec<&FlightOutcome> = sources.tests.iter().filter(is_own).collect();
+    let is_own = |test: &&RunOutcome| test.event == subject.fault.id && test.is_finished;
+    let tests: Vec<&RunOutcome> = sources.tests.iter().filter(is_own).collect();
     if !tests.is_empty() {
         let counted = counted_in_words(&tests, "tests on the ground");
         parts.push(counted);
@@ -122,7 +122,7 @@ fn reported_in_words((_, own): &OwnFlights) -> String {
 }
 
 /// How many of some flights reported their fault, and at which intensities.
-fn counted_in_words(all: &[&FlightOutcome], of: &str) -> String {
+fn counted_in_words(all: &[&RunOutcome], of: &str) -> String {
     let reported = all.iter().filter(|flown| flown.reports_fault());
     let reported: Vec<String> = reported.map(|flown| flown.intensity.to_string()).collect();
     let (count, all) = (reported.len(), all.len());
@@ -137,7 +137,7 @@ pub(super) fn latency(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let own = flown(sources, subject);
     if let Ok((flights, own)) = &own {
         let count = own.len();
-        let event = |name: &str, of: fn(&FlightOutcome) -> Option<f64>| {
+        let event = |name: &str, of: fn(&RunOutcome) -> Option<f64>| {
             let times = || own.iter().filter_map(|flown| of(flown));
             let happened = times().count();
             match span_in_words(times(), "s") {

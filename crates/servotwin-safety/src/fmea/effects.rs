@@ -5,14 +5,14 @@ use super::cell::{Filled, FmeaCell, span_in_words};
 use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
 use super::flights::FmeaFlights;
 use super::severity::{SeverityInputs, level};
-use servotwin::flight::outcome::FlightOutcome;
 use servotwin::flight::tracking::{TrackedQuantities, command_unit};
+use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};
 use servotwin::text::spoken;
 use servotwin_model::spec::Unit;
 
 /// All flights, and those of a fault.
-pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<&'s FlightOutcome>);
+pub(super) type OwnFlights<'s> = (&'s FmeaFlights, Vec<&'s RunOutcome>);
 
 /// The remedy where a folder with results is missing.
 pub(super) const NO_RESULTS: &str =
@@ -48,7 +48,7 @@ pub(super) fn flown<'s>(
 }
 
 /// Where the flights of a fault stand.
-pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[&FlightOutcome]) -> String {
+pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[&RunOutcome]) -> String {
     let numbers: Vec<String> = own.iter().map(|flown| flown.number.to_string()).collect();
     let stale = flights.stale.as_ref().map(|why| format!("; STALE: {why} since they were flown"));
     format!(
@@ -62,8 +62,8 @@ pub(super) fn flight_evidence(flights: &FmeaFlights, own: &[&FlightOutcome]) -> 
 }
 
 /// The first action of every own flight, in words.
-pub(super) fn answers(own: &[&FlightOutcome]) -> String {
-    let answer = |flown: &&FlightOutcome| match flown.first_action.as_str() {
+pub(super) fn answers(own: &[&RunOutcome]) -> String {
+    let answer = |flown: &&RunOutcome| match flown.first_action.as_str() {
         "" => format!("no action at {}", flown.intensity),
         action => {
             let named = format!("{action} {}", flown.first_actuator);
@@ -102,8 +102,7 @@ const MIN_FORCE_N: f64 = 0.1;
 pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let (flights, own) = flown(sources, subject)?;
     let evidence = flight_evidence(flights, &own);
-    let flown =
-        |of: fn(&FlightOutcome) -> Option<f64>| own.iter().filter_map(move |flown| of(flown));
+    let flown = |of: fn(&RunOutcome) -> Option<f64>| own.iter().filter_map(move |flown| of(flown));
     if flown(|flown| flown.travel_difference_m).count() == 0 {
         let reason = match actuator_of(sources.study, &subject.fault.id) {
             None => "not measured: the component belongs to no single actuator",
@@ -135,7 +134,7 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Fille
     Ok(FmeaCell::new(text, evidence))
 }
 
-fn intensities(own: &[&FlightOutcome]) -> String {
+fn intensities(own: &[&RunOutcome]) -> String {
     own.iter().map(|flown| flown.intensity.to_string()).collect::<Vec<_>>().join(", ")
 }
 
@@ -145,7 +144,7 @@ pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> Filled 
     let place = if is_aircraft(study) { "aircraft" } else { "machine" };
     let mut parts = vec![];
     let (words, unit) = error_words(study);
-    let span = |own: &[&FlightOutcome], of: fn(&FlightOutcome) -> Option<f64>| {
+    let span = |own: &[&RunOutcome], of: fn(&RunOutcome) -> Option<f64>| {
         let values =
             own.iter().filter_map(|flown| of(flown)).map(|si| unit.difference_to_shown(si));
         span_in_words(values, unit.shown())
@@ -163,7 +162,7 @@ pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> Filled 
     if let Some(largest) = shown(|flown| flown.error_max) {
         parts.push(format!("largest without it {largest}"));
     }
-    let fight = |of: fn(&FlightOutcome) -> Option<f64>| {
+    let fight = |of: fn(&RunOutcome) -> Option<f64>| {
         span_in_words(own.iter().filter_map(|flown| of(flown)).map(|n| n / 1e3), "kN")
     };
     if let (Some(alone), Some(with)) =
@@ -177,12 +176,12 @@ pub(super) fn on_system(sources: &FmeaSources, subject: &FmeaSubject) -> Filled 
 }
 
 /// The names of the lanes that were switched off.
-fn lanes_off(flown: &FlightOutcome) -> Vec<&str> {
+fn lanes_off(flown: &RunOutcome) -> Vec<&str> {
     flown.switched_off.split(',').filter(|name| !name.is_empty()).collect()
 }
 
 /// Which lanes the diagnosis switched off.
-fn lanes_in_words(study: &Study, own: &[&FlightOutcome]) -> String {
+fn lanes_in_words(study: &Study, own: &[&RunOutcome]) -> String {
     let lanes = study.units.len();
     let each = own.iter().map(|flown| match lanes_off(flown) {
         off if off.is_empty() => format!("no lane lost at {}", flown.intensity),
@@ -234,7 +233,7 @@ fn by_action_alone(study: &Study, case: &FaultCase) -> FmeaCell {
 }
 
 /// The growth of the tracking error at the largest flown intensity, as a part of the command.
-fn growth(flights: &FmeaFlights, own: &[&FlightOutcome]) -> Option<f64> {
+fn growth(flights: &FmeaFlights, own: &[&RunOutcome]) -> Option<f64> {
     let strongest = own.iter().max_by(|a, b| a.intensity.total_cmp(&b.intensity))?;
     let growth = (strongest.error_rms? - flights.healthy()?.error_rms?) / strongest.command_rms?;
     growth.is_finite().then_some(growth)

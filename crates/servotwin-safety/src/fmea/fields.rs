@@ -6,7 +6,7 @@ use super::residuals::ResidualRuns;
 use super::{declared, diagnosis, effects};
 use crate::rates::FailureRates;
 use crate::results::StudyResultsFolder;
-use servotwin::flight::outcome::FlightOutcome;
+use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};
 use servotwin::system::ListedFault;
 
@@ -21,7 +21,7 @@ pub struct FmeaSources<'s> {
     /// The closed-loop flights.
     pub flights: Option<FmeaFlights>,
     /// The judged tests on the ground; none if there are none.
-    pub tests: Vec<FlightOutcome>,
+    pub tests: Vec<RunOutcome>,
     /// The user's failure rates.
     pub rates: Option<FailureRates>,
 }

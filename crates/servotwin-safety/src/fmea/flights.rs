@@ -3,9 +3,9 @@
 use super::can_fly;
 use crate::error::SafetyError;
 use crate::results::{EvidenceBasis, StudyResultsFolder};
-use servotwin::flight::outcome::FlightOutcome;
 use servotwin::job::flights::Crew;
 use servotwin::job::outcomes::{self, Basis};
+use servotwin::measure::outcome::RunOutcome;
 use servotwin::parallel::Workers;
 use servotwin::study::suites::EFFECTS;
 
@@ -13,7 +13,7 @@ use servotwin::study::suites::EFFECTS;
 #[derive(Debug, Clone, PartialEq)]
 pub struct FmeaFlights {
     /// One outcome for each fault and intensity, and that of the healthy flight.
-    pub outcomes: Vec<FlightOutcome>,
+    pub outcomes: Vec<RunOutcome>,
     /// The operating case that was flown.
     pub case: String,
     /// The scenario of the diagnoser.
@@ -29,13 +29,13 @@ impl FmeaFlights {
     }
 
     /// The finished flights of a fault.
-    pub(crate) fn of(&self, fault: &str) -> Vec<&FlightOutcome> {
-        let is_own = |own: &&FlightOutcome| own.event == fault && own.is_finished;
+    pub(crate) fn of(&self, fault: &str) -> Vec<&RunOutcome> {
+        let is_own = |own: &&RunOutcome| own.event == fault && own.is_finished;
         self.outcomes.iter().filter(is_own).collect()
     }
 
     /// The healthy flight.
-    pub(crate) fn healthy(&self) -> Option<&FlightOutcome> {
+    pub(crate) fn healthy(&self) -> Option<&RunOutcome> {
         self.outcomes.iter().find(|own| own.onset_s.is_none() && own.is_finished)
     }
 
@@ -50,18 +50,17 @@ impl FmeaFlights {
         workers: Workers,
     ) -> Result<Option<Self>, SafetyError> {
         let StudyResultsFolder { folder, study, scenario, .. } = results;
-        let is_full = results.flights.as_ref().is_some_and(|flights| flights.is_full);
-        let flown = match study.suite(EFFECTS, is_full) {
+        let flown = match study.suite(EFFECTS) {
             Some(suite) if flies && can_fly(results) => {
                 let crew = Crew { workers, progress: &|_, _| () };
-                Some(outcomes::fly(folder, (study, is_full), suite, *scenario, &crew)?)
+                Some(outcomes::fly(folder, study, suite, *scenario, &crew)?)
             }
             _ => outcomes::stored(folder, EFFECTS, *scenario)?,
         };
         let Some(flown) = flown else { return Ok(None) };
         let stale = match can_fly(results) {
             true => {
-                let now = Basis::of(folder, (study, is_full), *scenario)?;
+                let now = Basis::of(folder, study, *scenario)?;
                 basis(now).changes_since(&basis(flown.basis))
             }
             false => Some("the model changed".into()),

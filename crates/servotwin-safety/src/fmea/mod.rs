@@ -122,7 +122,7 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
 mod tests {
     use super::fields::FIELDS;
     use super::*;
-    use servotwin::flight::outcome::{FlightOutcome, Word};
+    use servotwin::measure::outcome::{RunOutcome, Word};
 
     fn cell(sheet: &FmeaSheet, fault: &str, name: &str) -> String {
         let place = FIELDS.iter().position(|field| field.name == name).unwrap();
@@ -158,14 +158,14 @@ mod tests {
         let fault = "actuator_1.servo_valve.gain_low";
         let unlisted = "actuator_1.servo_valve.wear_pa";
         assert!(study.faults.iter().all(|case| case.id != unlisted));
-        let healthy = FlightOutcome { is_finished: true, ..FlightOutcome::default() };
-        let of_fault = |fault: &str, intensity| FlightOutcome {
+        let healthy = RunOutcome { is_finished: true, ..RunOutcome::default() };
+        let of_fault = |fault: &str, intensity| RunOutcome {
             event: fault.into(),
             intensity,
             onset_s: Some(7.0),
             ..healthy.clone()
         };
-        let shut_down = |fault: &str| FlightOutcome {
+        let shut_down = |fault: &str| RunOutcome {
             word: Word::Actuator,
             first_word_s: Some(0.5),
             first_action: "shut_down".into(),
@@ -175,7 +175,7 @@ mod tests {
             travel_difference_m: Some(0.0),
             ..of_fault(fault, 1.0)
         };
-        let silent = FlightOutcome {
+        let silent = RunOutcome {
             // What a solver's steps differ by.
             travel_difference_m: Some(6e-10),
             force_difference_n: Some(5e-3),
@@ -184,7 +184,7 @@ mod tests {
         let outcomes = vec![silent, shut_down(unlisted), shut_down(fault), healthy.clone()];
         let (case, scenario) = ("S1/50".into(), "realistic".into());
         let flights = Some(FmeaFlights { outcomes, case, scenario, stale: None });
-        let in_test = |intensity, word| FlightOutcome { word, ..of_fault(unlisted, intensity) };
+        let in_test = |intensity, word| RunOutcome { word, ..of_fault(unlisted, intensity) };
         let tests = vec![
             in_test(0.3, Word::Healthy),
             in_test(0.6, Word::Unknown),

@@ -2,7 +2,7 @@
 
 use crate::error::SafetyError;
 use crate::results::{StudyResultsFolder, read_residual_columns};
-use servotwin::flight::judge::STRONG;
+use servotwin::measure::flights::STRONG;
 use servotwin::table::Table;
 use servotwin_diagnosis::residual::BAND;
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! The fault trees of studies: their numbers, cut sets, documents and figures.
 
 use super::brute_force;
-use servotwin::flight::outcome::{FirstAction, FlightOutcome, Word};
+use servotwin::measure::outcome::{FirstAction, RunOutcome, Word};
 use servotwin::study::Study;
 use servotwin_safety::counts::JudgedFlights;
 use servotwin_safety::interval::CountedValue;
@@ -33,7 +33,7 @@ fn flights(
 ) -> JudgedFlights {
     let mut faults = vec![];
     for &(action, flown, isolated, other, wrong) in actions {
-        faults.extend((0..flown).map(|place| FlightOutcome {
+        faults.extend((0..flown).map(|place| RunOutcome {
             action: action.into(),
             intensity: 1.0,
             visible_s: Some(0.1),
@@ -43,7 +43,7 @@ fn flights(
                 _ => FirstAction::OtherActuator,
             },
             shutdown_healthy: place < wrong,
-            ..FlightOutcome::default()
+            ..RunOutcome::default()
         }));
     }
     JudgedFlights { title: "noise".into(), faults, healthy: (hours, shutdowns), passed: None }
@@ -173,14 +173,14 @@ fn a_test_on_the_ground_ends_what_it_finds_and_nothing_else() {
         hidden.first = FirstAction::None;
     }
     let undetected = |found: usize, hours: ExposureHours| {
-        let test = |place| FlightOutcome {
+        let test = |place| RunOutcome {
             event: VALVE.into(),
             intensity: 1.0,
             is_finished: true,
             word: if place < found { Word::Actuator } else { Word::Healthy },
-            ..FlightOutcome::default()
+            ..RunOutcome::default()
         };
-        let tests: Vec<FlightOutcome> = (0..10).map(test).collect();
+        let tests: Vec<RunOutcome> = (0..10).map(test).collect();
         let flights = match hours.test_h {
             Some(_) => flights.clone().with_tests(&tests),
             None => flights.clone(),

@@ -31,7 +31,7 @@ pub fn diagnoser() -> Arc<Diagnoser> {
         let path = std::env::temp_dir().join(format!("servotwin-serve-{}", std::process::id()));
         std::fs::create_dir_all(&path).unwrap();
         let (study, crew) = (study(), Crew { workers: Workers::new(2), progress: &|_, _| () });
-        let learned = learn(&Folder::new(&path), (&study, false), Scenario::Noise, &crew).unwrap();
+        let learned = learn(&Folder::new(&path), &study, Scenario::Noise, &crew).unwrap();
         std::fs::remove_dir_all(&path).unwrap();
         Arc::new(learned)
     };

@@ -33,16 +33,10 @@ impl Study {
             let mistake = Diagnostic::new("flights need the section 'realistic'");
             found.note(&flights.at, mistake.with_help(REALISTIC.example));
         }
-        for is_full in [false, true] {
-            if self.suite(LEARN, is_full).is_some_and(|learn| learn.repeats == 0) {
-                let own = self
-                    .parsed
-                    .suites
-                    .get(LEARN)
-                    .and_then(|learn| learn.sizes[usize::from(is_full)].repeats.as_ref());
-                let at = own.map_or(0..0, |repeats| repeats.at.clone());
-                found.note(&at, Diagnostic::not_allowed("suites.learn.repeats", 0, "at least 1"));
-            }
+        if self.suite(LEARN).is_some_and(|learn| learn.repeats == 0) {
+            let own = self.parsed.suites.get(LEARN).and_then(|learn| learn.0.repeats.as_ref());
+            let at = own.map_or(0..0, |repeats| repeats.at.clone());
+            found.note(&at, Diagnostic::not_allowed("suites.learn.repeats", 0, "at least 1"));
         }
         found.locate(&self.text)
     }

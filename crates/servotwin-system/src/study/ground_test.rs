@@ -35,7 +35,7 @@ section! {
         may unit_parameters: flights::Ranges, "ranges of parameters that every channel has";
         may wear: Vec<At<DrawText>>,
             "ranges from which every test draws what differs from the first test of its actuator";
-        may suites: Names<suites::Texts>, "how many tests there are, and what for";
+        may suites: Names<suites::NamedText>, "how many tests there are, and what for";
     }
 }
 
@@ -146,9 +146,9 @@ mod tests {
     #[test]
     fn in_a_test_a_fault_is_present_from_the_start_and_no_air_flows() {
         let test = Study::default().on_ground().unwrap().unwrap();
-        let judge = test.suite(JUDGE, false).unwrap();
+        let judge = test.suite(JUDGE).unwrap();
         assert_eq!((judge.onset_s, &judge.scenarios[..]), (None, &[Scenario::Fitted][..]));
-        let judged: Vec<&str> = test.suites(false).map(|suite| suite.name.as_str()).collect();
+        let judged: Vec<&str> = test.suites().map(|suite| suite.name.as_str()).collect();
         assert!([LEARN, JUDGE, HEALTHY].iter().all(|name| judged.contains(name)), "{judged:?}");
         assert!(!judged.contains(&UNSEEN), "no fault begins in a test");
         let speed = test.system.network().inputs.iter().position(|input| input.id == "air_speed");
@@ -178,8 +178,8 @@ mod tests {
                 "viscous",
             ),
             (
-                "judge = { environments = 24, repeats = 1, healthy = 3, full = { environments = 120",
-                "judge = { like = \"nothing\", full = { environments = 120",
+                "judge = { environments = 24, repeats = 1, healthy = 3 }",
+                "judge = { like = \"nothing\" }",
                 "nothing",
             ),
         ] {

@@ -83,7 +83,7 @@ section! {
         may training: Option<At<training::Text>>, "commands from which the diagnosis learns";
         may evaluation: Evaluating, "training and evaluation, where not the defaults";
         may flights: Option<At<flights::Text>>, "flights in which a fault begins";
-        may suites: Names<suites::Texts>, "how many flights there are, and what for";
+        may suites: Names<suites::NamedText>, "how many flights there are, and what for";
         may ground_test: Option<At<ground_test::Text>>,
             "test on the ground: one command from rest, one window, one decision";
         may on_ground: bool, "true: the study is that of its tests on the ground";

@@ -6,7 +6,6 @@
 //! environments = 48
 //! repeats = 4                        # flights of every fault at every intensity
 //! healthy = 20                       # healthy flights in each environment
-//! full = { environments = 400 }      # other numbers with `--full`
 //!
 //! [suites.judge]                     # in which it is judged
 //! environments = 24
@@ -30,7 +29,7 @@ use super::keys::{FLIGHT_COUNT, FLIGHT_S};
 use super::reader::{Noted, OF_SYSTEM, Reader};
 use super::seed::Seed;
 use super::{Scenario, Study, StudyError};
-use crate::format::{At, Key, Raw, Read, Value, may, only, section};
+use crate::format::{At, Key, Read, Value, section};
 use crate::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText, get};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -70,18 +69,8 @@ section! {
         may unit_inputs: Ranges, "ranges of inputs that every channel has, likewise";
         may unit_parameters: Ranges, "ranges of parameters that every channel has, likewise";
         may on_request: bool, "true: flown only when it is named";
-        #[expect(dead_code, reason = "its keys take the places of the others")]
-        may full: Raw = Value::Table(NUMBERS), "other numbers with `--full`";
     }
 }
-
-/// The numbers of a suite in its full size.
-const NUMBERS: &[Key] = &[
-    may("environments", FLIGHT_COUNT, "number of environments; 0: the suite is not flown"),
-    may("repeats", FLIGHT_COUNT, "number of flights of every fault"),
-    may("healthy", FLIGHT_COUNT, "number of healthy flights in each environment"),
-    may("healthy_duration_s", FLIGHT_S, "length of a healthy flight"),
-];
 
 /// The keys that a suite in closed loop cannot have.
 const NOT_IN_CLOSED_LOOP: [&str; 10] = [
@@ -97,21 +86,18 @@ const NOT_IN_CLOSED_LOOP: [&str; 10] = [
     "unit_parameters",
 ];
 
-/// A suite in both sizes, with the usual values of its name.
-#[derive(Clone, Debug)]
-pub(super) struct Texts {
-    /// The small size, and the full one.
-    pub sizes: [Text; 2],
-}
+/// A suite with the usual values of its name.
+#[derive(Clone, Debug, Default)]
+pub(super) struct NamedText(pub Text);
 
-impl Texts {
+impl NamedText {
     /// Reads a suite by its name and its own entries.
     fn of((name, at): (&str, &TextSpan), own: &[Entry], mistakes: &mut Collector) -> Self {
         let known = KNOWN.iter().find(|(known, ..)| *known == name);
         let usual = known.map_or("", |(.., usual)| usual);
         let usual = TomlText::parse(usual, 0, &mut Collector::default()).expect("TOML");
-        let small = layered(own, &usual.root());
-        let flag = get(&small, "closed_loop");
+        let all = layered(own, &usual.root());
+        let flag = get(&all, "closed_loop");
         let is_closed_loop = flag.and_then(|flag| flag.value.get_ref().as_bool()).unwrap_or(false);
         if let Some(flag) = flag.filter(|_| known.is_some() && is_closed_loop != (name == EFFECTS))
         {
@@ -123,16 +109,11 @@ impl Texts {
             let message = format!("a suite in closed loop has no '{}'", entry.key);
             mistakes.note(&entry.place(), Diagnostic::new(message));
         }
-        let mut full = get(own, "full").and_then(Entry::table).unwrap_or_default();
-        only(NUMBERS, &full, "'full'", mistakes);
-        full.retain(|entry| NUMBERS.iter().any(|key| key.name == entry.key));
-        let full = layered(&full, &small);
-        let place = format!("'{name}'");
-        let mut sizes = [&small, &full].map(|all| Text::of(all, (at, &place), mistakes));
-        if get(own, "like").is_none() {
-            sizes.iter_mut().flat_map(|size| &mut size.like).for_each(|like| like.at = at.clone());
+        let mut text = Text::of(&all, (at, &format!("'{name}'")), mistakes);
+        if let Some(like) = text.like.as_mut().filter(|_| get(own, "like").is_none()) {
+            like.at = at.clone();
         }
-        Texts { sizes }
+        NamedText(text)
     }
 }
 
@@ -142,7 +123,7 @@ fn layered<'a>(upper: &[Entry<'a>], lower: &[Entry<'a>]) -> Vec<Entry<'a>> {
     upper.iter().chain(lower).cloned().collect()
 }
 
-impl Read for Texts {
+impl Read for NamedText {
     const VALUE: Value = Value::Table(Text::KEYS);
 
     fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
@@ -151,7 +132,7 @@ impl Read for Texts {
     }
 
     fn stand_in(_value: Value) -> Self {
-        Texts { sizes: Default::default() }
+        NamedText::default()
     }
 }
 
@@ -411,17 +392,17 @@ impl Suite {
     }
 }
 
-/// The suites of a study in both sizes, by name; the small size first.
-pub(super) type Suites = BTreeMap<String, [Suite; 2]>;
+/// The suites of a study, by name.
+pub(super) type Suites = BTreeMap<String, Suite>;
 
 /// All suites that a study can fly.
 pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted> {
-    let mut texts: BTreeMap<At<String>, (Purpose, Texts)> = BTreeMap::new();
+    let mut texts: BTreeMap<At<String>, (Purpose, NamedText)> = BTreeMap::new();
     for (name, purpose, _) in KNOWN {
         let own = reader.text.suites.get_key_value(name);
         let own = own.map(|(name, own)| (name.clone(), own.clone()));
-        let usual = Texts::of((name, &(0..0)), &[], &mut Collector::default());
-        if is_possible(reader, flights, name, &usual.sizes[0]) || own.is_some() {
+        let usual = NamedText::of((name, &(0..0)), &[], &mut Collector::default());
+        if is_possible(reader, flights, name, &usual.0) || own.is_some() {
             let (name, text) = own.unwrap_or((At::new(name.into(), 0..0), usual));
             texts.insert(name, (purpose, text));
         }
@@ -441,13 +422,12 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
     let mut suites = Suites::new();
     // Those that are like others come last.
     let (alone, alike): (Vec<_>, Vec<_>) =
-        texts.iter().partition(|(_, (_, text))| text.sizes[0].like.is_none());
+        texts.iter().partition(|(_, (_, text))| text.0.like.is_none());
     for (name, (purpose, text)) in alone.into_iter().chain(alike) {
-        let [small_text, full_text] = &text.sizes;
         let mut like = None;
-        if let Some(other) = &small_text.like {
+        if let Some(other) = &text.0.like {
             let found = suites.get(other.as_str());
-            like = found.filter(|[suite, _]| suite.draws == other.value).cloned();
+            like = found.filter(|suite| suite.draws == other.value).cloned();
             if like.is_none() {
                 let known = suites.keys().map(String::as_str);
                 let what = ("suite that is like no other", other.as_str());
@@ -456,12 +436,9 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
                 continue;
             }
         }
-        let [small, full] =
-            like.as_ref().map_or([None, None], |[small, full]| [Some(small), Some(full)]);
-        let of = |text: &Text, like| Suite::new(reader, flights, (name, text), (*purpose, like));
-        match (of(small_text, small), of(full_text, full)) {
-            (Ok(small), Ok(full)) => drop(suites.insert(name.value.clone(), [small, full])),
-            _ => has_failed = true,
+        match Suite::new(reader, flights, (name, &text.0), (*purpose, like.as_ref())) {
+            Ok(suite) => drop(suites.insert(name.value.clone(), suite)),
+            Err(Noted) => has_failed = true,
         }
     }
     if has_failed { Err(Noted) } else { Ok(suites) }
@@ -486,9 +463,9 @@ fn is_possible(reader: &Reader, flights: &Flights, name: &str, usual: &Text) -> 
 }
 
 impl Study {
-    /// A suite in its small or its full size; `None` if the study does not have it.
-    pub fn suite(&self, name: &str, is_full: bool) -> Option<&Suite> {
-        self.suites.get(name).map(|both| &both[usize::from(is_full)])
+    /// A suite of flights; `None` if the study does not have it.
+    pub fn suite(&self, name: &str) -> Option<&Suite> {
+        self.suites.get(name)
     }
 
     /// The suite of the records for a purpose: every fault in every operating case, then healthy specimens of each case.
@@ -521,17 +498,9 @@ impl Study {
         }
     }
 
-    /// Whether any suite has other numbers in its full size.
-    pub fn has_full_suites(&self) -> bool {
-        let numbers = |suite: &Suite| {
-            (suite.environments, suite.repeats, suite.healthy, suite.healthy_duration_s)
-        };
-        self.suites.values().any(|[small, full]| numbers(small) != numbers(full))
-    }
-
-    /// All suites of a size, by name.
-    pub fn suites(&self, is_full: bool) -> impl Iterator<Item = &Suite> {
-        self.suites.values().map(move |both| &both[usize::from(is_full)])
+    /// All suites of flights, by name.
+    pub fn suites(&self) -> impl Iterator<Item = &Suite> {
+        self.suites.values()
     }
 
     /// What varies between the environments of a suite.

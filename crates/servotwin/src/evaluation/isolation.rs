@@ -6,8 +6,9 @@
 
 use super::data_set::{DataRow, DataSet};
 use super::error::EvaluationError;
-use super::protocol::{self, Counting, Protocol, Safety};
+use super::protocol::{self, Counting, Protocol};
 use super::run::{RowOutcome, is_right_action};
+use crate::measure::{OF_RECORDS_WITHOUT_CLASS, Rates};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Question, StagePlace};
@@ -31,11 +32,11 @@ pub struct Isolation {
     /// Faults that are decided.
     pub decided: Rate,
     /// Of the decided faults: actuator and action are right.
-    pub right_action: Rate,
-    /// Of all faults: actuator and action are right, or the fault is not isolated.
+    pub right_of_decided: Rate,
+    /// Of the detected faults: actuator and action are right, or the fault is not isolated.
     pub right_or_not_isolated: Rate,
-    /// Consequences of errors. A shutdown is also missed if its fault is not isolated.
-    pub safety: Safety,
+    /// All measures. A shutdown is also missed if its fault is not isolated.
+    pub rates: Rates,
     /// The kinds of fault that are decided wrongly, with the share of their faults, most faults first.
     pub wrong_kinds: Vec<(String, Rate)>,
 }
@@ -68,16 +69,17 @@ pub(crate) fn evaluate(
     let decided: Result<Vec<Vec<RowOutcome>>, EvaluationError> =
         parallel::map(&places, workers, decide)?.into_iter().collect();
     let decided = decided?;
-    let counted = Counting { data, outcomes: decided.iter().flatten().collect(), shutdowns };
+    let outcomes = decided.iter().flatten().collect();
+    let counted = Counting { data, outcomes, shutdowns, measures: OF_RECORDS_WITHOUT_CLASS };
     let is_right = |outcome: &RowOutcome| is_right_action(data, outcome);
     Ok(Isolation {
         protocol,
         title: protocol.title().into(),
         decided: counted.rate(|_| true, |outcome| outcome.is_decided),
-        right_action: counted.rate(|outcome| outcome.is_decided, is_right),
+        right_of_decided: counted.rate(|outcome| outcome.is_decided, is_right),
         right_or_not_isolated: counted
             .rate(|_| true, |outcome| !outcome.is_decided || is_right(outcome)),
-        safety: counted.safety(),
+        rates: counted.rates(|_| true),
         wrong_kinds: wrong_kinds(data, &counted.outcomes),
     })
 }

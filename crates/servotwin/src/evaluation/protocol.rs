@@ -14,7 +14,11 @@
 
 use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
-use super::run::{RowOutcome, Scope, first_error, is_right_action, run};
+use super::run::{RowOutcome, Scope, first_error, run};
+use crate::measure::outcome::{FirstAction, RunOutcome};
+use crate::measure::{
+    Answers, Measure, OF_RECORDS, OF_RECORDS_WITHOUT_CLASS, OF_SOME_RECORDS, Rates,
+};
 use crate::parallel::Workers;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
@@ -87,9 +91,13 @@ impl Protocol {
         }
     }
 
-    /// Whether every detected fault is tested exactly once.
-    fn tests_all_once(self) -> bool {
-        matches!(self, Protocol::UnseenIntensity | Protocol::NewCommand)
+    /// The measures of its answers. Measures of all faults need every detected fault tested exactly once.
+    fn measures(self) -> &'static [&'static Measure] {
+        match self {
+            Protocol::RandomThird => OF_SOME_RECORDS,
+            Protocol::KindLeftOut => OF_RECORDS_WITHOUT_CLASS,
+            Protocol::UnseenIntensity | Protocol::NewCommand => OF_RECORDS,
+        }
     }
 
     /// The splits; empty if there are too few groups, no training commands, or nothing to judge.
@@ -175,33 +183,13 @@ pub struct StageScore {
     pub score: Score,
 }
 
-/// The consequences of errors for the aircraft. All rates but one refer to detected faults.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Safety {
-    /// The fault is attributed to the wrong actuator.
-    pub wrong_actuator: Rate,
-    /// A healthy actuator is shut down because another one has a fault.
-    pub wrong_actuator_shutdown: Rate,
-    /// A fault that needs a shutdown does not get it, of the detected faults that need one.
-    pub missed_shutdown: Rate,
-    /// The same among all faults that need a shutdown, including undetected ones; `None` unless the protocol tests
-    /// every fault once.
-    pub missed_shutdown_of_all: Option<Rate>,
-    /// The right actuator is shut down although the fault needs no shutdown (of such faults).
-    pub needless_shutdown: Rate,
-}
-
 /// Errors by faulty component.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ComponentScore {
     /// The component, without the actuator.
     pub component: String,
-    /// Faults attributed to the wrong actuator.
-    pub wrong_actuator: Rate,
-    /// Faults that shut the healthy actuator down.
-    pub wrong_actuator_shutdown: Rate,
-    /// Actuator, action and detail are right.
-    pub right: Rate,
+    /// All measures of its faults.
+    pub rates: Rates,
 }
 
 /// Wrong answers of one kind about the faults of a kind.
@@ -230,14 +218,9 @@ pub struct ProtocolResult {
     pub splits: usize,
     /// Each stage separately: first over all actuators, then for each.
     pub stages: Vec<StageScore>,
-    /// All stages together: actuator, command and detail are right (isolation rate of the detected faults).
-    pub end_to_end: Option<Rate>,
-    /// Actuator and command are right: the flight control computer acts on these.
-    pub right_action: Option<Rate>,
-    /// Detected and isolated faults as a share of all faults, including undetectable ones.
-    pub isolated_of_all: Option<f64>,
-    /// Consequences of errors.
-    pub safety: Option<Safety>,
+    /// All measures. Those of all faults, also the undetected ones, are there unless the protocol tests faults
+    /// repeatedly.
+    pub rates: Rates,
     /// Errors by component.
     pub components: Vec<ComponentScore>,
     /// Wrong answers by kind of fault, the most frequent first.
@@ -279,23 +262,15 @@ pub(crate) fn summary(
     outcomes: &[Vec<RowOutcome>],
     shutdowns: &[u32],
 ) -> ProtocolResult {
-    let counted = Counting { data, outcomes: outcomes.iter().flatten().collect(), shutdowns };
+    let (measures, outcomes_of_all) = (protocol.measures(), outcomes.iter().flatten().collect());
+    let counted = Counting { data, outcomes: outcomes_of_all, shutdowns, measures };
     let full = protocol.scope() != Scope::Action;
-    let right = counted.rate(|_| true, |outcome| first_error(data, outcome).is_none());
-    let detected = Rate::of(&data.faults(), |&row| data.rows[row].is_detected()).share;
-    let safety = || Safety {
-        missed_shutdown_of_all: counted.missed_of_all().filter(|_| protocol.tests_all_once()),
-        ..counted.safety()
-    };
     ProtocolResult {
         protocol,
         title: protocol.title().into(),
         splits: outcomes.len(),
         stages: stage_scores(data, &counted.outcomes, full),
-        end_to_end: full.then_some(right),
-        right_action: Some(counted.rate(|_| true, |outcome| is_right_action(data, outcome))),
-        isolated_of_all: right.share.zip(detected).filter(|_| full).map(|(a, b)| a * b),
-        safety: (!shutdowns.is_empty()).then(safety),
+        rates: counted.rates(|_| true),
         components: if full { counted.components() } else { vec![] },
         confused: if full { counted.confused() } else { vec![] },
     }
@@ -356,92 +331,86 @@ pub(super) struct Counting<'a> {
     pub outcomes: Vec<&'a RowOutcome>,
     /// The actions that shut their actuator down.
     pub shutdowns: &'a [u32],
+    /// What is counted.
+    pub measures: &'a [&'a Measure],
 }
 
 impl Counting<'_> {
-    fn trials(
-        &self,
-        among: impl Fn(&RowOutcome) -> bool,
-        holds: impl Fn(&RowOutcome) -> bool,
-    ) -> Vec<Trial> {
-        let asked = self.outcomes.iter().filter(|outcome| among(outcome));
-        asked.map(|outcome| trial(self.data, outcome.row, holds(outcome))).collect()
-    }
-
     /// The share of some outcomes that meet a condition.
     pub(super) fn rate(
         &self,
         among: impl Fn(&RowOutcome) -> bool,
         holds: impl Fn(&RowOutcome) -> bool,
     ) -> Rate {
-        Rate::clustered(&self.trials(among, holds))
+        let asked = self.outcomes.iter().filter(|outcome| among(outcome));
+        let trials = asked.map(|outcome| trial(self.data, outcome.row, holds(outcome)));
+        Rate::clustered(&trials.collect::<Vec<_>>())
     }
 
-    fn is_wrong_actuator(&self, outcome: &RowOutcome) -> bool {
-        let truth = self.data.examples.labels()[outcome.row].actuator;
-        outcome.said.actuator.is_some_and(|said| said != truth)
+    /// All measures of the rows that a choice selects.
+    pub(super) fn rates(&self, choice: impl Fn(usize) -> bool) -> Rates {
+        let asked = self.outcomes.iter().filter(|outcome| choice(outcome.row));
+        let mut rows: Vec<RunOutcome> = asked.map(|outcome| self.outcome(outcome)).collect();
+        let is_hidden = |&row: &usize| choice(row) && !self.data.rows[row].is_detected();
+        rows.extend(self.data.faults().into_iter().filter(is_hidden).map(|row| self.fault(row)));
+        let answers = Answers {
+            has_several: self.data.examples.names().actuators.len() > 1,
+            has_shutdown: !self.shutdowns.is_empty(),
+        };
+        let faults: Vec<&RunOutcome> = rows.iter().collect();
+        Rates::count((self.measures, 0.0), answers, &faults, |of, holds| {
+            let trial = |own: &&RunOutcome| trial(self.data, own.number as usize, holds(own));
+            Rate::clustered(&of.iter().map(trial).collect::<Vec<_>>())
+        })
     }
 
-    fn shuts_down(&self, outcome: &RowOutcome) -> bool {
-        let action = outcome.said.action.filter(|_| outcome.is_decided);
-        action.is_some_and(|action| self.shutdowns.contains(&action))
+    /// The outcome of a record before anything is said of it; a row without a fault is not counted.
+    fn fault(&self, row: usize) -> RunOutcome {
+        let (own, names) = (&self.data.rows[row], self.data.examples.names());
+        let truth = self.data.examples.labels()[row];
+        RunOutcome {
+            number: row as u64,
+            class: names.details.get(truth.detail as usize).cloned().unwrap_or_default(),
+            intensity: own.own_intensity,
+            onset_s: (!own.is_healthy).then_some(0.0),
+            needs_shutdown: self.shutdowns.contains(&truth.action),
+            is_finished: true,
+            visible_s: own.is_detected().then_some(0.0),
+            ..RunOutcome::default()
+        }
     }
 
-    fn shuts_own(&self, outcome: &RowOutcome) -> bool {
-        !self.is_wrong_actuator(outcome) && self.shuts_down(outcome)
-    }
-
-    fn shuts_other(&self, outcome: &RowOutcome) -> bool {
-        self.is_wrong_actuator(outcome) && self.shuts_down(outcome)
-    }
-
-    fn needs_shutdown(&self, row: usize) -> bool {
-        self.shutdowns.contains(&self.data.examples.labels()[row].action)
-    }
-
-    fn missed(&self) -> Vec<Trial> {
-        self.trials(|outcome| self.needs_shutdown(outcome.row), |outcome| !self.shuts_own(outcome))
-    }
-
-    /// Missed shutdowns among all faults: those of detected faults, and all undetected faults.
-    fn missed_of_all(&self) -> Option<Rate> {
-        let hidden = self
-            .data
-            .faults()
-            .into_iter()
-            .filter(|&row| !self.data.rows[row].is_detected() && self.needs_shutdown(row));
-        let hidden = hidden.map(|row| trial(self.data, row, true));
-        Some(Rate::clustered(&self.missed().into_iter().chain(hidden).collect::<Vec<_>>()))
-    }
-
-    /// The consequences of errors among detected faults.
-    pub(super) fn safety(&self) -> Safety {
-        Safety {
-            wrong_actuator: self.rate(|_| true, |outcome| self.is_wrong_actuator(outcome)),
-            wrong_actuator_shutdown: self.rate(|_| true, |outcome| self.shuts_other(outcome)),
-            missed_shutdown: Rate::clustered(&self.missed()),
-            missed_shutdown_of_all: None,
-            needless_shutdown: self.rate(
-                |outcome| !self.needs_shutdown(outcome.row),
-                |outcome| self.shuts_own(outcome),
-            ),
+    /// The outcome of a record with what is said of it. An answer that does not count is none.
+    fn outcome(&self, RowOutcome { row, said, is_decided, .. }: &RowOutcome) -> RunOutcome {
+        let fault = self.fault(*row);
+        let truth = self.data.examples.labels()[*row];
+        let names = self.data.examples.names();
+        let Some(actuator) = said.actuator.filter(|_| *is_decided) else { return fault };
+        let is_own = actuator == truth.actuator;
+        let is_off = said.action.is_some_and(|action| self.shutdowns.contains(&action));
+        RunOutcome {
+            first: match is_own {
+                true if said.action == Some(truth.action) => FirstAction::Right,
+                true => FirstAction::OtherAction,
+                false => FirstAction::OtherActuator,
+            },
+            first_class: said
+                .detail
+                .map_or_else(String::new, |class| names.details[class as usize].clone()),
+            shutdown_at_fault: is_own && is_off,
+            shutdown_healthy: !is_own && is_off,
+            ..fault
         }
     }
 
     fn components(&self) -> Vec<ComponentScore> {
-        let component =
-            |outcome: &RowOutcome| self.data.component(self.data.rows[outcome.row].kind);
-        let mut names: Vec<&str> = self.outcomes.iter().map(|outcome| component(outcome)).collect();
+        let component = |row: usize| self.data.component(self.data.rows[row].kind);
+        let mut names: Vec<&str> = self.outcomes.iter().map(|own| component(own.row)).collect();
         names.sort_unstable();
         names.dedup();
-        let score = |name: &&str| {
-            let own = |outcome: &RowOutcome| component(outcome) == *name;
-            ComponentScore {
-                component: (*name).to_owned(),
-                wrong_actuator: self.rate(own, |outcome| self.is_wrong_actuator(outcome)),
-                wrong_actuator_shutdown: self.rate(own, |outcome| self.shuts_other(outcome)),
-                right: self.rate(own, |outcome| first_error(self.data, outcome).is_none()),
-            }
+        let score = |name: &&str| ComponentScore {
+            component: (*name).to_owned(),
+            rates: self.rates(|row| component(row) == *name),
         };
         names.iter().map(score).collect()
     }

@@ -5,10 +5,10 @@
 //! the fault alone.
 
 use super::closed_loop::{ClosedLoop, FlightRecord, fly_watched};
-use super::outcome::{FlightOutcome, Needed};
 use super::runtime::RuntimeError;
 use super::tracking::TrackedQuantities;
 use super::watched::{SessionWatch, Truth};
+use crate::measure::outcome::{Needed, RunOutcome};
 use crate::parallel::{self, Workers};
 use crate::run::{CampaignError, Profile, Run};
 use crate::study::faults::full_name;
@@ -28,7 +28,7 @@ pub(super) fn fly(
     diagnoser: &Arc<Diagnoser>,
     runs: &[Run],
     workers: Workers,
-) -> Result<Vec<FlightOutcome>, CampaignError> {
+) -> Result<Vec<RunOutcome>, CampaignError> {
     let tracked = TrackedQuantities::of(study);
     let pistons = pistons(study, tracked.slots.len());
     let slots = tracked.slots.iter().copied().chain(pistons.values().map(|(_, slot)| *slot));
@@ -125,7 +125,7 @@ impl EffectFlyer<'_> {
         }
         let unit = self.study.unit_of(id);
         let name = unit.map_or("", |unit| &self.study.units[unit]);
-        let run = FlightOutcome {
+        let run = RunOutcome {
             event: id.clone(),
             kind: id.strip_prefix(&full_name(name, "")).unwrap_or(id).into(),
             profile: Profile::Step.name().into(),
@@ -137,7 +137,7 @@ impl EffectFlyer<'_> {
         Truth { run, at_fault: unit.into_iter().collect(), ..Truth::default() }
     }
 
-    fn outcome(&self, run: &Run, healthy: &(Environment, FlightRecord)) -> FlightOutcome {
+    fn outcome(&self, run: &Run, healthy: &(Environment, FlightRecord)) -> RunOutcome {
         let truth = self.truth(run);
         let known = truth.run_watched_by(self.diagnoser);
         let (environment, healthy) = healthy;
@@ -159,10 +159,10 @@ impl EffectFlyer<'_> {
 
     fn with_effects(
         &self,
-        outcome: FlightOutcome,
+        outcome: RunOutcome,
         unit: Option<usize>,
         [reacting, alone, healthy]: [&FlightRecord; 3],
-    ) -> FlightOutcome {
+    ) -> RunOutcome {
         let onset_s = self.suite.onset_s.map_or(0.0, |[middle, _]| middle);
         let since = alone.time_s.partition_point(|time_s| *time_s < onset_s);
         let error =
@@ -177,7 +177,7 @@ impl EffectFlyer<'_> {
             pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
         };
         let reactions = || reacting.actions.iter().map(|action| &action.reaction);
-        FlightOutcome {
+        RunOutcome {
             switched_off: self.switched_off(reacting),
             changes_mode: reactions().any(|reaction| reaction.changes_mode()),
             command_rms: Some(rms(&reacting.inputs[self.study.command_input][since..])),

@@ -12,7 +12,7 @@
 //! and 2.
 
 use super::evidence::EvidencePeak;
-use super::outcome::FlightOutcome;
+use crate::measure::outcome::RunOutcome;
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
@@ -65,7 +65,7 @@ impl SearchObjective {
     }
 
     /// Whether the error occurred in a flight.
-    pub fn is_error(self, row: &FlightOutcome) -> bool {
+    pub fn is_error(self, row: &RunOutcome) -> bool {
         match self {
             SearchObjective::MissedShutdown => row.visible_s.is_some() && !row.shutdown_at_fault,
             SearchObjective::WrongShutdown => row.shuts_down_healthy(),
@@ -75,7 +75,7 @@ impl SearchObjective {
     }
 
     /// The order from the worst flight to the best; those that could not be simulated come last.
-    pub fn rank(self, row: &FlightOutcome) -> (bool, f64) {
+    pub fn rank(self, row: &RunOutcome) -> (bool, f64) {
         (!self.is_error(row), row.margin.unwrap_or(f64::INFINITY))
     }
 }
@@ -135,7 +135,7 @@ impl MarginWatch {
     }
 
     /// The margin of a finished flight in which these actions were raised.
-    pub(super) fn margin(&self, row: &FlightOutcome, raised: &[Raised], period_s: f64) -> f64 {
+    pub(super) fn margin(&self, row: &RunOutcome, raised: &[Raised], period_s: f64) -> f64 {
         let is_counted = |own: &&Raised| {
             self.peak.claims.contains(&(own.actuator as usize, own.action as usize))
         };

@@ -12,8 +12,6 @@
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
 //! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
 //! - `effects`: runs of a suite in closed loop, and what their faults do to the flight
-//! - [`outcome`]: what was flown and what a diagnosis did, a row for each flight; `watched` fills it
-//! - [`judge`]: latency, certainty and errors of the diagnosis, counted from outcomes
 //! - [`margin`]: how far a flight is from an error
 //! - [`worst_case`]: a search for the flights in which the diagnosis is closest to an error
 //! - [`unseen_faults`]: the response to faults outside the training data
@@ -23,10 +21,7 @@ pub mod closed_loop;
 pub mod cost;
 mod effects;
 mod evidence;
-pub mod judge;
 pub mod margin;
-pub mod measure;
-pub mod outcome;
 pub mod runtime;
 pub mod spreads;
 pub mod tracking;

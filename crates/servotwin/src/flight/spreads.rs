@@ -74,14 +74,13 @@ fn spools(study: &Study) -> Vec<Option<usize>> {
 /// A twin cannot be simulated, or the run was cancelled.
 pub fn learn<'s>(
     (study, flights): (&'s Study, &'s Flights),
-    is_full: bool,
     scenario: Scenario,
     pools: &[usize],
     workers: Workers,
 ) -> Result<WindowDesign<'s>, CampaignError> {
     let spools = spools(study);
     let mut spreads = vec![None; spools.len()];
-    if let Some(suite) = study.suite(LEARN, is_full) {
+    if let Some(suite) = study.suite(LEARN) {
         let (sums, samples) = sums((study, suite), scenario, &spools, workers)?;
         for (sensor, spread) in spreads.iter_mut().enumerate() {
             let of_pool = (0..spools.len()).filter(|&other| pools[other] == pools[sensor]);

@@ -338,14 +338,14 @@ const NOT_FLOWN: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
 ///
 /// # Errors
 /// A command cannot be flown.
-pub(crate) fn environment(study: &Study, is_full: bool) -> Result<InputChecks, CampaignError> {
+pub(crate) fn environment(study: &Study) -> Result<InputChecks, CampaignError> {
     let network = study.system.network();
     let mut flown = vec![NOT_FLOWN; network.inputs.len()];
     let mut reach = |input: usize, value: f64| {
         let (low, high) = &mut flown[input];
         (*low, *high) = (low.min(value), high.max(value));
     };
-    for suite in [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full)) {
+    for suite in [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name)) {
         for (name, range) in study.ranges_of(suite).ranges {
             if let Some(input) = network.inputs.iter().position(|input| input.id == name) {
                 range.into_iter().for_each(|value| reach(input, value));

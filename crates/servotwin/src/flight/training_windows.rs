@@ -390,13 +390,12 @@ pub(crate) fn stem(suite: &Suite, scenario: Scenario) -> String {
 /// The run was cancelled.
 pub fn tables(
     design: &WindowDesign,
-    is_full: bool,
     taken: &TrainingWindows,
     workers: Workers,
 ) -> Result<Vec<Table>, CampaignError> {
     let study = design.study;
     let sensors = Sensors(study.sensors_in(design.scenario).0[..study.base_sensors()].to_vec());
-    let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name, is_full));
+    let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name));
     let mut tables = vec![];
     for kind in 0..design.kinds().len() {
         let of: Vec<&TrainingWindow> = taken.list.iter().filter(|l| l.kind == kind).collect();

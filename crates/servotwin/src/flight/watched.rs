@@ -3,10 +3,10 @@
 use super::effects;
 use super::evidence::EvidencePeak;
 use super::margin::{MarginWatch, SearchObjective};
-use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
 use super::unseen_faults::{self, Touched};
 use crate::campaign::columns::HEALTHY;
 use crate::ensemble::Variant;
+use crate::measure::outcome::{FirstAction, Needed, RunOutcome, Word};
 use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::other_plant::OtherPlants;
@@ -29,7 +29,7 @@ pub struct Watching {
 #[derive(Default)]
 pub(super) struct Truth {
     /// What is known of the flight before it is flown; the rest is default.
-    pub run: FlightOutcome,
+    pub run: RunOutcome,
     /// The actuators at fault.
     pub at_fault: Vec<usize>,
     /// Healthy actuators whose twin reads a wrong boundary sensor.
@@ -45,7 +45,7 @@ impl Truth {
         let class = fault.map(|fault| &study.classes[fault.class]);
         let name = |of: Option<&String>| of.map_or(HEALTHY, String::as_str).to_owned();
         let action = class.map(|class| class.command.clone()).unwrap_or_default();
-        let run = FlightOutcome {
+        let run = RunOutcome {
             number: flight.number as u64,
             environment: flight.environment as u64,
             event: name(fault.map(|fault| &fault.id)),
@@ -57,17 +57,18 @@ impl Truth {
             at_fault: fault.map(|fault| study.units[fault.unit].clone()).unwrap_or_default(),
             needed: if fault.is_some() { Needed::ItsAction } else { Needed::Nothing },
             needs_shutdown: study.shutdowns().contains(&action),
+            class: class.map(|class| class.detail.clone()).unwrap_or_default(),
             action,
-            ..FlightOutcome::default()
+            ..RunOutcome::default()
         };
         let at_fault = fault.map(|fault| fault.unit).into_iter().collect();
         Truth { run, at_fault, ..Truth::default() }
     }
 
     /// What is known of the flight before it is flown, watched by a diagnoser.
-    pub(crate) fn run_watched_by(&self, diagnoser: &Diagnoser) -> FlightOutcome {
+    pub(crate) fn run_watched_by(&self, diagnoser: &Diagnoser) -> RunOutcome {
         let target_per_h = diagnoser.tuning.false_alarms_per_h;
-        FlightOutcome { target_per_h, ..self.run.clone() }
+        RunOutcome { target_per_h, ..self.run.clone() }
     }
 
     /// The first sample since the onset.
@@ -84,7 +85,7 @@ impl Truth {
 /// What became of some runs of a suite.
 pub struct Flown {
     /// One outcome for each run and diagnosis, by run.
-    pub outcomes: Vec<FlightOutcome>,
+    pub outcomes: Vec<RunOutcome>,
     /// What became of the calibration flights, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
 }
@@ -160,8 +161,8 @@ pub(super) fn watch<'f>(
     touched: &(impl Fn(&Run) -> Option<Touched> + Sync),
     alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
     progress: &(dyn Fn(usize) + Sync),
-) -> Vec<FlightOutcome> {
-    let mut outcomes: Vec<FlightOutcome> = vec![];
+) -> Vec<RunOutcome> {
+    let mut outcomes: Vec<RunOutcome> = vec![];
     let mut ended = 0;
     flown.fly_altered(
         alter,
@@ -192,7 +193,7 @@ impl FlightWatch {
         FlightWatch { diagnoses, truth, touched }
     }
 
-    fn into_outcomes(self, is_finished: bool) -> Vec<FlightOutcome> {
+    fn into_outcomes(self, is_finished: bool) -> Vec<RunOutcome> {
         let FlightWatch { diagnoses, truth, .. } = &self;
         let outcome = |own: &Diagnosis| {
             let run = own.run(truth);
@@ -264,10 +265,10 @@ impl Diagnosis {
     }
 
     /// What is known before the flight.
-    fn run(&self, truth: &Truth) -> FlightOutcome {
+    fn run(&self, truth: &Truth) -> RunOutcome {
         let diagnoser = self.session.diagnoser();
         let missing = self.missing.map(|sensor| diagnoser.sensors[sensor].name.clone());
-        FlightOutcome { missing: missing.unwrap_or_default(), ..truth.run_watched_by(diagnoser) }
+        RunOutcome { missing: missing.unwrap_or_default(), ..truth.run_watched_by(diagnoser) }
     }
 }
 
@@ -324,10 +325,10 @@ impl SessionWatch {
     /// The outcome of a finished run, which was watched by a diagnoser.
     pub(crate) fn outcome(
         &self,
-        run: FlightOutcome,
+        run: RunOutcome,
         diagnoser: &Diagnoser,
         truth: &Truth,
-    ) -> FlightOutcome {
+    ) -> RunOutcome {
         let period_s = diagnoser.period_s;
         let onset_s = run.onset_s.unwrap_or(f64::INFINITY);
         let after = |sample: u64| sample as f64 * period_s - onset_s;
@@ -357,11 +358,15 @@ impl SessionWatch {
                 lengths.filter(|(length, _)| length.baseline_corrected.is_some() == is_corrected);
             own.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
         };
-        let outcome = FlightOutcome {
+        let outcome = RunOutcome {
             visible_s: self.out_of_bands.seen.map(after),
             visible_by_chance: self.out_of_bands.by_chance,
             first,
             first_action: named(&names.actions, |raised| raised.action as usize),
+            first_class: late
+                .first()
+                .and_then(|raised| Some(names.details[raised.detail? as usize].clone()))
+                .unwrap_or_default(),
             first_actuator: named(&names.actuators, |raised| raised.actuator as usize),
             first_action_s: late.first().map(|raised| after(raised.sample)),
             right_action_s: late
@@ -383,14 +388,14 @@ impl SessionWatch {
         };
         let margin = self.margin.as_ref();
         let margin = margin.map(|own| own.margin(&outcome, &self.log.raised, period_s));
-        FlightOutcome { margin, ..outcome }
+        RunOutcome { margin, ..outcome }
     }
 
     /// Whether an action is right after the onset.
     fn is_right(
         &self,
         (raised, name): (&Raised, &String),
-        run: &FlightOutcome,
+        run: &RunOutcome,
         truth: &Truth,
     ) -> bool {
         let is_off = self.switches_off[raised.action as usize];

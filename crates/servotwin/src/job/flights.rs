@@ -6,14 +6,14 @@ use super::{Folder, JobError, held_out, pools};
 use crate::evaluation::model_file;
 use crate::files::create_folder;
 use crate::flight::boundaries::boundaries;
-use crate::flight::judge::{FlightGroup, FlightMetrics};
-use crate::flight::measure;
-use crate::flight::outcome::FlightOutcome;
 use crate::flight::training_windows::{self, LeftOut, TrainingFlights, TrainingWindows};
 use crate::flight::unseen_faults::UnseenFaultMetrics;
 use crate::flight::windows::WindowDesign;
 use crate::flight::{spreads, train};
 use crate::manifest::sha256_of_text;
+use crate::measure;
+use crate::measure::flights::{FlightGroup, FlightMetrics};
+use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::study::flights::Limits;
 use crate::study::suites::{
@@ -37,8 +37,6 @@ const SEALED: &str = "sealed_";
 /// The results of the flights, counted from the outcomes in a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightResults {
-    /// Whether the flights have the study's full sizes.
-    pub is_full: bool,
     /// The numbers of runs of all suites that were learned from or flown.
     pub sizes: Vec<SuiteSize>,
     /// Lengths of the sliding windows, s.
@@ -75,27 +73,15 @@ impl FlightResults {
         self.unseen.iter().find(|metrics| metrics.suite == UNSEEN && metrics.scenario == scenario)
     }
 
-    /// Whether the results have the full sizes and cover every scenario of the study.
-    pub(crate) fn is_full_of(&self, study: &Study) -> bool {
-        let has =
-            |scenario: Scenario| self.judged().any(|own| own.group.scenario == scenario.name());
-        self.is_full && scenarios(study).into_iter().all(has)
-    }
-
     /// The numbers of runs of a suite.
     pub fn size(&self, suite: &str) -> Option<&SuiteSize> {
         self.sizes.iter().find(|size| size.suite == suite)
     }
 
     /// Counts the outcomes that a folder holds of a study's suites. `prefix` stands before the names of the suites.
-    fn count(
-        folder: &Folder,
-        (study, is_full): (&Study, bool),
-        prefix: &str,
-    ) -> Result<Self, JobError> {
+    fn count(folder: &Folder, study: &Study, prefix: &str) -> Result<Self, JobError> {
         let flights = flights(study)?;
         let mut all = FlightResults {
-            is_full,
             sizes: vec![],
             windows_s: flights.windows_s.clone(),
             limits: flights.limits,
@@ -107,10 +93,10 @@ impl FlightResults {
         for scenario in
             scenarios(study).into_iter().filter(|&scenario| folder.diagnoser(scenario).exists())
         {
-            let basis = Basis::of(folder, (study, is_full), scenario)?;
+            let basis = Basis::of(folder, study, scenario)?;
             let model = diagnoser(folder, scenario)?;
             all.left_out.insert(scenario.name().into(), left_out(folder, scenario)?);
-            let of_scenario = study.suites(is_full).filter(|suite| suite.is_flown_in(scenario));
+            let of_scenario = study.suites().filter(|suite| suite.is_flown_in(scenario));
             for suite in of_scenario {
                 let stored =
                     outcomes::stored(folder, &format!("{prefix}{}", suite.name), scenario)?;
@@ -121,7 +107,7 @@ impl FlightResults {
             }
         }
         let has = |suite: &&Suite| suite.purpose == Purpose::Train || flown.contains(&suite.name);
-        all.sizes = study.suites(is_full).filter(has).map(SuiteSize::from).collect();
+        all.sizes = study.suites().filter(has).map(SuiteSize::from).collect();
         Ok(all)
     }
 
@@ -133,7 +119,7 @@ impl FlightResults {
         FlownSuite { scenario, calibration, outcomes, .. }: FlownSuite,
     ) {
         let name = &suite.name;
-        let mut counted = |missing: &str, rows: &[FlightOutcome]| {
+        let mut counted = |missing: &str, rows: &[RunOutcome]| {
             let (suite, missing) = (name.clone(), missing.to_owned());
             let group = FlightGroup { suite, scenario: scenario.clone(), missing };
             let metrics = FlightMetrics::of(study, group, limit_s, model, rows);
@@ -143,7 +129,7 @@ impl FlightResults {
             self.unseen.push(UnseenFaultMetrics::of(name, &scenario, &outcomes));
         } else if suite.misses_sensors {
             for sensor in &model.sensors {
-                let is_own = |row: &&FlightOutcome| row.missing == sensor.name;
+                let is_own = |row: &&RunOutcome| row.missing == sensor.name;
                 let rows: Vec<_> = outcomes.iter().filter(is_own).cloned().collect();
                 counted(&sensor.name, &rows);
             }
@@ -191,15 +177,15 @@ pub(super) fn flights(study: &Study) -> Result<&Flights, JobError> {
 /// A twin cannot be simulated; training fails; the diagnoser is unsafe in health; the file cannot be written.
 pub fn learn(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     scenario: Scenario,
     crew: &Crew,
 ) -> Result<Diagnoser, JobError> {
     let (pools, workers) = (pools(study), crew.workers);
-    let design = design(folder, (study, is_full), scenario, workers)?;
+    let design = design(folder, study, scenario, workers)?;
     let mut taken = TrainingWindows::default();
     let taught = |taken: &mut TrainingWindows, name: &str, bands, [from, to]: [f64; 2]| {
-        let Some(suite) = study.suite(name, is_full) else { return Ok(()) };
+        let Some(suite) = study.suite(name) else { return Ok(()) };
         let flights = TrainingFlights::new(folder.path(), &design, suite, bands);
         let share =
             |share: f64| (crew.progress)("flights to learn from", from + (to - from) * share);
@@ -212,12 +198,12 @@ pub fn learn(
         taught(&mut taken, HARD_NEGATIVES, bands, [0.5, 0.7])?;
     }
     (crew.progress)("training", 0.7);
-    let tables = training_windows::tables(&design, is_full, &taken, workers)?;
-    let environment = train::environment(study, is_full)?;
+    let tables = training_windows::tables(&design, &taken, workers)?;
+    let environment = train::environment(study)?;
     let trained = train::diagnoser(&design, tables, &pools, workers)?;
     let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
     let diagnoser = Diagnoser { boundaries, environment, ..trained };
-    let diagnoser = held_out::with_margin((study, is_full), scenario, diagnoser, workers)?;
+    let diagnoser = held_out::with_margin(study, scenario, diagnoser, workers)?;
     model_file::write(folder.left_out(scenario), taken.left_out())?;
     model_file::write_model(folder.diagnoser(scenario), &diagnoser)?;
     Ok(diagnoser)
@@ -229,15 +215,15 @@ pub fn learn(
 /// As [`learn`]; [`CampaignError::Unfinished`] for [`HARD_NEGATIVES`] before all flights of [`LEARN`].
 pub(super) fn fly_to_learn(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     (suite, scenario): (&Suite, Scenario),
     parts: &[usize],
     crew: &Crew,
 ) -> Result<(), JobError> {
-    let design = design(folder, (study, is_full), scenario, crew.workers)?;
+    let design = design(folder, study, scenario, crew.workers)?;
     let mut bands = vec![];
     if suite.name == HARD_NEGATIVES {
-        match learned_bands(folder, &design, is_full)? {
+        match learned_bands(folder, &design)? {
             Some(learned) => bands = learned,
             None => return Ok(()),
         }
@@ -252,11 +238,10 @@ pub(super) fn fly_to_learn(
 pub(super) fn learned_bands(
     folder: &Folder,
     design: &WindowDesign,
-    is_full: bool,
 ) -> Result<Option<Vec<Vec<f64>>>, JobError> {
     let (study, path) = (design.study, folder.bands(design.scenario));
-    let Some(suite) = study.suite(LEARN, is_full) else { return Ok(None) };
-    known(&path, (study, is_full), || {
+    let Some(suite) = study.suite(LEARN) else { return Ok(None) };
+    known(&path, study, || {
         let mut taken = TrainingWindows::default();
         TrainingFlights::new(folder.path(), design, suite, vec![]).add_to(&mut taken)?;
         Ok(taken.bands(design, &pools(study)))
@@ -269,14 +254,14 @@ pub(super) fn learned_bands(
 /// The study has no flights, or a twin cannot be simulated.
 pub(super) fn design<'s>(
     folder: &Folder,
-    (study, is_full): (&'s Study, bool),
+    study: &'s Study,
     scenario: Scenario,
     workers: Workers,
 ) -> Result<WindowDesign<'s>, JobError> {
     let flights = flights(study)?;
-    let spreads = known(&folder.spreads(scenario), (study, is_full), || {
+    let spreads = known(&folder.spreads(scenario), study, || {
         let flights = (study, flights);
-        Ok(spreads::learn(flights, is_full, scenario, &pools(study), workers)?.spreads)
+        Ok(spreads::learn(flights, scenario, &pools(study), workers)?.spreads)
     })?;
     Ok(WindowDesign { study, flights, scenario, spreads })
 }
@@ -291,10 +276,10 @@ struct Known<T> {
 /// Reads what a file knows of a study, or finds it and writes it there.
 fn known<T: Serialize + DeserializeOwned>(
     path: &Path,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     find: impl FnOnce() -> Result<T, JobError>,
 ) -> Result<T, JobError> {
-    let of = sha256_of_text(&format!("{is_full}\n{}\n{}", study.text, study.system.text));
+    let of = sha256_of_text(&format!("{}\n{}", study.text, study.system.text));
     let stored = if path.exists() { model_file::read::<Known<T>>(path).ok() } else { None };
     if let Some(stored) = stored.filter(|stored| stored.of == of) {
         return Ok(stored.value);
@@ -318,11 +303,11 @@ fn left_out(folder: &Folder, scenario: Scenario) -> Result<LeftOut, JobError> {
 /// As [`learn`] and [`fly`].
 pub fn fly_all(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     scenarios: &[Scenario],
     crew: &Crew,
 ) -> Result<FlightResults, JobError> {
-    let suites: Vec<&Suite> = study.suites(is_full).filter(|suite| is_usual(suite)).collect();
+    let suites: Vec<&Suite> = study.suites().filter(|suite| is_usual(suite)).collect();
     let mut counted = None;
     for (place, &scenario) in scenarios.iter().enumerate() {
         let part = |share: f64| (place as f64 + share) / scenarios.len() as f64;
@@ -330,13 +315,13 @@ pub fn fly_all(
             (crew.progress)(&format!("{}: {what}", scenario.name()), part(0.4 * share));
         };
         let learner = Crew { workers: crew.workers, progress: &learning };
-        learn(folder, (study, is_full), scenario, &learner)?;
+        learn(folder, study, scenario, &learner)?;
         let part = |share: f64| part(0.4 + 0.6 * share);
-        counted = Some(fly(folder, (study, is_full), &suites, &[scenario], (crew, &part))?);
+        counted = Some(fly(folder, study, &suites, &[scenario], (crew, &part))?);
     }
     match counted {
         Some(counted) => Ok(counted),
-        None => count(folder, study, is_full),
+        None => count(folder, study),
     }
 }
 
@@ -352,7 +337,7 @@ pub(super) fn is_usual(suite: &Suite) -> bool {
 /// As `outcomes::fly`; the results cannot be written.
 pub fn fly(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     suites: &[&Suite],
     scenarios: &[Scenario],
     (crew, part): (&Crew, &(dyn Fn(f64) -> f64 + Sync)),
@@ -367,17 +352,17 @@ pub fn fly(
             (crew.progress)(what, part((place as f64 + share) / jobs.len() as f64));
         };
         let crew = Crew { workers: crew.workers, progress: &progress };
-        outcomes::fly(folder, (study, is_full), suite, scenario, &crew)?;
+        outcomes::fly(folder, study, suite, scenario, &crew)?;
     }
-    count(folder, study, is_full)
+    count(folder, study)
 }
 
 /// Counts the outcomes in a folder and writes the results.
 ///
 /// # Errors
 /// A file cannot be read or written.
-pub fn count(folder: &Folder, study: &Study, is_full: bool) -> Result<FlightResults, JobError> {
-    let counted = FlightResults::count(folder, (study, is_full), "")?;
+pub fn count(folder: &Folder, study: &Study) -> Result<FlightResults, JobError> {
+    let counted = FlightResults::count(folder, study, "")?;
     model_file::write(folder.flights(), &counted)?;
     Ok(counted)
 }
@@ -391,33 +376,31 @@ pub fn count(folder: &Folder, study: &Study, is_full: bool) -> Result<FlightResu
 /// a twin cannot be simulated.
 pub fn fly_sealed(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     scenarios: &[Scenario],
     record: &OpeningRecord,
     crew: &Crew,
 ) -> Result<SealedResults, JobError> {
     flights(study)?;
     scenarios.iter().try_for_each(|&scenario| diagnoser(folder, scenario).map(drop))?;
-    let hash =
-        |&scenario: &Scenario| Ok(Basis::of(folder, (study, is_full), scenario)?.diagnoser_sha256);
+    let hash = |&scenario: &Scenario| Ok(Basis::of(folder, study, scenario)?.diagnoser_sha256);
     let hashes = scenarios.iter().map(hash).collect::<Result<Vec<_>, JobError>>()?;
     let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-    let size = if is_full { "full" } else { "small" };
     let opening = record.open(&SealedSubject {
         study: &study.name,
         study_text: &study.text,
         diagnoser_sha256: sha256_of_text(&hashes.join(" ")),
-        judged: format!("{size} sizes: {}", names.join(" and ")),
+        judged: names.join(" and "),
     })?;
-    for suite in [JUDGE, UNSEEN].into_iter().filter_map(|name| study.suite(name, is_full)) {
+    for suite in [JUDGE, UNSEEN].into_iter().filter_map(|name| study.suite(name)) {
         let name = format!("{SEALED}{}", suite.name);
         let mut suite = suite.clone().with_seed(opening.seed);
         suite.name = name;
         for &scenario in scenarios {
-            outcomes::fly(folder, (study, is_full), &suite, scenario, crew)?;
+            outcomes::fly(folder, study, &suite, scenario, crew)?;
         }
     }
-    let results = FlightResults::count(folder, (study, is_full), SEALED)?;
+    let results = FlightResults::count(folder, study, SEALED)?;
     // Everything but the last line of the record counts as aborted, until the results are there.
     let openings = record.count()?;
     let without_result = openings.without_result.saturating_sub(1);

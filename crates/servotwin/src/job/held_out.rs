@@ -4,8 +4,8 @@
 
 use super::JobError;
 use super::outcomes::watching;
-use crate::flight::outcome::FlightOutcome;
 use crate::flight::watched;
+use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::study::suites::{HARD_NEGATIVES, HELD_OUT, LEARN};
 use crate::study::{Scenario, Study, Suite};
@@ -22,15 +22,15 @@ const STEP_NATS: f64 = 1.0;
 /// [`JobError::UnsafeInHealth`] if no margin suffices; [`JobError::HeldOutFailed`] if a flight cannot be finished; a twin
 /// cannot be simulated.
 pub(crate) fn with_margin(
-    (study, is_full): (&Study, bool),
+    study: &Study,
     scenario: Scenario,
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Diagnoser, JobError> {
-    let suite = study.suite(HELD_OUT, is_full).filter(|suite| suite.environments > 0);
+    let suite = study.suite(HELD_OUT).filter(|suite| suite.environments > 0);
     let Some(suite) = suite else { return Ok(diagnoser) };
     let (allowed, most_nats) = (diagnoser.tuning.pending_share, diagnoser.tuning.clip_nats);
-    let taught = [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name, is_full));
+    let taught = [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name));
     let learned = taught.map(|suite| suite.environments).sum();
     let evidence = smallest_margin((learned, suite.scatter), (allowed, most_nats), |margin| {
         fly(study, suite, scenario, diagnoser.with_shutdown_margin(margin), workers)
@@ -62,7 +62,7 @@ fn finished(scenario: Scenario, evidence: &HealthyEvidence) -> Result<(), JobErr
 fn smallest_margin(
     (learned, scatter): (usize, f64),
     (allowed, most_nats): (f64, f64),
-    mut fly: impl FnMut(ShutdownMargin) -> Result<Vec<FlightOutcome>, JobError>,
+    mut fly: impl FnMut(ShutdownMargin) -> Result<Vec<RunOutcome>, JobError>,
 ) -> Result<HealthyEvidence, JobError> {
     let (mut added, mut shutdowns_before) = (ShutdownMargin::default(), None);
     loop {
@@ -70,7 +70,7 @@ fn smallest_margin(
         let finished = || outcomes.iter().filter(|row| row.is_finished);
         let shutdowns = finished().filter(|row| row.early_shutdowns > 0).count() as u64;
         let shutdowns_before = *shutdowns_before.get_or_insert(shutdowns);
-        let largest = |of: fn(&FlightOutcome) -> f64| finished().map(of).fold(0.0, f64::max);
+        let largest = |of: fn(&RunOutcome) -> f64| finished().map(of).fold(0.0, f64::max);
         let [uncorrected, corrected] =
             [largest(|row| row.shutdown_evidence), largest(|row| row.corrected_shutdown_evidence)];
         let mut has_grown = false;
@@ -105,7 +105,7 @@ fn fly(
     scenario: Scenario,
     diagnoser: Diagnoser,
     workers: Workers,
-) -> Result<Vec<FlightOutcome>, JobError> {
+) -> Result<Vec<RunOutcome>, JobError> {
     let watching = watching(suite, &Arc::new(diagnoser));
     let watching = watching.map_err(|error| JobError::Evaluation(error.into()))?;
     let (place, parts) = ((study, suite, scenario), watched::parts(study, suite));
@@ -125,20 +125,20 @@ mod tests {
     /// limit for each nat.
     fn falling(
         evidence: &[[f64; 2]],
-    ) -> impl FnMut(ShutdownMargin) -> Result<Vec<FlightOutcome>, JobError> {
+    ) -> impl FnMut(ShutdownMargin) -> Result<Vec<RunOutcome>, JobError> {
         move |margin| {
             let flight = |[uncorrected, corrected]: &[f64; 2]| {
                 let fallen = |evidence: f64, nats: f64| (evidence - 0.25 * nats).max(0.0);
-                let outcome = FlightOutcome {
+                let outcome = RunOutcome {
                     is_finished: true,
                     shutdown_evidence: fallen(*uncorrected, margin.uncorrected_nats),
                     corrected_shutdown_evidence: fallen(*corrected, margin.baseline_corrected_nats),
-                    ..FlightOutcome::default()
+                    ..RunOutcome::default()
                 };
                 let early_shutdowns = u64::from(outcome.largest_shutdown_evidence() >= 1.0);
-                FlightOutcome { early_shutdowns, ..outcome }
+                RunOutcome { early_shutdowns, ..outcome }
             };
-            let failed = FlightOutcome { shutdown_evidence: 9.0, ..FlightOutcome::default() };
+            let failed = RunOutcome { shutdown_evidence: 9.0, ..RunOutcome::default() };
             Ok(evidence.iter().map(flight).chain([failed]).collect())
         }
     }

@@ -4,10 +4,10 @@
 use super::flights::{Crew, diagnoser};
 use super::{Folder, JobError};
 use crate::files::create_folder;
-use crate::flight::judge::HealthyMetrics;
-use crate::flight::outcome::{self, FlightOutcome};
 use crate::flight::watched::{self, Watching};
 use crate::manifest::{sha256, sha256_of_text};
+use crate::measure::flights::HealthyMetrics;
+use crate::measure::outcome::{self, RunOutcome};
 use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::part::{self, PartFiles};
@@ -50,8 +50,6 @@ impl From<&Suite> for SuiteSize {
 /// What suites of a scenario are flown with.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Basis {
-    /// Whether the suites have the study's full sizes.
-    pub is_full: bool,
     /// The hash of the diagnoser's file.
     pub diagnoser_sha256: String,
     /// The hash of the study file.
@@ -65,13 +63,8 @@ impl Basis {
     ///
     /// # Errors
     /// The diagnoser's file cannot be read.
-    pub fn of(
-        folder: &Folder,
-        (study, is_full): (&Study, bool),
-        scenario: Scenario,
-    ) -> Result<Self, JobError> {
+    pub fn of(folder: &Folder, study: &Study, scenario: Scenario) -> Result<Self, JobError> {
         Ok(Basis {
-            is_full,
             diagnoser_sha256: sha256(&folder.diagnoser(scenario))?,
             study_sha256: sha256_of_text(&study.text),
             system_sha256: sha256_of_text(&study.system.text),
@@ -95,13 +88,13 @@ pub struct FlownSuite {
     /// What became of the calibration flights, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
     /// One outcome for each run and diagnosis, by run.
-    pub outcomes: Vec<FlightOutcome>,
+    pub outcomes: Vec<RunOutcome>,
 }
 
 impl FlownSuite {
     pub(super) fn new(
         folder: &Folder,
-        (study, is_full): (&Study, bool),
+        study: &Study,
         suite: &Suite,
         scenario: Scenario,
     ) -> Result<Self, JobError> {
@@ -110,7 +103,7 @@ impl FlownSuite {
             scenario: scenario.name().into(),
             seed: suite.seed,
             runs: in_words(suite),
-            basis: Basis::of(folder, (study, is_full), scenario)?,
+            basis: Basis::of(folder, study, scenario)?,
             calibration: None,
             outcomes: vec![],
         })
@@ -123,7 +116,7 @@ impl FlownSuite {
 
     /// The counts of the time without a fault in all finished runs.
     pub fn healthy(&self) -> HealthyMetrics {
-        let finished: Vec<&FlightOutcome> =
+        let finished: Vec<&RunOutcome> =
             self.outcomes.iter().filter(|row| row.is_finished).collect();
         HealthyMetrics::new(&finished)
     }
@@ -142,13 +135,12 @@ impl FlownSuite {
     }
 
     /// What determines the runs.
-    pub(super) fn origin(&self) -> [(&'static str, String); 8] {
+    pub(super) fn origin(&self) -> [(&'static str, String); 7] {
         let FlownSuite { suite, scenario, seed, runs, basis, .. } = self;
         [
             ("suite", suite.clone()),
             ("scenario", scenario.clone()),
             ("seed", seed.to_string()),
-            ("size", if basis.is_full { "full" } else { "small" }.into()),
             ("runs", runs.clone()),
             ("diagnoser_sha256", basis.diagnoser_sha256.clone()),
             ("study_sha256", basis.study_sha256.clone()),
@@ -187,7 +179,6 @@ impl FlownSuite {
             seed: text("seed").parse().unwrap_or_default(),
             runs: text("runs"),
             basis: Basis {
-                is_full: text("size") == "full",
                 diagnoser_sha256: text("diagnoser_sha256"),
                 study_sha256: text("study_sha256"),
                 system_sha256: text("system_sha256"),
@@ -198,7 +189,7 @@ impl FlownSuite {
     }
 
     /// Takes what became of other runs.
-    fn take(&mut self, outcomes: Vec<FlightOutcome>, calibration: Option<CalibrationRecords>) {
+    fn take(&mut self, outcomes: Vec<RunOutcome>, calibration: Option<CalibrationRecords>) {
         self.outcomes.extend(outcomes);
         if let Some(more) = calibration {
             self.calibration.get_or_insert_default().add(more);
@@ -245,13 +236,13 @@ struct FlownParts<'f> {
 impl<'f> FlownParts<'f> {
     fn new(
         folder: &Folder,
-        (study, is_full): (&'f Study, bool),
+        study: &'f Study,
         suite: &'f Suite,
         scenario: Scenario,
     ) -> Result<Self, JobError> {
         let model = Arc::new(diagnoser(folder, scenario)?);
         let watching = watching(suite, &model);
-        let empty = FlownSuite::new(folder, (study, is_full), suite, scenario)?;
+        let empty = FlownSuite::new(folder, study, suite, scenario)?;
         let mut mark = part::model_mark(study);
         empty.origin().into_iter().for_each(|(key, value)| _ = mark.add(key).add(&value));
         create_folder(folder.parts())?;
@@ -286,7 +277,7 @@ impl<'f> FlownParts<'f> {
                 self.files.parts[part].iter().map(move |&number| (number as u64, part))
             });
             let part_of: BTreeMap<u64, usize> = part_of.collect();
-            let mut rows: BTreeMap<usize, Vec<FlightOutcome>> = BTreeMap::new();
+            let mut rows: BTreeMap<usize, Vec<RunOutcome>> = BTreeMap::new();
             for outcome in flown.outcomes {
                 rows.entry(part_of[&outcome.number]).or_default().push(outcome);
             }
@@ -326,12 +317,12 @@ pub(super) fn stem(suite: &Suite, scenario: Scenario) -> String {
 /// The diagnoser is missing; a twin cannot be simulated; a file cannot be read or written.
 pub fn fly(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     suite: &Suite,
     scenario: Scenario,
     crew: &Crew,
 ) -> Result<FlownSuite, JobError> {
-    let parts = FlownParts::new(folder, (study, is_full), suite, scenario)?;
+    let parts = FlownParts::new(folder, study, suite, scenario)?;
     parts.fly(&parts.files.all(), crew)?;
     let joined = parts.joined()?;
     let path = folder.outcomes(&suite.name, scenario.name());
@@ -348,12 +339,12 @@ pub fn fly(
 /// As [`fly`].
 pub(super) fn fly_parts(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     (suite, scenario): (&Suite, Scenario),
     parts: &[usize],
     crew: &Crew,
 ) -> Result<(), JobError> {
-    FlownParts::new(folder, (study, is_full), suite, scenario)?.fly(parts, crew)
+    FlownParts::new(folder, study, suite, scenario)?.fly(parts, crew)
 }
 
 /// Flies one run of a suite for judging with the stored diagnoser, to the bit as among all others. Returns one outcome for
@@ -363,12 +354,12 @@ pub(super) fn fly_parts(
 /// [`JobError::NoRun`]; the diagnoser is missing; a twin cannot be simulated.
 pub fn fly_run(
     folder: &Folder,
-    (study, is_full): (&Study, bool),
+    study: &Study,
     name: &RunName,
     workers: Workers,
-) -> Result<Vec<FlightOutcome>, JobError> {
+) -> Result<Vec<RunOutcome>, JobError> {
     let none = || JobError::NoRun { name: name.to_string() };
-    let suite = study.suite(&name.suite, is_full).ok_or_else(none)?;
+    let suite = study.suite(&name.suite).ok_or_else(none)?;
     let is_known = suite.is_unseen || name.number < plan::count(study, suite);
     if !is_known || suite.purpose != Purpose::Test {
         return Err(none());

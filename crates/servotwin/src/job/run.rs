@@ -53,8 +53,6 @@ pub enum StudyEvent<'e> {
         /// The number of stages.
         of: usize,
     },
-    /// Full flights were already measured; their results stay.
-    FlightsKept,
     /// Flights are being simulated.
     Flying {
         /// The task at hand.
@@ -160,22 +158,17 @@ impl<'r> StudyRun<'r> {
         if dropped > 0 {
             (self.observer)(&StudyEvent::Removed { files: dropped });
         }
-        let before = flights::results(&self.folder)?;
-        let is_kept = before.as_ref().is_some_and(|results| results.is_full_of(study));
         let mut flown = flights::scenarios(study);
         flown.retain(|scenario| self.only.is_none_or(|only| only == *scenario));
-        let flies = study.flights.is_some() && study.is_full && !is_kept && !flown.is_empty();
+        let flies = study.flights.is_some() && study.is_full && !flown.is_empty();
         let (evaluation, stages) = self.scenarios(usize::from(flies))?;
         self.check()?;
         let flights = if flies {
             (self.observer)(&StudyEvent::Began { stage: stages, of: stages });
             Some(self.fly(&flown)?)
         } else {
-            before
+            flights::results(&self.folder)?
         };
-        if is_kept {
-            (self.observer)(&StudyEvent::FlightsKept);
-        }
         self.check()?;
         Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: Some(hold) })
     }
@@ -243,7 +236,7 @@ impl<'r> StudyRun<'r> {
         let progress =
             |what: &str, share: f64| (self.observer)(&StudyEvent::Flying { what, share });
         let crew = Crew { workers: self.workers, progress: &progress };
-        let results = flights::fly_all(&self.folder, (self.study, false), scenarios, &crew)?;
+        let results = flights::fly_all(&self.folder, self.study, scenarios, &crew)?;
         (self.observer)(&StudyEvent::Flown(&results));
         Ok(results)
     }

@@ -28,13 +28,11 @@ pub struct Task {
     pub needs: Vec<String>,
 }
 
-/// A study in one of its sizes, and the folder of its results.
+/// A study, and the folder of its results.
 #[derive(Clone, Copy)]
 pub struct Place<'p> {
     /// The study.
     pub study: &'p Study,
-    /// Whether the suites have their full sizes.
-    pub is_full: bool,
     /// Suites that stand in for those of the study.
     pub changed: &'p [Suite],
     /// The output folder.
@@ -45,7 +43,7 @@ impl<'p> Place<'p> {
     /// A suite of records or flights whose runs are tasks.
     fn suite(&self, name: &str) -> Result<&'p Suite, JobError> {
         let changed = self.changed.iter().find(|suite| suite.name == name);
-        let suite = changed.or_else(|| self.study.suite(name, self.is_full));
+        let suite = changed.or_else(|| self.study.suite(name));
         suite.filter(|suite| suite.purpose != Purpose::Tune).ok_or_else(|| JobError::NoSuite {
             name: name.into(),
             known: known(self.study).collect::<Vec<_>>().join(", "),
@@ -55,7 +53,7 @@ impl<'p> Place<'p> {
 
 /// The names of suites whose tasks a study has: all records, all flights, and each suite of flights.
 fn known(study: &Study) -> impl Iterator<Item = &str> {
-    let flown = study.suites(false).filter(|suite| suite.purpose != Purpose::Tune);
+    let flown = study.suites().filter(|suite| suite.purpose != Purpose::Tune);
     [RECORDS, FLIGHTS].into_iter().chain(flown.map(|suite| suite.name.as_str()))
 }
 
@@ -69,17 +67,16 @@ pub fn tasks(
     suites: &[String],
     scenarios: impl Fn(Scenario) -> bool,
 ) -> Result<Vec<Task>, JobError> {
-    let Place { study, is_full, .. } = place;
+    let study = place.study;
     let mut tasks = vec![];
     for name in suites {
         match name.as_str() {
             RECORDS => tasks.extend(of_records(place, &scenarios)?),
             FLIGHTS => {
                 flights::flights(study)?;
-                let judged = study.suites(is_full).filter(|suite| flights::is_usual(suite));
-                let taught = [LEARN, HARD_NEGATIVES]
-                    .into_iter()
-                    .filter_map(|name| study.suite(name, is_full));
+                let judged = study.suites().filter(|suite| flights::is_usual(suite));
+                let taught =
+                    [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name));
                 let all: Vec<&Suite> = taught.chain(judged).collect();
                 for scenario in flights::scenarios(study).into_iter().filter(|&s| scenarios(s)) {
                     tasks.extend(all.iter().flat_map(|suite| of_suite(place, suite, scenario)));
@@ -178,7 +175,7 @@ fn run_parts(
     parts: &[usize],
     crew: &Crew,
 ) -> Result<(), JobError> {
-    let Place { study, is_full, folder, .. } = place;
+    let Place { study, folder, .. } = place;
     let mut of_records = Purpose::OF_RECORDS.into_iter();
     if let Some(purpose) = of_records.find(|&purpose| study.records(purpose).name == suite) {
         let campaign = campaign(place, scenarios.to_vec(), purpose);
@@ -187,7 +184,7 @@ fn run_parts(
         return Ok(());
     }
     let known = place.suite(suite)?;
-    let (own, size) = ((known, scenarios[0]), (study, is_full));
+    let (own, size) = ((known, scenarios[0]), study);
     match known.purpose {
         Purpose::Train => flights::fly_to_learn(folder, size, own, parts, crew),
         _ => outcomes::fly_parts(folder, size, own, parts, crew),
@@ -204,7 +201,7 @@ fn rows_of<'c>(suite: &'c str, crew: &'c Crew) -> impl Fn(usize, usize) + Sync +
 /// # Errors
 /// Parts of the flights that it comes from are missing; the work behind it fails; the file cannot be written.
 pub fn prepare(place: Place, file: &str, crew: &Crew) -> Result<(), JobError> {
-    let Place { study, is_full, folder, .. } = place;
+    let Place { study, folder, .. } = place;
     let path = folder.path().join(file);
     let workers = crew.workers;
     for purpose in Purpose::OF_RECORDS {
@@ -213,14 +210,14 @@ pub fn prepare(place: Place, file: &str, crew: &Crew) -> Result<(), JobError> {
             return Ok(Campaign { workers, ..campaign }.calibrate()?);
         }
     }
-    let design = |scenario| flights::design(folder, (study, is_full), scenario, workers);
+    let design = |scenario| flights::design(folder, study, scenario, workers);
     for scenario in flights::scenarios(study) {
         if path == folder.spreads(scenario) {
             return design(scenario).map(drop);
         } else if path == folder.bands(scenario) {
-            return flights::learned_bands(folder, &design(scenario)?, is_full).map(drop);
+            return flights::learned_bands(folder, &design(scenario)?).map(drop);
         } else if path == folder.diagnoser(scenario) {
-            return flights::learn(folder, (study, is_full), scenario, crew).map(drop);
+            return flights::learn(folder, study, scenario, crew).map(drop);
         }
     }
     Ok(())
@@ -237,7 +234,7 @@ pub fn join(
     scenarios: impl Fn(Scenario) -> bool,
     crew: &Crew,
 ) -> Result<(), JobError> {
-    let Place { study, is_full, folder, .. } = place;
+    let Place { study, folder, .. } = place;
     let mut judged = vec![];
     for name in suites {
         match name.as_str() {
@@ -250,9 +247,7 @@ pub fn join(
                 }
                 data_card::write(folder, study)?;
             }
-            FLIGHTS => {
-                judged.extend(study.suites(is_full).filter(|suite| flights::is_usual(suite)))
-            }
+            FLIGHTS => judged.extend(study.suites().filter(|suite| flights::is_usual(suite))),
             name => match place.suite(name)? {
                 suite if suite.purpose == Purpose::Test => judged.push(suite),
                 suite => run(place, &tasks(place, from_ref(&suite.name), &scenarios)?, crew)?,
@@ -262,7 +257,7 @@ pub fn join(
     if !judged.is_empty() {
         let own: Vec<Scenario> =
             flights::scenarios(study).into_iter().filter(|&s| scenarios(s)).collect();
-        flights::fly(folder, (study, is_full), &judged, &own, (crew, &|share| share))?;
+        flights::fly(folder, study, &judged, &own, (crew, &|share| share))?;
     }
     manifest::write(folder, study).map(drop)
 }
@@ -280,7 +275,7 @@ pub fn run_suites(
     if suites.iter().any(|name| name == FLIGHTS) {
         flights::flights(place.study)?;
         for scenario in flights::scenarios(place.study).into_iter().filter(|&s| scenarios(s)) {
-            flights::learn(place.folder, (place.study, place.is_full), scenario, crew)?;
+            flights::learn(place.folder, place.study, scenario, crew)?;
         }
     }
     join(place, suites, scenarios, crew)

@@ -6,10 +6,10 @@
 use super::flights::{Crew, diagnoser};
 use super::outcomes::{FlownSuite, stored};
 use super::{Folder, JobError};
-use crate::flight::outcome::FlightOutcome;
 use crate::flight::worst_case;
 use crate::flight::worst_case::cross_entropy::{CrossEntropy, GENERATION};
 use crate::flight::worst_case::space::{MAX_POINTS, SearchPoint, SearchSpace};
+use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::run::RunName;
 use crate::signal::random::NormalDeviates;
@@ -47,9 +47,9 @@ pub fn search(
     space: &SearchSpace,
     (seed, runs): (u64, usize),
     crew: &Crew,
-) -> Result<[Vec<FlightOutcome>; 2], JobError> {
+) -> Result<[Vec<RunOutcome>; 2], JobError> {
     let suite = worst_case::suite(study, space, seed).ok_or(JobError::NoFlights)?;
-    let new = FlownSuite::new(folder, (study, false), &suite, scenario)?;
+    let new = FlownSuite::new(folder, study, &suite, scenario)?;
     let path = folder.outcomes(&suite.name, scenario.name());
     let known = stored(folder, &suite.name, scenario)?.filter(|own| own.origin() == new.origin());
     let (flown, session) = (known.unwrap_or(new), session(folder, scenario)?);
@@ -93,10 +93,10 @@ impl Search<'_> {
         &mut self,
         points: &[(u64, SearchPoint)],
         workers: Workers,
-    ) -> Result<Vec<FlightOutcome>, JobError> {
+    ) -> Result<Vec<RunOutcome>, JobError> {
         let Search { study, scenario, space, suite, session, path, flown } = self;
         let rows = &mut flown.outcomes;
-        let is_stored = |rows: &[FlightOutcome], number: u64, point: &SearchPoint| {
+        let is_stored = |rows: &[RunOutcome], number: u64, point: &SearchPoint| {
             let text = space.text_of(point);
             rows.iter().any(|row| row.number == number && row.point == text)
         };
@@ -124,7 +124,7 @@ pub fn fly_again(
     study: &Study,
     (name, space): (&RunName, &SearchSpace),
     workers: Workers,
-) -> Result<Vec<FlightOutcome>, JobError> {
+) -> Result<Vec<RunOutcome>, JobError> {
     let none = || JobError::NoRun { name: name.to_string() };
     let stored = stored(folder, &name.suite, name.scenario)?.ok_or_else(none)?;
     let mut rows = stored.outcomes.iter();

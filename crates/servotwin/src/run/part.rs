@@ -331,7 +331,7 @@ mod tests {
     fn parts_hold_every_run_once_and_are_no_larger_than_one_size() {
         let study = Study::default();
         let records = Purpose::OF_RECORDS.map(|purpose| study.records(purpose));
-        let flights = study.suites(true).filter(|suite| !suite.is_unseen && !suite.is_fitted);
+        let flights = study.suites().filter(|suite| !suite.is_unseen && !suite.is_fitted);
         for suite in records.iter().chain(flights) {
             let parts = parts(&study, suite);
             let mut all: Vec<usize> = parts.iter().flatten().copied().collect();
@@ -351,11 +351,11 @@ mod tests {
     #[test]
     fn more_environments_leave_all_parts_but_the_last_one() {
         let study = Study::default();
-        let suite = study.suite(HEALTHY, false).unwrap();
+        let suite = study.suite(HEALTHY).unwrap();
         let few = parts(&study, suite);
         let more = parts(&study, &suite.clone().with_environments(2 * suite.environments));
         assert!(few.len() > 1 && few[..few.len() - 1] == more[..few.len() - 1]);
-        let judge = study.suite(JUDGE, true).unwrap();
+        let judge = study.suite(JUDGE).unwrap();
         assert!(parts(&study, judge).len() > 1);
     }
 }

@@ -253,11 +253,11 @@ mod tests {
     #[test]
     fn every_fault_is_flown_in_each_repeat_and_in_training_by_each_actuator_in_turn() {
         let study = Study::default();
-        let judge = study.suite(JUDGE, false).unwrap();
+        let judge = study.suite(JUDGE).unwrap();
         let runs = |suite: &Suite| runs(&study, suite, &(0..suite.environments));
         let faults: Vec<usize> = runs(judge).iter().filter_map(|run| run.fault).collect();
         assert_eq!(faults, (0..study.faults.len()).collect::<Vec<_>>());
-        let learn = study.suite(LEARN, false).unwrap();
+        let learn = study.suite(LEARN).unwrap();
         let taught: BTreeSet<usize> = runs(learn).iter().filter_map(|run| run.fault).collect();
         assert_eq!(taught.len(), study.faults.len(), "over the repeats, every fault has its turn");
         let each = study.faults.len() / study.units.len();
@@ -271,7 +271,7 @@ mod tests {
     #[test]
     fn in_closed_loop_every_fault_of_the_system_begins_at_half_and_full_intensity() {
         let study = Study::default();
-        let effects = study.suite(EFFECTS, false).unwrap();
+        let effects = study.suite(EFFECTS).unwrap();
         let runs = runs(&study, effects, &(0..1));
         let faults = study.system.all_faults().len();
         assert_eq!(runs.len(), 2 * faults + 1);
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn a_run_is_the_same_among_others_and_by_its_name() {
         let study = Study::default();
-        let judge = study.suite(JUDGE, false).unwrap();
+        let judge = study.suite(JUDGE).unwrap();
         let all = runs(&study, judge, &(0..judge.environments));
         assert_eq!(all.len(), count(&study, judge));
         for one in &runs(&study, judge, &(3..5)) {

@@ -6,6 +6,7 @@ use servotwin::evaluation::data_set::DataRow;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings};
 use servotwin::evaluation::{bands, evaluate, model_file, train};
+use servotwin::measure;
 use servotwin::parallel::Workers;
 use servotwin::study::Purpose;
 use servotwin::table::{Column, Table};
@@ -201,8 +202,9 @@ fn a_committee_reads_what_teaches_everybody() {
     assert_eq!([0, 1, 2, 3].map(|column| reads(committee, column)), [false, true, false, true]);
     // Where it learns anew it does not read them either.
     let unseen = Protocol::UnseenIntensity;
-    let of_trees = share(evaluation.protocol(unseen).unwrap().end_to_end);
-    let of_committee = share(evaluation.committee(unseen).unwrap().end_to_end);
+    let of_trees = share(evaluation.protocol(unseen).unwrap().rates.counted(&measure::END_TO_END));
+    let of_committee =
+        share(evaluation.committee(unseen).unwrap().rates.counted(&measure::END_TO_END));
     assert!(of_committee < 0.8 && of_trees > 0.9, "{of_committee} {of_trees}");
 }
 
@@ -230,16 +232,16 @@ fn an_easy_campaign_is_solved_under_every_protocol() {
     assert!(evaluation.committee.is_empty());
     for protocol in [Protocol::RandomThird, Protocol::UnseenIntensity] {
         let result = evaluation.protocol(protocol).unwrap();
-        assert!(share(result.end_to_end) > 0.93, "{protocol:?} {:?}", result.end_to_end);
-        let safety = result.safety.as_ref().unwrap();
-        assert!(share(Some(safety.wrong_actuator)) < 0.01);
-        assert!(share(Some(safety.missed_shutdown)) < 0.03);
+        let rate = |measure| share(result.rates.counted(measure));
+        assert!(rate(&measure::END_TO_END) > 0.93, "{protocol:?} {:?}", result.rates);
+        assert!(rate(&measure::WRONG_ACTUATOR) < 0.01);
+        assert!(rate(&measure::SHUTDOWN_MISSED) < 0.03);
     }
     let kinds = evaluation.protocol(Protocol::KindLeftOut).unwrap();
-    assert!(kinds.end_to_end.is_none());
+    assert!(kinds.rates.counted(&measure::END_TO_END).is_none());
     // A and B, and B of each actuator.
     assert_eq!(kinds.stages.len(), 4);
-    assert!(kinds.right_action.is_some() && kinds.safety.is_some());
+    assert!(kinds.rates.counted(&measure::RIGHT_ACTION_OF_ALL).is_some());
     assert_eq!(kinds.splits, KINDS.len());
     // Pooled: A, B and one detail stage for each command.
     let ids: Vec<&str> = hierarchy.stages.iter().map(|stage| stage.id.as_str()).collect();
@@ -264,9 +266,9 @@ fn detection_is_counted_against_the_known_threshold() {
 fn a_noisy_campaign_names_what_is_confused() {
     let (evaluation, ..) = evaluated(0.5, 2);
     let grouped = evaluation.protocol(Protocol::UnseenIntensity).unwrap();
-    assert!(share(grouped.end_to_end) < 0.95);
+    let end_to_end = grouped.rates.of(&measure::END_TO_END);
+    assert!(share(Some(end_to_end)) < 0.95);
     let errors: u64 = grouped.confused.iter().map(|confused| confused.count).sum();
-    let end_to_end = grouped.end_to_end.unwrap();
     assert_eq!(errors, end_to_end.of - end_to_end.count, "every error is confused with something");
 }
 
@@ -354,7 +356,15 @@ fn a_single_actuator_needs_no_stage_for_it() {
     let kinds = evaluation.protocol(Protocol::KindLeftOut).unwrap();
     let ids: Vec<&str> = kinds.stages.iter().map(|stage| stage.id.as_str()).collect();
     assert_eq!(ids, ["B"], "one actuator leaves the action to find");
-    assert!(share(evaluation.protocol(Protocol::UnseenIntensity).unwrap().end_to_end) > 0.9);
+    assert!(
+        share(
+            evaluation
+                .protocol(Protocol::UnseenIntensity)
+                .unwrap()
+                .rates
+                .counted(&measure::END_TO_END)
+        ) > 0.9
+    );
 }
 
 #[test]
@@ -403,8 +413,8 @@ fn new_commands_are_judged_with_what_training_commands_teach() {
     let (evaluation, trained) = evaluated_with(&data, &settings(), 2);
     assert_eq!(evaluation.protocols.len(), 4);
     let new = evaluation.protocol(Protocol::NewCommand).unwrap();
-    assert!(share(new.end_to_end) > 0.95, "{:?}", new.end_to_end);
-    let all = new.safety.as_ref().unwrap().missed_shutdown_of_all.unwrap();
+    assert!(share(new.rates.counted(&measure::END_TO_END)) > 0.95, "{:?}", new.rates);
+    let all = new.rates.of(&measure::SHUTDOWN_MISSED_OF_ALL);
     // One intensity of ten is never detected: those shutdowns are missed.
     assert_eq!(all.of, 2 * 2 * 10 * 3);
     assert!(share(Some(all)) >= 0.1);
@@ -505,16 +515,16 @@ fn a_kind_that_was_not_trained_may_stay_not_isolated() {
     let unknown = evaluation.isolation(Protocol::KindLeftOut).unwrap();
     let known = evaluation.isolation(Protocol::NewCommand).unwrap();
     for isolation in [unknown, known] {
-        let wrong = isolation.decided.count - isolation.right_action.count;
+        let wrong = isolation.decided.count - isolation.right_of_decided.count;
         let either = isolation.right_or_not_isolated;
         assert_eq!(either.count + wrong, either.of);
-        assert_eq!(isolation.right_action.of, isolation.decided.count);
+        assert_eq!(isolation.right_of_decided.of, isolation.decided.count);
         let of_kinds: u64 = isolation.wrong_kinds.iter().map(|(_, rate)| rate.count).sum();
         assert_eq!(of_kinds, wrong);
     }
     // Every kind moves the residuals in a direction of its own, so a kind that is left out resembles no other.
     assert!(share(Some(unknown.decided)) < 0.1, "{:?}", unknown.decided);
-    assert_eq!(unknown.safety.wrong_actuator_shutdown.count, 0);
+    assert_eq!(unknown.rates.of(&measure::WRONG_SHUTDOWN).count, 0);
     assert!(share(Some(known.right_or_not_isolated)) > 0.99);
     assert!(share(Some(known.decided)) > 0.9);
 }

@@ -4,9 +4,6 @@
 use crate::folder::Folder as Scratch;
 use servotwin::evaluation::model_file::write_model;
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
-use servotwin::flight::judge::{FlightGroup, FlightMetrics};
-use servotwin::flight::measure;
-use servotwin::flight::outcome::{FlightOutcome, Needed};
 use servotwin::flight::training_windows::LeftOut;
 use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
 use servotwin::flight::watched;
@@ -14,6 +11,9 @@ use servotwin::job::flights::{Crew, fly_all, learn};
 use servotwin::job::outcomes::{self, watching};
 use servotwin::job::tasks::{Place, run, tasks};
 use servotwin::job::{Folder, JobError};
+use servotwin::measure;
+use servotwin::measure::flights::{FlightGroup, FlightMetrics};
+use servotwin::measure::outcome::{Needed, RunOutcome};
 use servotwin::parallel::Workers;
 use servotwin::run::other_plant::OtherPlants;
 use servotwin::run::part::PARTS;
@@ -72,7 +72,7 @@ pub fn study() -> &'static Study {
 
 fn learned(folder: &Scratch, scenario: Scenario, threads: usize) -> Diagnoser {
     let crew = Crew { workers: Workers::new(threads), progress: &|_, _| () };
-    learn(&Folder::new(&folder.0), (study(), false), scenario, &crew).unwrap()
+    learn(&Folder::new(&folder.0), study(), scenario, &crew).unwrap()
 }
 
 pub fn diagnoser() -> &'static Arc<Diagnoser> {
@@ -81,18 +81,18 @@ pub fn diagnoser() -> &'static Arc<Diagnoser> {
 }
 
 fn suite(name: &str) -> &'static Suite {
-    study().suite(name, false).unwrap()
+    study().suite(name).unwrap()
 }
 
 /// The outcomes of a suite, watched by the diagnoser.
-fn outcomes(name: &str, threads: usize) -> Vec<FlightOutcome> {
+fn outcomes(name: &str, threads: usize) -> Vec<RunOutcome> {
     let (place, own) = ((study(), suite(name), Scenario::Noise), Workers::new(threads));
     let watching = watching(suite(name), diagnoser()).unwrap();
     let count = if name == UNSEEN { 1000 } else { plan::count(study(), place.1) };
     watched::fly(place, &watching, &(0..count).collect::<Vec<_>>(), own, &|_| ()).unwrap().outcomes
 }
 
-fn measured(rows: &[FlightOutcome]) -> FlightMetrics {
+fn measured(rows: &[RunOutcome]) -> FlightMetrics {
     let [suite, scenario, missing] = [JUDGE, "noise", ""].map(String::from);
     FlightMetrics::of(study(), FlightGroup { suite, scenario, missing }, 1.0, diagnoser(), rows)
 }
@@ -101,11 +101,11 @@ fn measured(rows: &[FlightOutcome]) -> FlightMetrics {
 fn all_actions_that_switch_off_are_judged_together() {
     let watched = outcomes(JUDGE, 2);
     let judged = |off: &[&str]| {
-        let needs_shutdown = |row: &FlightOutcome| off.contains(&row.action.as_str());
+        let needs_shutdown = |row: &RunOutcome| off.contains(&row.action.as_str());
         let rows = watched
             .iter()
-            .map(|row| FlightOutcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
-        let rows: Vec<FlightOutcome> = rows.collect();
+            .map(|row| RunOutcome { needs_shutdown: needs_shutdown(row), ..row.clone() });
+        let rows: Vec<RunOutcome> = rows.collect();
         let metrics = measured(&rows);
         [
             metrics.rates.of(&measure::ISOLATED_IN_TIME).of,
@@ -222,7 +222,7 @@ fn hard_negatives_change_what_health_looks_like_and_no_band() {
         Folder::new(std::env::temp_dir().join(format!("servotwin-few-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let without = learn(&folder, (&few, false), Scenario::Noise, &crew).unwrap();
+    let without = learn(&folder, &few, Scenario::Noise, &crew).unwrap();
     std::fs::remove_dir_all(folder.path()).unwrap();
     let [with, without] = [&**diagnoser(), &without].map(|diagnoser| &diagnoser.lengths[0].panel);
     assert_eq!(with.bands, without.bands);
@@ -242,9 +242,9 @@ fn parts_that_are_lost_or_damaged_are_flown_again_to_the_same_bytes() {
     let folder = Scratch::new("parts");
     let results = Folder::new(&folder.0);
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let (place, scenario) = ((study(), false), Scenario::Noise);
+    let (place, scenario) = (study(), Scenario::Noise);
     // Hard negatives need the windows of all flights to learn from.
-    let of = Place { study: study(), is_full: false, changed: &[], folder: &results };
+    let of = Place { study: study(), changed: &[], folder: &results };
     let fly = |name: &str| {
         let tasks = tasks(of, &[name.into()], |own| own == scenario).unwrap();
         assert_eq!(tasks.len(), 1);
@@ -274,7 +274,7 @@ fn parts_that_are_lost_or_damaged_are_flown_again_to_the_same_bytes() {
 fn shares_of_a_suite_join_to_the_bytes_of_an_undivided_one() {
     let (alone, shared) = (Scratch::new("alone"), Scratch::new("shared"));
     let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let (place, scenario) = ((study(), false), Scenario::Noise);
+    let (place, scenario) = (study(), Scenario::Noise);
     let many = suite(HEALTHY).clone().with_environments(300);
     let [alone, shared] = [&alone, &shared].map(|folder| Folder::new(&folder.0));
     for folder in [&alone, &shared] {
@@ -282,7 +282,7 @@ fn shares_of_a_suite_join_to_the_bytes_of_an_undivided_one() {
     }
     outcomes::fly(&alone, place, &many, scenario, &crew).unwrap();
     let changed = [many.clone()];
-    let of = Place { study: study(), is_full: false, changed: &changed, folder: &shared };
+    let of = Place { study: study(), changed: &changed, folder: &shared };
     let mut tasks = tasks(of, &[HEALTHY.into()], |own| own == scenario).unwrap();
     tasks.reverse();
     run(of, &tasks, &crew).unwrap();
@@ -371,7 +371,7 @@ impl Observer for Samples {
 /// Flies a fault and a healthy flight; with the plants of a section if there is one.
 fn samples(section: Option<&str>) -> Vec<Samples> {
     let study = with_other_plant(section.unwrap_or_default());
-    let suite = study.suite(OTHER_STRUCTURE, false).unwrap();
+    let suite = study.suite(OTHER_STRUCTURE).unwrap();
     let plants = OtherPlants::of(&study, suite).unwrap().filter(|_| section.is_some());
     let all = 0..suite.environments;
     let mut runs = plan::runs(&study, suite, &all);
@@ -440,7 +440,7 @@ fn left_beside(is_fitted: bool) -> f64 {
                   judge = 4\nlearn = 4\nin_each_case = 2\n";
     let study = Study::parse(&format!("{head}{rest}{fitted}"), "tiny.toml").unwrap();
     let name = if is_fitted { OTHER_STRUCTURE_FITTED } else { OTHER_STRUCTURE };
-    let suite = study.suite(name, false).unwrap();
+    let suite = study.suite(name).unwrap();
     let (plants, all) = (OtherPlants::of(&study, suite).unwrap(), 0..suite.environments);
     let mut runs = plan::runs(&study, suite, &all);
     let healthy = runs.iter().rposition(|run| run.fault.is_none()).unwrap();
@@ -480,7 +480,7 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     let (folder, crew) =
         (Folder::new(&path), Crew { workers: Workers::new(2), progress: &|_, _| () });
     let scenario = [Scenario::Realistic];
-    let results = fly_all(&folder, (&study, false), &scenario, &crew).unwrap();
+    let results = fly_all(&folder, &study, &scenario, &crew).unwrap();
     let taught = std::fs::read(folder.diagnoser(Scenario::Realistic)).unwrap();
     let other = results.of_suite(OTHER_STRUCTURE).next().unwrap();
     assert_eq!((other.group.scenario.as_str(), other.flights, other.failed), ("realistic", 16, 0));
@@ -489,7 +489,7 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     assert_eq!(judged.len(), 1, "it is no further scenario");
     assert!(text(&other.classes) != text(&judged[0].classes));
     // Without such plants the diagnoser is the same.
-    learn(&folder, (self::study(), false), scenario[0], &crew).unwrap();
+    learn(&folder, self::study(), scenario[0], &crew).unwrap();
     assert!(taught == std::fs::read(folder.diagnoser(Scenario::Realistic)).unwrap());
     std::fs::remove_dir_all(&path).unwrap();
 }

@@ -22,10 +22,10 @@ fn drawn(study: &Study, suite: &Suite) -> BTreeSet<String> {
 #[test]
 fn another_seed_draws_other_environments_and_so_does_another_suite() {
     let study = study("").unwrap();
-    let judge = study.suite(JUDGE, false).unwrap();
+    let judge = study.suite(JUDGE).unwrap();
     let sealed = |seed: &u64| judge.clone().with_seed(*seed);
     let [first, last] = [SEALED_SEEDS.start(), SEALED_SEEDS.end()].map(sealed);
-    let learn = study.suite(LEARN, false).unwrap();
+    let learn = study.suite(LEARN).unwrap();
     let suites = [judge, &first, &last, learn];
     let all: BTreeSet<String> = suites.iter().flat_map(|suite| drawn(&study, suite)).collect();
     let count: usize = suites.iter().map(|suite| suite.environments).sum();

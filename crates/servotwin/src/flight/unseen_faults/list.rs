@@ -1,7 +1,7 @@
 //! The unseen faults, which no training data contain: one line each in `faults.txt`.
 
 use super::effect::{Effect, EffectKind, Who};
-use crate::flight::outcome::Needed;
+use crate::measure::outcome::Needed;
 use std::sync::LazyLock;
 
 /// A fault without training data.

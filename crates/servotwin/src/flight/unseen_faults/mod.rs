@@ -10,9 +10,9 @@ pub(super) use effect::Touched;
 use list::set_names;
 pub use list::{ALL, UnseenFault};
 
-use super::judge::{Latency, latency};
-use super::outcome::{FirstAction, FlightOutcome, Needed, Word};
 use super::watched::{Truth, Watching, watch};
+use crate::measure::flights::{Latency, latency};
+use crate::measure::outcome::{FirstAction, Needed, RunOutcome, Word};
 use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};
 use crate::run::{CampaignError, Profile, Run};
@@ -45,7 +45,7 @@ pub struct Words {
 }
 
 impl Words {
-    fn count(&mut self, outcome: &FlightOutcome) {
+    fn count(&mut self, outcome: &RunOutcome) {
         let word = match (outcome.first, outcome.word) {
             (FirstAction::Right, _) => &mut self.needed,
             (FirstAction::OtherAction, _) => &mut self.other_command,
@@ -158,9 +158,9 @@ impl UnseenFaultMetrics {
 
 impl UnseenFaultMetrics {
     /// Counts the flights of a suite in a scenario.
-    pub fn of(suite: &str, scenario: &str, outcomes: &[FlightOutcome]) -> Self {
-        let of = |title: &str, is_own: &dyn Fn(&FlightOutcome) -> bool| {
-            let own: Vec<&FlightOutcome> = outcomes.iter().filter(|row| is_own(row)).collect();
+    pub fn of(suite: &str, scenario: &str, outcomes: &[RunOutcome]) -> Self {
+        let of = |title: &str, is_own: &dyn Fn(&RunOutcome) -> bool| {
+            let own: Vec<&RunOutcome> = outcomes.iter().filter(|row| is_own(row)).collect();
             (!own.is_empty()).then(|| counted(title, &own))
         };
         let of_fault = |fault: &UnseenFault| {
@@ -202,7 +202,7 @@ impl Case {
             units.iter().map(name).collect::<Vec<_>>().join(", ")
         };
         let Changes { at_fault, misinformed, .. } = &self.changes;
-        let run = FlightOutcome {
+        let run = RunOutcome {
             number: run.number as u64,
             environment: self.base as u64,
             event: title.into(),
@@ -214,7 +214,7 @@ impl Case {
             misinformed: names(misinformed),
             needed,
             needs_shutdown: needed == Needed::Shutdown,
-            ..FlightOutcome::default()
+            ..RunOutcome::default()
         };
         let (at_fault, misinformed) = (at_fault.clone(), misinformed.clone());
         Truth { run, at_fault, misinformed, objective: None }
@@ -308,7 +308,7 @@ pub(super) fn fly(
     numbers: &[usize],
     workers: Workers,
     progress: &(dyn Fn(usize) + Sync),
-) -> Result<Vec<FlightOutcome>, CampaignError> {
+) -> Result<Vec<RunOutcome>, CampaignError> {
     let Plan { cases, mut runs, told } = Plan::new(study, suite)?;
     runs.retain(|run| numbers.contains(&run.number));
     let case = |run: &Run| &cases[run.number];
@@ -336,15 +336,15 @@ pub(super) fn fly(
 }
 
 /// Counts some flights.
-fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
-    let finished: Vec<&FlightOutcome> = own.iter().copied().filter(|row| row.is_finished).collect();
+fn counted(title: &str, own: &[&RunOutcome]) -> UnseenFaultOutcome {
+    let finished: Vec<&RunOutcome> = own.iter().copied().filter(|row| row.is_finished).collect();
     let mut words = Words::default();
     finished.iter().for_each(|row| words.count(row));
     let of = finished.len() as u64;
     let count =
-        |holds: fn(&FlightOutcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
-    let is_wrong = |row: &&&FlightOutcome| row.shuts_down_healthy() || row.shutdown_misinformed;
-    let in_words = |row: &FlightOutcome| {
+        |holds: fn(&RunOutcome) -> bool| finished.iter().filter(|row| holds(row)).count() as u64;
+    let is_wrong = |row: &&&RunOutcome| row.shuts_down_healthy() || row.shutdown_misinformed;
+    let in_words = |row: &RunOutcome| {
         let of = if row.at_fault.is_empty() { &row.misinformed } else { &row.at_fault };
         let of = if of.is_empty() { String::new() } else { format!(", {of}") };
         format!("environment {}{of} at {}", row.environment, row.intensity)
@@ -355,7 +355,7 @@ fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
         needed: None,
         flights: of,
         failed: own.len() as u64 - of,
-        right_action: count(FlightOutcome::is_right),
+        right_action: count(RunOutcome::is_right),
         other_action: count(|row| row.first != FirstAction::None && !row.is_right()),
         words,
         missed_shutdowns: [
@@ -363,7 +363,7 @@ fn counted(title: &str, own: &[&FlightOutcome]) -> UnseenFaultOutcome {
             count(|row| row.needs_shutdown && !row.shutdown_at_fault),
         ],
         shutdowns_at_fault: count(|row| row.shutdown_at_fault),
-        shutdowns_healthy: count(FlightOutcome::shuts_down_healthy),
+        shutdowns_healthy: count(RunOutcome::shuts_down_healthy),
         shutdowns_behind_wrong_sensor: own
             .iter()
             .any(|row| !row.misinformed.is_empty())

@@ -10,9 +10,9 @@
 pub(crate) mod cross_entropy;
 pub mod space;
 
-use super::outcome::FlightOutcome;
 use super::tracking::TrackedQuantities;
 use super::watched::{Truth, Watching, watch};
+use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};
 use crate::run::{CampaignError, Profile, Run};
@@ -26,7 +26,7 @@ pub const INTENSITY: f64 = 1.0;
 
 /// The suite of the points of a space. `seed` is that of commands, noise and draws.
 pub(crate) fn suite(study: &Study, space: &SearchSpace, seed: u64) -> Option<Suite> {
-    let mut suite = study.suite(JUDGE, false)?.clone().with_seed(seed);
+    let mut suite = study.suite(JUDGE)?.clone().with_seed(seed);
     suite.name = space.suite();
     suite.draws = "worst_case".into();
     suite.healthy = 0;
@@ -43,7 +43,7 @@ pub(crate) fn fly(
     session: &Session,
     points: &[(u64, SearchPoint)],
     workers: Workers,
-) -> Result<Vec<FlightOutcome>, CampaignError> {
+) -> Result<Vec<RunOutcome>, CampaignError> {
     let chosen: Vec<_> = points.iter().map(|(_, point)| space.chosen(suite.seed, point)).collect();
     let environments = study.chosen_environments(&chosen)?.unwrap_or_default();
     let places = points.iter().enumerate();
@@ -57,7 +57,7 @@ pub(crate) fn fly(
         let (number, ref point) = points[run.environment];
         let planned = Truth::planned(study, run);
         let point = space.text_of(point);
-        let run = FlightOutcome { number, environment: number, point, ..planned.run };
+        let run = RunOutcome { number, environment: number, point, ..planned.run };
         Truth { run, objective: Some(space.objective), ..planned }
     };
     let watching = [Watching { session: session.clone(), missing: None }];

@@ -2,8 +2,8 @@
 //!
 //! Every flight has an environment, a specimen and noise that were not used in training.
 
-use super::measure::Rates;
-use super::outcome::FlightOutcome;
+use super::outcome::RunOutcome;
+use super::{ALL, Answers, Rates};
 use crate::run::Profile;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::study::Study;
@@ -62,13 +62,13 @@ pub struct KindLatency {
     /// From the onset until the fault was visible.
     pub detection: MedianTime,
     /// From the onset to the right action for the right actuator, where it was the first one and the fault was visible:
-    /// the flights that [`RIGHT_ACTION_OF_ALL`](super::measure::RIGHT_ACTION_OF_ALL) counts.
+    /// the flights that [`RIGHT_ACTION_OF_ALL`](super::RIGHT_ACTION_OF_ALL) counts.
     pub isolation: MedianTime,
 }
 
 impl KindLatency {
-    fn of(kind: &str, least_intensity: f64, outcomes: &[&FlightOutcome]) -> Self {
-        let isolated_s = |row: &&FlightOutcome| row.right_action_s.filter(|_| row.is_isolated());
+    fn of(kind: &str, least_intensity: f64, outcomes: &[&RunOutcome]) -> Self {
+        let isolated_s = |row: &&RunOutcome| row.right_action_s.filter(|_| row.is_isolated());
         KindLatency {
             kind: kind.into(),
             least_intensity,
@@ -118,13 +118,13 @@ pub struct Nearness {
 }
 
 impl Nearness {
-    fn new(flights: &[&FlightOutcome]) -> Self {
-        let maxima = |evidence: fn(&FlightOutcome) -> f64| -> Vec<f64> {
+    fn new(flights: &[&RunOutcome]) -> Self {
+        let maxima = |evidence: fn(&RunOutcome) -> f64| -> Vec<f64> {
             flights.iter().map(|row| evidence(row)).collect()
         };
         let largest = |maxima: &[f64]| maxima.iter().copied().fold(0.0, f64::max);
         let of_any = maxima(|row| row.evidence);
-        let of_shutdown = maxima(FlightOutcome::largest_shutdown_evidence);
+        let of_shutdown = maxima(RunOutcome::largest_shutdown_evidence);
         Nearness {
             largest_evidence: largest(&of_any),
             largest_shutdown_evidence: largest(&of_shutdown),
@@ -136,19 +136,18 @@ impl Nearness {
 
 impl HealthyMetrics {
     /// Counts the time without a fault in finished flights.
-    pub(crate) fn new(rows: &[&FlightOutcome]) -> Self {
-        let sum = |of: fn(&FlightOutcome) -> u64| rows.iter().map(|row| of(row)).sum::<u64>();
+    pub(crate) fn new(rows: &[&RunOutcome]) -> Self {
+        let sum = |of: fn(&RunOutcome) -> u64| rows.iter().map(|row| of(row)).sum::<u64>();
         let (alarms, shutdowns) = (sum(|row| row.early_alarms), sum(|row| row.early_shutdowns));
         let hours = rows.iter().map(|row| row.healthy_s()).sum::<f64>() / 3600.0;
-        let environments = |count: fn(&FlightOutcome) -> u64| {
+        let environments = |count: fn(&RunOutcome) -> u64| {
             let mut alarmed = BTreeMap::new();
             for row in rows.iter().filter(|row| row.healthy_s() > 0.0) {
                 *alarmed.entry(row.environment).or_insert(false) |= count(row) > 0;
             }
             EnvironmentMetrics::new(alarmed.into_values())
         };
-        let calm: Vec<&FlightOutcome> =
-            rows.iter().copied().filter(|row| !row.is_fault()).collect();
+        let calm: Vec<&RunOutcome> = rows.iter().copied().filter(|row| !row.is_fault()).collect();
         let with_alarm = calm.iter().filter(|row| row.early_alarms > 0).count();
         let of_alarms = environments(|row| row.early_alarms);
         let is_one_each = calm.len() == rows.len() && of_alarms.flown == rows.len() as u64;
@@ -252,7 +251,7 @@ impl FlightMetrics {
         group: FlightGroup,
         limit_s: f64,
         diagnoser: &Diagnoser,
-        outcomes: &[FlightOutcome],
+        outcomes: &[RunOutcome],
     ) -> Self {
         let judged = Judged::new(study, limit_s, outcomes);
         let faults = judged.faults(|_| true);
@@ -283,13 +282,13 @@ impl FlightMetrics {
 struct Judged<'j> {
     study: &'j Study,
     limit_s: f64,
-    rows: Vec<&'j FlightOutcome>,
+    rows: Vec<&'j RunOutcome>,
     /// The first fault of each kind, and of each kind at each intensity.
     clusters: BTreeMap<(&'j str, u64), (u32, u32)>,
 }
 
 impl<'j> Judged<'j> {
-    fn new(study: &'j Study, limit_s: f64, all: &'j [FlightOutcome]) -> Self {
+    fn new(study: &'j Study, limit_s: f64, all: &'j [RunOutcome]) -> Self {
         let rows = all.iter().filter(|row| row.is_finished).collect();
         let mut kinds = BTreeMap::new();
         let mut clusters = BTreeMap::new();
@@ -302,8 +301,8 @@ impl<'j> Judged<'j> {
     }
 
     /// The flights with a fault that a choice selects.
-    fn faults(&self, choice: impl Fn(&FlightOutcome) -> bool) -> Vec<&'j FlightOutcome> {
-        let is_chosen = |row: &&FlightOutcome| row.is_fault() && choice(row);
+    fn faults(&self, choice: impl Fn(&RunOutcome) -> bool) -> Vec<&'j RunOutcome> {
+        let is_chosen = |row: &&RunOutcome| row.is_fault() && choice(row);
         self.rows.iter().copied().filter(is_chosen).collect()
     }
 
@@ -318,7 +317,7 @@ impl<'j> Judged<'j> {
     /// By kind of onset: strong faults that need a shutdown.
     fn onsets(&self) -> Vec<(String, ClassMetrics)> {
         let off = self.study.shutdowns().join(", ");
-        let is_meant = |row: &FlightOutcome| row.needs_shutdown && row.intensity >= STRONG;
+        let is_meant = |row: &RunOutcome| row.needs_shutdown && row.intensity >= STRONG;
         let one = |onset: Profile| {
             let class = self.class(&off, |row| is_meant(row) && row.profile == onset.name())?;
             Some((onset.name().to_owned(), class))
@@ -326,16 +325,16 @@ impl<'j> Judged<'j> {
         Profile::ALL.into_iter().filter_map(one).collect()
     }
 
-    fn class(&self, action: &str, choice: impl Fn(&FlightOutcome) -> bool) -> Option<ClassMetrics> {
+    fn class(&self, action: &str, choice: impl Fn(&RunOutcome) -> bool) -> Option<ClassMetrics> {
         let outcomes = self.faults(choice);
         let (first, others) = outcomes.split_first()?;
         let intensities = others.iter().fold([first.intensity; 2], |[low, high], row| {
             [low.min(row.intensity), high.max(row.intensity)]
         });
-        let visible: Vec<&FlightOutcome> =
+        let visible: Vec<&RunOutcome> =
             outcomes.iter().copied().filter(|row| row.visible_s.is_some()).collect();
         let of = visible.len() as u64;
-        let times = |of_row: fn(&FlightOutcome) -> Option<f64>| {
+        let times = |of_row: fn(&RunOutcome) -> Option<f64>| {
             latency(visible.iter().filter_map(|row| of_row(row)), of)
         };
         Some(ClassMetrics {
@@ -345,39 +344,39 @@ impl<'j> Judged<'j> {
             rates: self.rates(&outcomes),
             detection: times(|row| row.visible_s),
             isolation: times(|row| row.right_action_s),
-            isolation_since_visible: times(FlightOutcome::waited_s),
+            isolation_since_visible: times(RunOutcome::waited_s),
         })
     }
 
     /// The latency of every kind of fault from an intensity on, in the order of the study.
     fn kinds(&self, least_intensity: f64) -> Vec<KindLatency> {
-        let mut kinds: BTreeMap<u32, Vec<&FlightOutcome>> = BTreeMap::new();
+        let mut kinds: BTreeMap<u32, Vec<&RunOutcome>> = BTreeMap::new();
         for row in self.faults(|row| row.intensity >= least_intensity) {
             kinds.entry(self.clusters_of(row).0).or_default().push(row);
         }
-        let latency =
-            |own: Vec<&FlightOutcome>| KindLatency::of(&own[0].kind, least_intensity, &own);
+        let latency = |own: Vec<&RunOutcome>| KindLatency::of(&own[0].kind, least_intensity, &own);
         kinds.into_values().map(latency).collect()
     }
 
     /// The numbers of a fault's kind, and of its kind at its intensity.
-    fn clusters_of(&self, row: &FlightOutcome) -> (u32, u32) {
+    fn clusters_of(&self, row: &RunOutcome) -> (u32, u32) {
         let key = (row.kind.as_str(), row.intensity.to_bits());
         self.clusters.get(&key).copied().unwrap_or_default()
     }
 
     /// The share of flights that satisfy a condition. Faults of one kind at one intensity are correlated, and so are those
     /// of one kind; the interval is over whole clusters.
-    fn rate(&self, outcomes: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool) -> Rate {
-        let trial = |row: &&FlightOutcome| {
+    fn rate(&self, outcomes: &[&RunOutcome], holds: &dyn Fn(&RunOutcome) -> bool) -> Rate {
+        let trial = |row: &&RunOutcome| {
             let (kind, cluster) = self.clusters_of(row);
             Trial { cluster, kind, holds: holds(row) }
         };
         Rate::clustered(&outcomes.iter().map(trial).collect::<Vec<_>>())
     }
 
-    fn rates(&self, faults: &[&'j FlightOutcome]) -> Rates {
-        Rates::count(self.study, self.limit_s, faults, |of, holds| self.rate(of, holds))
+    fn rates(&self, faults: &[&'j RunOutcome]) -> Rates {
+        let answers = Answers::of(self.study);
+        Rates::count((ALL, self.limit_s), answers, faults, |of, holds| self.rate(of, holds))
     }
 
     /// The kinds of fault in which a healthy actuator was shut down, with the number of flights.
@@ -396,7 +395,7 @@ impl<'j> Judged<'j> {
 /// Times at which shares are reported, s.
 const TIMES_S: [f64; 10] = [0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0];
 
-pub(super) fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Latency> {
+pub(crate) fn latency(times_s: impl Iterator<Item = f64>, of: u64) -> Option<Latency> {
     let mut times_s: Vec<f64> = times_s.collect();
     times_s.sort_by(f64::total_cmp);
     let last = times_s.len().checked_sub(1)?;
@@ -421,11 +420,11 @@ mod tests {
 
     #[test]
     fn a_late_correction_and_an_action_for_an_invisible_fault_are_no_isolation() {
-        let outcome = |visible_s: Option<f64>, first: FirstAction| FlightOutcome {
+        let outcome = |visible_s: Option<f64>, first: FirstAction| RunOutcome {
             visible_s,
             right_action_s: Some(2.0),
             first,
-            ..FlightOutcome::default()
+            ..RunOutcome::default()
         };
         let outcomes = [
             outcome(Some(1.0), FirstAction::Right),

@@ -1,5 +1,5 @@
-//! Outcomes: what was flown, and what a diagnosis did. One row for each flight and diagnosis; everything that is reported
-//! of flights is counted from these rows.
+//! Outcomes: what was simulated, and what a diagnosis did. One row for each run and diagnosis; everything that is reported
+//! of runs is counted from these rows.
 
 use crate::campaign::columns::DIMENSIONLESS;
 use crate::table::{Column, Table, TableError, Values};
@@ -66,7 +66,7 @@ macro_rules! outcome {
         /// A flight, and what one diagnosis did in it. Missing numbers are NaN in the table.
         #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields)]
-        pub struct FlightOutcome {
+        pub struct RunOutcome {
             $($(#[doc = $description])+ pub $field: $type,)+
         }
 
@@ -103,6 +103,8 @@ outcome! {
     action: String, "";
     /// Whether that action switches the actuator off.
     needs_shutdown: bool, "";
+    /// The class of the fault; empty for an event that has none.
+    class: String, "";
     /// The sensor that the diagnosis lacks during the whole flight; empty for none.
     missing: String, "";
     /// The target rate of false alarms of the diagnosis.
@@ -119,6 +121,8 @@ outcome! {
     first_action: String, "";
     /// The actuator of the first action.
     first_actuator: String, "";
+    /// The class of fault that the first action named; empty for none.
+    first_class: String, "";
     /// When the first action was raised, since the onset.
     first_action_s: Option<f64>, "s";
     /// When a right action was raised first, since the onset, whatever was raised before.
@@ -174,7 +178,7 @@ outcome! {
     travel_difference_m: Option<f64>, "m";
 }
 
-impl FlightOutcome {
+impl RunOutcome {
     /// Whether something was wrong.
     pub(crate) fn is_fault(&self) -> bool {
         self.onset_s.is_some()
@@ -188,6 +192,11 @@ impl FlightOutcome {
     /// Whether the first action was right and the fault was visible.
     pub fn is_isolated(&self) -> bool {
         self.first == FirstAction::Right && self.visible_s.is_some()
+    }
+
+    /// Whether the right action came first and named the class of the fault.
+    pub(crate) fn is_right_class(&self) -> bool {
+        self.first == FirstAction::Right && self.first_class == self.class
     }
 
     /// Whether a fault was reported after the onset: detected, unknown or named. An invalid environment or missing
@@ -221,10 +230,10 @@ impl FlightOutcome {
 }
 
 /// The table of outcomes, with a unit and a description for every column.
-pub fn table(outcomes: &[FlightOutcome]) -> Table {
-    let value = |row: &FlightOutcome| serde_json::to_value(row).expect("plain fields");
+pub fn table(outcomes: &[RunOutcome]) -> Table {
+    let value = |row: &RunOutcome| serde_json::to_value(row).expect("plain fields");
     let rows: Vec<Value> = outcomes.iter().map(value).collect();
-    let kinds = value(&FlightOutcome::default());
+    let kinds = value(&RunOutcome::default());
     let column = |&(field, unit, description): &(&str, &str, &str)| {
         let of = || rows.iter().map(|row| &row[field]);
         let values = match &kinds[field] {
@@ -246,7 +255,7 @@ pub fn table(outcomes: &[FlightOutcome]) -> Table {
 ///
 /// # Errors
 /// A column is missing, or a cell has no value that it may have.
-pub fn from_table(table: &Table) -> Result<Vec<FlightOutcome>, TableError> {
+pub fn from_table(table: &Table) -> Result<Vec<RunOutcome>, TableError> {
     let mut rows = vec![serde_json::Map::new(); table.row_count()];
     for &(field, ..) in COLUMNS {
         let column = table.column(field)?;
@@ -277,13 +286,9 @@ mod tests {
 
     #[test]
     fn a_table_keeps_every_field_with_a_unit_and_a_description() {
-        let calm = FlightOutcome {
-            number: 3,
-            duration_s: 20.0,
-            is_finished: true,
-            ..FlightOutcome::default()
-        };
-        let fault = FlightOutcome {
+        let calm =
+            RunOutcome { number: 3, duration_s: 20.0, is_finished: true, ..RunOutcome::default() };
+        let fault = RunOutcome {
             event: "actuator_1.leakage_a.leakage".into(),
             onset_s: Some(5.25),
             needed: Needed::ItsAction,

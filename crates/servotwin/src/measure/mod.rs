@@ -1,9 +1,16 @@
-//! The measures of flights, in one list. A measure is the share of some outcomes in which something happened; every file,
-//! table and page that gives such a share counts it here. A new measure is one entry.
+//! What came of runs, and the measures of it.
+//!
+//! - [`outcome`]: what was simulated and what a diagnosis did, a row for each run
+//! - this module: the measures, in one list. A measure is the share of some outcomes in which something happened; every
+//!   file, table and page that gives such a share counts it here. A new measure is one entry.
+//! - [`flights`]: the measures of a suite of flights, with latencies and false alarms
 
-use super::judge::STRONG;
-use super::outcome::{FirstAction, FlightOutcome};
+pub mod flights;
+pub mod outcome;
+
 use crate::study::Study;
+use flights::STRONG;
+use outcome::{FirstAction, RunOutcome};
 use serde::{Deserialize, Serialize};
 use servotwin_learning::metrics::Rate;
 use std::collections::BTreeMap;
@@ -20,21 +27,36 @@ pub struct Measure {
     /// In which faults it is counted.
     pub of: CountedFaults,
     /// Whether it happened; the second argument is the limit on latency, s.
-    holds: fn(&FlightOutcome, f64) -> bool,
+    holds: fn(&RunOutcome, f64) -> bool,
+}
+
+/// What a diagnosis can answer.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Answers {
+    /// Whether there are several actuators.
+    pub has_several: bool,
+    /// Whether an action switches an actuator off.
+    pub has_shutdown: bool,
+}
+
+impl Answers {
+    fn of(study: &Study) -> Self {
+        Answers { has_several: study.units.len() > 1, has_shutdown: !study.shutdowns().is_empty() }
+    }
 }
 
 /// The faults in which a measure is counted.
 pub struct CountedFaults {
     /// The faults in words.
     pub words: &'static str,
-    /// Whether a study can have such a measure.
-    applies: fn(&Study) -> bool,
+    /// Whether a diagnosis with these answers can have such a measure.
+    applies: fn(Answers) -> bool,
     /// Whether a fault is counted.
-    counts: fn(&FlightOutcome) -> bool,
+    counts: fn(&RunOutcome) -> bool,
 }
 
 impl CountedFaults {
-    const fn new(words: &'static str, counts: fn(&FlightOutcome) -> bool) -> Self {
+    const fn new(words: &'static str, counts: fn(&RunOutcome) -> bool) -> Self {
         CountedFaults { words, applies: |_| true, counts }
     }
 }
@@ -67,7 +89,7 @@ pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
 };
 
 /// A shutdown was needed, and was not the first action.
-pub(crate) const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
+pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
     name: "shutdown_missed_of_all",
     sentence: "{off} missed (of all)",
     of: CountedFaults::new(
@@ -77,12 +99,34 @@ pub(crate) const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
     holds: |row, _| !row.is_isolated(),
 };
 
+/// A shutdown was needed for a visible fault, and was not the first action.
+pub const SHUTDOWN_MISSED: Measure = Measure {
+    name: "shutdown_missed",
+    sentence: "{off} missed (of visible)",
+    of: CountedFaults::new("{off} faults of all intensities that become visible", |row| {
+        row.needs_shutdown && is_visible(row)
+    }),
+    holds: |row, _| !row.is_isolated(),
+};
+
+/// An actuator at fault was shut down, although its fault needs a milder action.
+pub const NEEDLESS_SHUTDOWN: Measure = Measure {
+    name: "needless_shutdown",
+    sentence: "needless {off}",
+    of: CountedFaults {
+        words: "faults of all intensities that need no {off} and become visible",
+        applies: |answers| answers.has_shutdown,
+        counts: |row| !row.needs_shutdown && is_visible(row),
+    },
+    holds: |row, _| row.shutdown_at_fault,
+};
+
 /// A healthy actuator was shut down, at any time after the onset.
 pub const WRONG_SHUTDOWN: Measure = Measure {
     name: "wrong_shutdown",
     sentence: "wrong {unit} {switched_off}",
     of: CountedFaults {
-        applies: |study| has_several(study) && !study.shutdowns().is_empty(),
+        applies: |answers| answers.has_several && answers.has_shutdown,
         ..EVERY_FAULT
     },
     holds: |row, _| row.shutdown_healthy,
@@ -152,6 +196,22 @@ pub const RIGHT_ACTION: Measure = Measure {
     holds: |row, _| row.first == FirstAction::Right,
 };
 
+/// The right action came first and named the class of the fault: all that is asked of a diagnosis.
+pub const END_TO_END: Measure = Measure {
+    name: "end_to_end",
+    sentence: "end to end right (of visible)",
+    of: VISIBLE_FAULT,
+    holds: |row, _| row.is_right_class(),
+};
+
+/// The same, of all faults.
+pub const END_TO_END_OF_ALL: Measure = Measure {
+    name: "end_to_end_of_all",
+    sentence: "end to end right (of all)",
+    of: EVERY_FAULT,
+    holds: |row, _| row.is_right_class() && is_visible(row),
+};
+
 /// Another action for the right actuator came first.
 pub const OTHER_ACTION: Measure = Measure {
     name: "other_action",
@@ -164,7 +224,7 @@ pub const OTHER_ACTION: Measure = Measure {
 pub const WRONG_ACTUATOR: Measure = Measure {
     name: "wrong_actuator",
     sentence: "wrong {unit} first",
-    of: CountedFaults { applies: has_several, ..VISIBLE_FAULT },
+    of: CountedFaults { applies: |answers| answers.has_several, ..VISIBLE_FAULT },
     holds: |row, _| row.first == FirstAction::OtherActuator,
 };
 
@@ -179,9 +239,12 @@ pub const SILENT: Measure = Measure {
 /// All measures, in the order of pages; those of the same faults stand together.
 pub const ALL: &[&Measure] = &[
     &RIGHT_ACTION_OF_ALL,
+    &END_TO_END_OF_ALL,
     &WRONG_SHUTDOWN,
     &VISIBLE,
     &SHUTDOWN_MISSED_OF_ALL,
+    &SHUTDOWN_MISSED,
+    &NEEDLESS_SHUTDOWN,
     &ISOLATED_IN_TIME_OF_ALL,
     &ISOLATED_IN_TIME,
     &VISIBLE_IN_TIME,
@@ -189,56 +252,93 @@ pub const ALL: &[&Measure] = &[
     &NEVER_ISOLATED,
     &RIGHT_ACTION_OF_STRONG,
     &RIGHT_ACTION,
+    &END_TO_END,
     &OTHER_ACTION,
     &WRONG_ACTUATOR,
     &SILENT,
 ];
 
+/// The measures of records, each judged once at its end.
+pub(crate) const OF_RECORDS: &[&Measure] = &[
+    &RIGHT_ACTION_OF_ALL,
+    &END_TO_END_OF_ALL,
+    &WRONG_SHUTDOWN,
+    &SHUTDOWN_MISSED_OF_ALL,
+    &SHUTDOWN_MISSED,
+    &NEEDLESS_SHUTDOWN,
+    &RIGHT_ACTION,
+    &END_TO_END,
+    &WRONG_ACTUATOR,
+];
+
+/// The measures of records of which a diagnosis names no class.
+pub(crate) const OF_RECORDS_WITHOUT_CLASS: &[&Measure] = &[
+    &RIGHT_ACTION_OF_ALL,
+    &WRONG_SHUTDOWN,
+    &SHUTDOWN_MISSED_OF_ALL,
+    &SHUTDOWN_MISSED,
+    &NEEDLESS_SHUTDOWN,
+    &RIGHT_ACTION,
+    &WRONG_ACTUATOR,
+];
+
+/// The measures of records some of which are judged repeatedly or not at all.
+pub(crate) const OF_SOME_RECORDS: &[&Measure] =
+    &[&SHUTDOWN_MISSED, &NEEDLESS_SHUTDOWN, &RIGHT_ACTION, &END_TO_END, &WRONG_ACTUATOR];
+
 /// The measures that head every summary.
 pub const FIRST: &[&Measure] = &[&RIGHT_ACTION_OF_ALL, &SHUTDOWN_MISSED_OF_ALL, &WRONG_SHUTDOWN];
 
-/// The measures of some flights, by name. Those that count no flight are left out.
+/// The measures of some runs, by name. Those that count no run are left out.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Rates(BTreeMap<String, Rate>);
 
+impl<'m> FromIterator<(&'m Measure, Rate)> for Rates {
+    fn from_iter<T: IntoIterator<Item = (&'m Measure, Rate)>>(rates: T) -> Self {
+        Rates(rates.into_iter().map(|(measure, rate)| (measure.name.to_owned(), rate)).collect())
+    }
+}
+
 impl Rates {
-    /// Counts all measures in flights with a fault. `rate` makes a share with its interval of outcomes and a condition;
+    /// Counts measures in runs with a fault. `rate` makes a share with its interval of outcomes and a condition;
     /// `limit_s` is the limit on latency.
-    pub(super) fn count<'o>(
-        study: &Study,
-        limit_s: f64,
-        faults: &[&'o FlightOutcome],
-        rate: impl Fn(&[&'o FlightOutcome], &dyn Fn(&FlightOutcome) -> bool) -> Rate,
+    pub(crate) fn count<'o, 'm>(
+        (measures, limit_s): (&[&'m Measure], f64),
+        answers: Answers,
+        faults: &[&'o RunOutcome],
+        rate: impl Fn(&[&'o RunOutcome], &dyn Fn(&RunOutcome) -> bool) -> Rate,
     ) -> Self {
-        let count = |measure: &&Measure| {
+        let count = |&measure: &&'m Measure| {
             let of = faults.iter().copied().filter(|row| (measure.of.counts)(row));
-            let of: Vec<&FlightOutcome> = of.collect();
-            let holds = |row: &FlightOutcome| (measure.holds)(row, limit_s);
-            (!of.is_empty()).then(|| (measure.name.to_owned(), rate(&of, &holds)))
+            let of: Vec<&RunOutcome> = of.collect();
+            let holds = |row: &RunOutcome| (measure.holds)(row, limit_s);
+            (!of.is_empty()).then(|| (measure, rate(&of, &holds)))
         };
-        Rates(ALL.iter().filter(|measure| (measure.of.applies)(study)).filter_map(count).collect())
+        let applies = |measure: &&&Measure| (measure.of.applies)(answers);
+        measures.iter().filter(applies).filter_map(count).collect()
     }
 
-    /// The share of one measure; of no flight if it was not counted.
+    /// The share of one measure; `None` if it was not counted.
+    pub fn counted(&self, measure: &Measure) -> Option<Rate> {
+        self.0.get(measure.name).copied()
+    }
+
+    /// The share of one measure; of no run if it was not counted.
     pub fn of(&self, measure: &Measure) -> Rate {
-        self.0.get(measure.name).copied().unwrap_or_else(|| Rate::new(0, 0))
+        self.counted(measure).unwrap_or_else(|| Rate::new(0, 0))
     }
 }
 
-fn has_several(study: &Study) -> bool {
-    study.units.len() > 1
-}
-
-fn is_visible(row: &FlightOutcome) -> bool {
+fn is_visible(row: &RunOutcome) -> bool {
     row.visible_s.is_some()
 }
 
-fn is_strong_shutdown(row: &FlightOutcome) -> bool {
+fn is_strong_shutdown(row: &RunOutcome) -> bool {
     row.needs_shutdown && row.intensity >= STRONG
 }
 
-fn is_visible_strong_shutdown(row: &FlightOutcome) -> bool {
+fn is_visible_strong_shutdown(row: &RunOutcome) -> bool {
     is_strong_shutdown(row) && is_visible(row)
 }
 
@@ -264,14 +364,14 @@ mod tests {
 
     #[test]
     fn what_never_became_visible_counts_as_missed_and_a_late_shutdown_as_no_first_action() {
-        let row = |visible_s: Option<f64>, first: FirstAction| FlightOutcome {
+        let row = |visible_s: Option<f64>, first: FirstAction| RunOutcome {
             onset_s: Some(1.0),
             needs_shutdown: true,
             intensity: 1.0,
             visible_s,
             first,
             right_action_s: (first == FirstAction::Right).then_some(1.5),
-            ..FlightOutcome::default()
+            ..RunOutcome::default()
         };
         let rows = [
             row(Some(1.0), FirstAction::Right),
@@ -279,10 +379,11 @@ mod tests {
             row(None, FirstAction::Right),
             row(Some(1.0), FirstAction::OtherAction),
         ];
-        let plain = |of: &[&FlightOutcome], holds: &dyn Fn(&FlightOutcome) -> bool| {
+        let plain = |of: &[&RunOutcome], holds: &dyn Fn(&RunOutcome) -> bool| {
             Rate::new(of.iter().filter(|row| holds(row)).count() as u64, of.len() as u64)
         };
-        let rates = Rates::count(&Study::default(), 2.0, &rows.iter().collect::<Vec<_>>(), plain);
+        let answers = Answers::of(&Study::default());
+        let rates = Rates::count((ALL, 2.0), answers, &rows.iter().collect::<Vec<_>>(), plain);
         let counted = |measure: &Measure| [rates.of(measure).count, rates.of(measure).of];
         assert_eq!(counted(&RIGHT_ACTION_OF_ALL), [1, 4]);
         assert_eq!(counted(&SHUTDOWN_MISSED_OF_ALL), [3, 4]);
