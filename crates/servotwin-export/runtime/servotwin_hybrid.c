@@ -25,12 +25,16 @@ static double slope_of(double now, double before)
     return (at_least > most) ? most : at_least;
 }
 
-/* Takes an input from its bus. The twin keeps the previous value of one that is not plausible. */
+/* Takes an input from its bus. The twin keeps the previous value of one that is not plausible; a missing command goes on
+ * with its slope. */
 static void accept_input(servotwin_hybrid *hybrid, int32_t input, double told)
 {
     const servotwin_input *known = &servotwin_inputs[input];
-    const bool fits = (told >= known->least) && (told <= known->largest) && (fabs(told) <= DBL_MAX);
-    const double value = fits ? told : hybrid->accepted[input].value;
+    const bool goes_on = isnan(told) && (servotwin_twin_between[input] == SERVOTWIN_CUBIC);
+    const double step = hybrid->accepted[input].slope_per_s * servotwin_tuning.period_s;
+    const double next = goes_on ? (hybrid->accepted[input].value + step) : told;
+    const bool fits = (next >= known->least) && (next <= known->largest) && (fabs(next) <= DBL_MAX);
+    const double value = fits ? next : hybrid->accepted[input].value;
     const double last = hybrid->has_last[input] ? hybrid->last[input] : value;
     const double before = hybrid->difference_per_s[input];
     const double rise = value - last;

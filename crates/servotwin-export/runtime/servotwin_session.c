@@ -256,9 +256,11 @@ static void clear_session(servotwin_session *session)
     session->settling = servotwin_tuning.settle_samples;
     session->gap = 0U;
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
-        session->last_input[input] = SERVOTWIN_BITS_OF_MISSING;
+        session->last_input[input] = (servotwin_real)NAN;
         session->repeats[input] = 0U;
     }
+    session->missing = 0U;
+    session->recovering = 0U;
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
         session->is_taken_out[sensor] = false;
         session->is_lost[sensor] = false;
@@ -365,26 +367,49 @@ static bool is_within(servotwin_real value, servotwin_real least, servotwin_real
 
 static bool is_frozen(servotwin_session *session, int32_t input, servotwin_real value)
 {
-    const servotwin_bits bits = servotwin_bits_of(value);
     const uint32_t limit = servotwin_inputs[input].frozen_after;
-    if (session->last_input[input] != bits) {
+    if (servotwin_bits_of(session->last_input[input]) != servotwin_bits_of(value)) {
         session->repeats[input] = 0U;
     } else if (session->repeats[input] < UINT32_MAX) {
         session->repeats[input]++;
     } else {
         /* It has been the same for over a year. */
     }
-    session->last_input[input] = bits;
+    session->last_input[input] = value;
     return (limit > 0U) && (session->repeats[input] >= limit);
+}
+
+/* Counts the samples in which an input is missing. */
+static void count_missing(servotwin_session *session, const servotwin_real *inputs)
+{
+    bool is_any = false;
+    for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
+        is_any = is_any || is_missing(inputs[input]);
+    }
+    if (!is_any) {
+        session->missing = 0U;
+    } else if (session->missing < UINT32_MAX) {
+        session->missing++;
+    } else {
+        /* It has been missing for over a year. */
+    }
+}
+
+/* A value, or the one before if it is missing and was not for long. */
+static servotwin_real held(const servotwin_session *session, int32_t input, servotwin_real told)
+{
+    const bool is_held = is_missing(told) && (session->missing <= servotwin_tuning.held_samples);
+    return is_held ? session->last_input[input] : told;
 }
 
 /* Checks all inputs; writes the first implausible one. */
 static bool is_plausible(servotwin_session *session, const servotwin_real *inputs, servotwin_outcome *said)
 {
     bool holds = true;
+    count_missing(session, inputs);
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
-        const servotwin_real value = inputs[input];
-        const bool frozen = is_frozen(session, input, value);
+        const servotwin_real value = held(session, input, inputs[input]);
+        const bool frozen = !is_missing(inputs[input]) && is_frozen(session, input, inputs[input]);
         servotwin_why why = SERVOTWIN_FROZEN;
         bool is_wrong = frozen;
         if (is_missing(value)) {
@@ -407,7 +432,9 @@ static bool is_plausible(servotwin_session *session, const servotwin_real *input
     }
     for (int32_t i = 0; (i < SERVOTWIN_DIFFERENCES) && holds; i++) {
         const servotwin_difference *difference = &servotwin_differences[i];
-        const servotwin_real value = inputs[difference->of] - inputs[difference->minus];
+        const servotwin_real of = held(session, difference->of, inputs[difference->of]);
+        const servotwin_real minus = held(session, difference->minus, inputs[difference->minus]);
+        const servotwin_real value = of - minus;
         if (!is_within(value, difference->least, difference->largest)) {
             holds = false;
             said->input = difference->of;
@@ -426,6 +453,7 @@ static void distrust(servotwin_session *session, const servotwin_outcome *said)
         servotwin_session_restart(session);
     }
     session->settling = servotwin_tuning.settle_samples;
+    session->recovering = 0U;
     whole.alarm = (said->why == SERVOTWIN_MISSING) ? SERVOTWIN_NO_DATA : SERVOTWIN_ERROR;
     say(session, &whole);
 }
@@ -907,6 +935,29 @@ static void take_sample(servotwin_session *session, const servotwin_real *twin, 
     }
 }
 
+/* A sample whose inputs are there. While the twin recovers from missing ones nothing changes. */
+static void push_values(
+    servotwin_session *session, const servotwin_real *measured, const servotwin_real *twin, bool is_settled)
+{
+    switch (copy_measured(session, measured, twin)) {
+    case USABLE:
+        session->gap = 0U;
+        if (session->recovering > 0U) {
+            session->recovering--;
+        } else {
+            take_sample(session, twin, is_settled);
+        }
+        break;
+    case MISSING_VALUE:
+        lack(session, SERVOTWIN_NO_DATA);
+        break;
+    case WRONG_VALUE:
+    default:
+        lack(session, SERVOTWIN_ERROR);
+        break;
+    }
+}
+
 const servotwin_outcome *servotwin_session_push(
     servotwin_session *session, const servotwin_real *inputs, const servotwin_real *measured,
     const servotwin_real *twin)
@@ -921,17 +972,10 @@ const servotwin_outcome *servotwin_session_push(
         if (!is_settled) {
             session->settling--;
         }
-        switch (copy_measured(session, measured, twin)) {
-        case USABLE:
-            take_sample(session, twin, is_settled);
-            break;
-        case MISSING_VALUE:
-            lack(session, SERVOTWIN_NO_DATA);
-            break;
-        case WRONG_VALUE:
-        default:
-            lack(session, SERVOTWIN_ERROR);
-            break;
+        if (session->missing > 0U) {
+            session->recovering = servotwin_tuning.recovering_samples;
+        } else {
+            push_values(session, measured, twin, is_settled);
         }
     }
     session->samples++;

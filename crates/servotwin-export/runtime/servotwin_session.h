@@ -80,8 +80,10 @@ typedef struct {
     uint32_t gap; /* consecutive samples without usable values */
     bool has_judged;
     /* Inputs. */
-    servotwin_bits last_input[SERVOTWIN_INPUTS];
+    servotwin_real last_input[SERVOTWIN_INPUTS]; /* missing before the first */
     uint32_t repeats[SERVOTWIN_INPUTS];
+    uint32_t missing; /* consecutive samples in which an input is missing */
+    uint32_t recovering; /* samples until the twin has recovered from that */
     /* Sensors. */
     bool is_taken_out[SERVOTWIN_SENSORS];
     bool is_lost[SERVOTWIN_SENSORS];

@@ -94,6 +94,8 @@ typedef struct {
     servotwin_real most_lost;
     uint64_t recover_samples;
     uint32_t settle_samples;
+    uint32_t held_samples; /* for which the twin goes on without an input */
+    uint32_t recovering_samples; /* that are not judged afterwards */
     uint32_t until_lost_samples;
     uint32_t until_back_samples;
     servotwin_real fault_needed_nats;

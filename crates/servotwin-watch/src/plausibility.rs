@@ -550,15 +550,15 @@ pub(crate) fn coarse_in_words(
     ))
 }
 
-/// Reports inputs without a value in some periods. After each such period nothing is judged for a while.
+/// Reports inputs without a value in some periods. Nothing is judged in them, and for a while behind a longer gap.
 fn comes_and_goes(map: &Map, counts: &WatchCounts) -> Option<String> {
     let of = |channel: &usize| (1..counts.samples).contains(&counts.missing[*channel]);
     let lost: Vec<usize> = (0..map.inputs()).filter(of).collect();
     let most = lost.iter().map(|&channel| counts.missing[channel]).max()?;
     let names: Vec<&str> = lost.iter().map(|&channel| map.id(channel)).collect();
     Some(format!(
-        "{} has no value in {most} of {} periods, and behind each nothing is judged for a second: hold_s in the map lets \
-         the last value stand",
+        "{} has no value in {most} of {} periods; behind more than three in a row nothing is judged for a second: hold_s \
+         in the map lets the last value stand",
         names.join(", "),
         counts.samples
     ))

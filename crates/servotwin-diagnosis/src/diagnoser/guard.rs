@@ -1,7 +1,8 @@
 //! The first value of a session: whether a sample may be judged, and the values to judge.
 //!
-//! Behind an implausible input nothing is judged, and afterwards the twin settles first. A sensor without usable values
-//! is *lost* after some samples. The diagnosis then continues with a stand-in value, the twin's with the noise of a
+//! Behind an implausible input nothing is judged, and afterwards the twin settles first. An input that is missing in a
+//! few samples is no implausible one: the twin goes on without it, and these samples are not judged. A sensor without
+//! usable values is *lost* after some samples. The diagnosis then continues with a stand-in value, the twin's with the noise of a
 //! healthy sensor, unless too many sensors are lost.
 
 use alloc::vec;
@@ -35,6 +36,8 @@ pub(super) enum Admission {
     Judged,
     /// The twin settles.
     Settling,
+    /// An input is missing in a few samples, or the twin recovers from that: nothing changes.
+    Passed,
     /// Values are missing or wrong, for so many consecutive samples.
     Unusable(Alarm, u64),
     /// An input is implausible: the twin's values mean nothing.
@@ -48,6 +51,9 @@ pub(super) struct Guard {
     frozen_after: Vec<Option<u64>>,
     /// Indices of both inputs of each difference.
     pairs: Vec<[usize; 2]>,
+    /// Number of consecutive samples for which the twin goes on without an input, and of those it then needs to recover.
+    held_samples: u64,
+    recover_samples: u64,
     /// Number of consecutive samples after which a sensor counts as lost, and as back.
     until_lost: u64,
     until_back: u64,
@@ -64,8 +70,12 @@ pub(super) struct Guard {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct GuardState {
-    /// For each input the bits of its last value, so that a stored NaN comes back exactly, and its repetitions.
+    /// For each input the bits of its last value, NaN before the first, and its repetitions.
     inputs: Vec<(u64, u64)>,
+    /// Consecutive samples in which an input is missing.
+    missing: u64,
+    /// Remaining samples until the twin has recovered from missing inputs.
+    recovering: u64,
     /// Remaining samples while the twin settles.
     settling: u64,
     /// Consecutive samples without usable values.
@@ -92,6 +102,8 @@ impl Guard {
         let sensors = diagnoser.sensors.len();
         let state = GuardState {
             inputs: vec![(0, 0); checks.inputs.len()],
+            missing: 0,
+            recovering: 0,
             settling: 0,
             gap: 0,
             sensors: vec![SensorState::default(); sensors],
@@ -100,6 +112,8 @@ impl Guard {
         let mut guard = Guard {
             frozen_after: checks.inputs.iter().map(frozen_after).collect(),
             pairs: checks.differences.iter().filter_map(pair).collect(),
+            held_samples: diagnoser.samples(diagnoser.tuning.input_held_s),
+            recover_samples: diagnoser.samples(diagnoser.tuning.input_recover_s),
             until_lost: diagnoser.samples(diagnoser.tuning.no_data_after_s).max(1),
             until_back: settle_samples.max(1),
             settle_samples,
@@ -115,7 +129,7 @@ impl Guard {
     pub(super) fn reset(&mut self) {
         self.state.inputs.fill((f64::NAN.to_bits(), 0));
         self.state.sensors.fill(SensorState::default());
-        self.state.gap = 0;
+        (self.state.missing, self.state.recovering, self.state.gap) = (0, 0, 0);
         self.settle();
     }
 
@@ -158,29 +172,43 @@ impl Guard {
     ) -> Admission {
         if let Some((input, why)) = self.implausible(&diagnoser.environment, received.inputs) {
             self.settle();
+            self.state.recovering = 0;
             return Admission::Implausible(IndexedFinding::EnvironmentInvalid { input, why });
         }
         // The twin settles by its inputs, whether or not all sensors are there.
         let is_settled = self.state.settling == 0;
         self.state.settling = self.state.settling.saturating_sub(1);
+        if self.state.missing > 0 {
+            self.state.recovering = self.recover_samples;
+            return Admission::Passed;
+        }
         if let Err(alarm) = self.take_values(diagnoser, received, is_masked) {
             self.state.gap += 1;
             return Admission::Unusable(alarm, self.state.gap);
         }
         self.state.gap = 0;
+        if self.state.recovering > 0 {
+            self.state.recovering -= 1;
+            return Admission::Passed;
+        }
         if is_settled { Admission::Judged } else { Admission::Settling }
     }
 
-    /// The first implausible input, if any. Values that a short list lacks count as missing.
+    /// The first implausible input, if any. Values that a short list lacks count as missing. A value that is missing in a
+    /// few samples counts as the one before.
     fn implausible(&mut self, checks: &InputChecks, inputs: &[f64]) -> Option<(u32, Why)> {
-        let value = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
+        let told = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
+        let is_missing = (0..checks.inputs.len()).any(|input| told(input).is_nan());
+        self.state.missing = if is_missing { self.state.missing.saturating_add(1) } else { 0 };
         let mut first = None;
         for (place, input) in checks.inputs.iter().enumerate() {
-            let is_frozen = self.is_frozen(place, value(place));
-            let why = input.wrong(value(place)).or(is_frozen.then_some(Why::Frozen));
-            first = first.or(why.map(|why| (place as u32, why)));
+            let is_frozen = !told(place).is_nan() && self.is_frozen(place, told(place));
+            let why = input.wrong(self.held(place, told(place)));
+            first =
+                first.or(why.or(is_frozen.then_some(Why::Frozen)).map(|why| (place as u32, why)));
         }
         let contradiction = || {
+            let value = |input: usize| self.held(input, told(input));
             let difference = |[of, minus]: [usize; 2]| value(of) - value(minus);
             let mut pairs = checks.differences.iter().zip(&self.pairs);
             let (_, [of, _]) =
@@ -188,6 +216,12 @@ impl Guard {
             Some((*of as u32, Why::Contradicts))
         };
         first.or_else(contradiction)
+    }
+
+    /// A value, or the one before if it is missing and was not for long.
+    fn held(&self, input: usize, told: f64) -> f64 {
+        let is_held = told.is_nan() && self.state.missing <= self.held_samples;
+        if is_held { f64::from_bits(self.state.inputs[input].0) } else { told }
     }
 
     fn is_frozen(&mut self, place: usize, value: f64) -> bool {
@@ -284,8 +318,9 @@ impl Guard {
         let fits = state.inputs.len() == self.state.inputs.len()
             && state.sensors.len() == self.state.sensors.len()
             && state.sensors.iter().all(is_possible)
-            && state.gap <= LARGEST_COUNT
-            && state.settling <= self.settle_samples;
+            && state.gap.max(state.missing) <= LARGEST_COUNT
+            && state.settling <= self.settle_samples
+            && state.recovering <= self.recover_samples;
         require_sound(fits, "the stored checks are another diagnoser's")?;
         self.state.clone_from(state);
         Ok(())
@@ -343,7 +378,13 @@ mod tests {
             boundaries: vec![],
             lengths: vec![],
             baseline: None,
-            tuning: Tuning { no_data_after_s: 0.03, settle_s: 0.05, ..Tuning::default() },
+            tuning: Tuning {
+                no_data_after_s: 0.03,
+                input_held_s: 0.02,
+                input_recover_s: 0.01,
+                settle_s: 0.05,
+                ..Tuning::default()
+            },
             scatter: None,
             healthy_evidence: None,
         }
@@ -357,13 +398,12 @@ mod tests {
     #[test]
     fn implausible_inputs_are_named_and_the_twin_settles_after_them() {
         let mut guard = Guard::new(&diagnoser());
-        let wrong: [(&[f64], u32, Why); 6] = [
+        let wrong: [(&[f64], u32, Why); 5] = [
             (&[f64::NAN, 5.0], 0, Why::Missing),
-            (&[50.0], 1, Why::Missing),
             (&[51.0, f64::NEG_INFINITY], 1, Why::NotFinite),
             (&[52.0, -1.0], 1, Why::OutOfRange),
             (&[14.0, 5.0], 0, Why::Contradicts),
-            (&[14.0, f64::NAN], 1, Why::Missing),
+            (&[14.0, f64::NAN], 0, Why::Contradicts),
         ];
         for (inputs, input, why) in wrong {
             let finding = IndexedFinding::EnvironmentInvalid { input, why };
@@ -378,6 +418,28 @@ mod tests {
             let expected = if k < 5 { Admission::Settling } else { Admission::Judged };
             assert_eq!(admit(&mut guard, &[61.0 + f64::from(k), 5.0], &[0.5; 2]), expected);
         }
+    }
+
+    #[test]
+    fn an_input_that_is_missing_in_a_few_samples_restarts_nothing() {
+        let mut guard = Guard::new(&diagnoser());
+        guard.has_settled();
+        let missing = Admission::Implausible(IndexedFinding::EnvironmentInvalid {
+            input: 1,
+            why: Why::Missing,
+        });
+        assert_eq!(admit(&mut guard, &[50.0, f64::NAN], &[0.5; 2]), missing, "it never was there");
+        guard.has_settled();
+        assert_eq!(admit(&mut guard, &[51.0, 5.0], &[0.5; 2]), Admission::Judged);
+        assert_eq!(admit(&mut guard, &[52.0, f64::NAN], &[0.5; 2]), Admission::Passed);
+        assert_eq!(admit(&mut guard, &[53.0], &[0.5; 2]), Admission::Passed);
+        assert_eq!(admit(&mut guard, &[54.0, 5.0], &[0.5; 2]), Admission::Passed, "it recovers");
+        assert_eq!(admit(&mut guard, &[54.5, 5.0], &[0.5; 2]), Admission::Judged);
+        let passed = Admission::Passed;
+        for (k, expected) in [passed, passed, missing, missing].into_iter().enumerate() {
+            assert_eq!(admit(&mut guard, &[55.0 + k as f64, f64::NAN], &[0.5; 2]), expected);
+        }
+        assert_eq!(admit(&mut guard, &[60.0, 5.0], &[0.5; 2]), Admission::Settling);
     }
 
     #[test]

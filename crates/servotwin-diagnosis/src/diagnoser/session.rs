@@ -98,6 +98,7 @@ impl Session {
                 self.outcome.counts.settling += 1;
                 self.report(IndexedFinding::Unjudged, self.standing_alarm());
             }
+            Admission::Passed => self.outcome.counts.settling += 1,
             Admission::Unusable(alarm, gap) => self.miss(alarm, gap),
             Admission::Implausible(finding) => self.distrust(finding),
         }

@@ -200,6 +200,12 @@ tuning! {
     no_data_after_s: f64 = 0.1 in 0.0..=1e6, "s",
         Physical, "decisions/017-missing-sensors.md",
         "Time without usable values after which a sensor counts as lost: a few lost messages on a bus are shorter.";
+    input_held_s: f64 = 0.03 in 0.0..=1e6, "s",
+        Physical, "decisions/017-missing-sensors.md",
+        "Time for which the twin goes on without an input: the command hardly leaves its slope in three samples.";
+    input_recover_s: f64 = 0.2 in 0.0..=1e6, "s",
+        Physical, "decisions/017-missing-sensors.md",
+        "Time without judgement afterwards: the twin follows a corrected command within a tenth of a second.";
     most_lost: f64 = 0.5 in 0.0..=1.0, "",
         Statistical, "decisions/017-missing-sensors.md",
         "The share of an actuator's sensors, or of all, beyond which lost sensors end the diagnosis: the majority.";

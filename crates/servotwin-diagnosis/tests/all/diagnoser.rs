@@ -302,9 +302,15 @@ fn a_wrong_environment_is_named_and_nothing_is_judged_until_the_twin_has_settled
         assert_eq!(outcome.finding, IndexedFinding::EnvironmentInvalid { input, why });
         assert_eq!(outcome.alarm, alarm);
         assert!(outcome.counts.environment >= 79, "{:?}", outcome.counts);
+        let before = outcome.counts.settling;
+        assert_eq!(
+            before,
+            if why == Why::Missing { 3 } else { 0 },
+            "so long the twin goes on without"
+        );
         let outcome = fly(&mut session, &mut flight, None, 100);
         assert_eq!(outcome.finding, IndexedFinding::Unjudged);
-        assert_eq!(outcome.counts.settling, 100);
+        assert_eq!(outcome.counts.settling - before, 100);
         let outcome = fly(&mut session, &mut flight, None, 300);
         assert_eq!((outcome.finding, outcome.raised), (IndexedFinding::Healthy, None));
     }

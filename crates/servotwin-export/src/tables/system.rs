@@ -152,6 +152,8 @@ fn constants(text: &mut String, diagnoser: &Diagnoser) {
         number(tuning.most_lost),
         samples(tuning.recover_s, 0),
         samples(tuning.settle_s, 0),
+        samples(tuning.input_held_s, 0),
+        samples(tuning.input_recover_s, 0),
         samples(tuning.no_data_after_s, 1),
         samples(tuning.settle_s, 1),
         number(tuning.fault_needed_nats),

@@ -174,8 +174,8 @@ impl<'s> Runtime<'s> {
     }
 
     /// Takes one sample: the inputs of the system and the sensor values (NaN means missing), SI, in the order of the
-    /// system and of the diagnoser. If an input is not a number or out of range, the twin keeps the previous value, and
-    /// the outcome reports it.
+    /// system and of the diagnoser. If an input is not a number or out of range, the twin keeps the previous value (a
+    /// missing command goes on with its slope), and the outcome reports what lasts.
     ///
     /// # Errors
     /// [`RuntimeError::Twin`]: the sample counts as one without data, what is raised stands, and the next sample restarts
@@ -222,7 +222,15 @@ impl<'s> Runtime<'s> {
         let period_s = self.session.diagnoser().period_s;
         for (place, &told) in inputs.iter().enumerate() {
             self.values[place] = told;
-            let value = self.believed(place, told);
+            let is_cubic = place == self.study.command_input;
+            let value = match told.is_nan() && is_cubic {
+                // The command of a twin that stood still meanwhile would jump when the next one comes.
+                true => self.believed(
+                    place,
+                    self.accepted[place].value + self.accepted[place].slope_per_s * period_s,
+                ),
+                false => self.believed(place, told),
+            };
             self.accepted[place] = self.buses[place].next(value, period_s);
         }
     }
