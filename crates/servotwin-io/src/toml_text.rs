@@ -11,6 +11,7 @@
 //!    = nearest: 'orifice'
 //! ```
 
+use crate::files::FileError;
 use crate::nearest::nearest;
 use crate::sanitize;
 use std::fmt;
@@ -25,7 +26,7 @@ pub type TextSpan = Range<usize>;
 const MAX_LISTED: usize = 50;
 
 /// The known name nearest to a word, or all of them if none is near and they are few.
-pub fn suggest<'n>(word: &str, known: impl IntoIterator<Item = &'n str>) -> Option<String> {
+fn suggest<'n>(word: &str, known: impl IntoIterator<Item = &'n str>) -> Option<String> {
     let known: Vec<&str> = known.into_iter().collect();
     match nearest(word, known.iter().copied()) {
         Some(name) => Some(format!("nearest: '{name}'")),
@@ -204,8 +205,24 @@ impl Diagnostic {
 /// Maximum number of mistakes shown. The next run shows the others after these are fixed.
 const MAX_SHOWN: usize = 20;
 
+/// Why a file that a person writes cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TomlError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The file has mistakes.
+    #[error(fmt = write_mistakes)]
+    Mistakes {
+        /// The path of the file as the caller gave it.
+        path: String,
+        /// All mistakes, in the order of the file.
+        mistakes: Vec<Diagnostic>,
+    },
+}
+
 /// Writes the first mistakes of a file and their total number.
-pub fn write_mistakes(
+fn write_mistakes(
     path: &str,
     mistakes: &[Diagnostic],
     out: &mut fmt::Formatter<'_>,
@@ -268,6 +285,11 @@ impl Collector {
     /// Whether there are no mistakes.
     pub fn is_empty(&self) -> bool {
         self.found.is_empty()
+    }
+
+    /// The error for a file with these mistakes.
+    pub fn refuse(self, path: impl Into<String>, text: &str) -> TomlError {
+        TomlError::Mistakes { path: path.into(), mistakes: self.locate(text) }
     }
 
     /// Returns all mistakes in the order of the file.

@@ -47,7 +47,7 @@ pub enum Value {
     Word(fn() -> Vec<&'static str>),
     /// A unit of SI.
     Unit,
-    /// A signal: a text, a number, a table with `kind`, or a list of them.
+    /// A signal: a text, or a number for a constant.
     Signal,
     /// A list with at least this many elements.
     List(usize, &'static Value),
@@ -608,7 +608,7 @@ impl Value {
             Value::Id => json!({ "type": "string", "pattern": ID }),
             Value::Word(words) => json!({ "type": "string", "enum": words() }),
             Value::Unit => json!({ "type": "string", "enum": units::spellings_of_si() }),
-            Value::Signal => json!({ "$ref": "#/$defs/signal" }),
+            Value::Signal => json!({ "type": ["string", "number"] }),
             Value::List(least, of) => {
                 json!({ "type": "array", "items": of.schema(), "minItems": least })
             }

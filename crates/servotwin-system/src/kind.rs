@@ -92,7 +92,7 @@ impl FileType {
     }
 
     /// The single mistake of a text that has another type.
-    pub(crate) fn wanted(self, text: &str) -> Option<Vec<Diagnostic>> {
+    pub(crate) fn wanted(self, text: &str) -> Option<Collector> {
         let is = FileType::of(text).filter(|is| *is != self)?;
         let help = match (is, named_system(text)) {
             (FileType::Study, Some(name)) => format!("it is a study of the system '{name}'"),
@@ -107,7 +107,7 @@ impl FileType {
         let message = format!("this is {}, not {}", is.words(), self.words());
         let mut mistakes = Collector::default();
         mistakes.note(&(0..0), Diagnostic::new(message).with_help(help));
-        Some(mistakes.locate(text))
+        Some(mistakes)
     }
 }
 

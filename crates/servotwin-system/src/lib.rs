@@ -6,7 +6,7 @@
 //!
 //! | task | modules |
 //! |---|---|
-//! | describe a file format as data | [`format`](mod@format) (keys and values), [`schema`] (JSON Schema), [`kind`] (which type of file a text is), [`units`] (names of units) |
+//! | describe a file format as data | [`format`](mod@format) (keys and values), [`kind`] (which type of file a text is), [`units`] (names of units) |
 //! | help a writer of files | [`catalogue`] (components as documents), [`template`] (files to start with), [`built_in`] (files that names select) |
 //! | read files | [`system`] (components and connections), [`signal`] (functions of time), [`study`] (faults, operating cases, scenarios) |
 //! | run variants | [`compiled`] (steps made by the machine's C compiler), [`ensemble`] (threads × lanes), [`parallel`] (other work on threads) |
@@ -40,7 +40,6 @@ pub mod parallel;
 pub mod plausibility;
 pub mod recording;
 pub mod rest;
-pub mod schema;
 pub mod signal;
 pub mod simulate;
 pub mod study;

@@ -14,8 +14,9 @@ use servotwin::fit::{
 };
 use servotwin::nearest::UnknownName;
 use servotwin::shown::number;
-use servotwin::study::{Study, StudyError, Tolerance};
+use servotwin::study::{Study, Tolerance};
 use servotwin::system::System;
+use servotwin::toml_text::TomlError;
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};
 use servotwin_view::row;
@@ -315,7 +316,7 @@ pub(crate) fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<
         };
     };
     match (study, Study::read_with_system(study.unwrap_or(Path::new(USUAL)), system)) {
-        (None, Err(StudyError::Mistakes { .. })) => Err(other_system(system)?),
+        (None, Err(TomlError::Mistakes { .. })) => Err(other_system(system)?),
         (_, read) => Ok(read?),
     }
 }

@@ -29,7 +29,7 @@ fn parse(text: &str) -> Result<Table, ContentError> {
     let mut lines = vec![];
     for (place, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
         let object = serde_json::from_str(line).ok().filter(Value::is_object);
-        let object = object.ok_or(ContentError::NoObject { line: place + 1 })?;
+        let object = object.ok_or_else(|| ContentError::line(place + 1, " is no JSON object"))?;
         let mut found = vec![];
         leaves(object, String::new(), &mut found);
         for (name, value) in found.into_iter().filter(|(_, value)| !value.is_null()) {
@@ -38,7 +38,7 @@ fn parse(text: &str) -> Result<Table, ContentError> {
         lines.push(place + 1);
     }
     if columns.is_empty() {
-        return Err(ContentError::Empty);
+        return Err(ContentError::empty());
     }
     let column = |(name, cells): (String, Cells)| {
         let values = values(&name, &cells, &lines)?;
@@ -74,12 +74,8 @@ fn values(name: &str, cells: &Cells, lines: &[usize]) -> Result<Values, ContentE
         Value::String(_) => ColumnKind::Text,
         _ => ColumnKind::Float,
     };
-    let wrong = |row: usize, value: &Value| ContentError::BadValue {
-        line: lines[row],
-        column: name.into(),
-        text: value.to_string(),
-        expected: kind,
-    };
+    let wrong =
+        |row: usize, value: &Value| ContentError::cell(lines[row], name, &value.to_string(), kind);
     let mut values = match kind {
         ColumnKind::Flag => Values::Flag(vec![false; lines.len()]),
         ColumnKind::Text => Values::Text(vec![String::new(); lines.len()]),

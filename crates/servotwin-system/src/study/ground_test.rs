@@ -20,9 +20,10 @@
 use super::keys::FLIGHT_S;
 use super::other_plant::DrawText;
 use super::reader::Reader;
-use super::{Study, StudyError, flights, suites};
+use super::{Study, flights, suites};
 use crate::format::{At, Names, section};
 use crate::system::System;
+use crate::toml_text::TomlError;
 use std::cell::RefCell;
 
 section! {
@@ -104,11 +105,11 @@ impl Study {
     ///
     /// # Errors
     /// Mistakes in the section `[ground_test]`.
-    pub fn on_ground(&self) -> Result<Option<Self>, StudyError> {
+    pub fn on_ground(&self) -> Result<Option<Self>, TomlError> {
         if self.parsed.ground_test.is_none() {
             return Ok(None);
         }
-        let system = System::parse(&self.system.text, &self.path).map_err(StudyError::System)?;
+        let system = System::parse(&self.system.text, &self.path)?;
         let text = super::quick::with_flag(&self.text, "on_ground");
         Self::parse_for(&text, &self.path, system).map(Some)
     }

@@ -35,13 +35,12 @@ pub use suites::{Purpose, Suite};
 pub use training::Training;
 
 use crate::built_in;
-use crate::files::FileError;
 use crate::format::{self, At, Names, Value, section};
 use crate::kind::{FileType, named_system};
 use crate::signal::Signal;
+use crate::system::System;
 use crate::system::imperfection::Imperfection;
-use crate::system::{System, SystemError};
-use crate::toml_text::{Collector, Diagnostic, TextSpan, TomlText, write_mistakes};
+use crate::toml_text::{Collector, Diagnostic, TextSpan, TomlError, TomlText};
 use keys::{RUN_S, some};
 use reader::{Noted, OF_SENSORS, OF_SYSTEM, Reader};
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
@@ -194,41 +193,17 @@ pub struct Study {
     parsed: Box<Text>,
 }
 
-/// The reason why a study cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The file cannot be read.
-    #[error(transparent)]
-    File(FileError),
-    /// The system has mistakes.
-    #[error(transparent)]
-    System(SystemError),
-    /// The file has mistakes.
-    #[error(fmt = write_mistakes)]
-    Mistakes {
-        /// The path of the file as the caller gave it.
-        path: String,
-        /// All mistakes, in the order of the file.
-        mistakes: Vec<Diagnostic>,
-    },
-}
-
 impl Study {
     /// Parses a study. `path` appears in errors, and the file of its system is resolved relative to
     /// it.
     ///
     /// # Errors
     /// All mistakes in the text.
-    pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
+    pub fn parse(text: &str, path: &str) -> Result<Self, TomlError> {
         let (parsed, mut mistakes) = read_text(text, path)?;
         match find_system(&parsed.system, path, &mut mistakes) {
-            Some(system) => {
-                let system = system.map_err(StudyError::System)?;
-                Self::build(text, (parsed, mistakes), path, system)
-            }
-            None => {
-                Err(StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) })
-            }
+            Some(system) => Self::build(text, (parsed, mistakes), path, system?),
+            None => Err(mistakes.refuse(path, text)),
         }
     }
 
@@ -236,8 +211,8 @@ impl Study {
     ///
     /// # Errors
     /// All mistakes in the text.
-    pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, StudyError> {
-        let system = System::read(system).map_err(StudyError::System)?;
+    pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, TomlError> {
+        let system = System::read(system)?;
         Self::parse_for(text, &path.display().to_string(), system)
     }
 
@@ -245,8 +220,8 @@ impl Study {
     ///
     /// # Errors
     /// A file cannot be read, or all mistakes in it.
-    pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, StudyError> {
-        let (text, _) = FileType::Study.read(path).map_err(StudyError::File)?;
+    pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, TomlError> {
+        let (text, _) = FileType::Study.read(path)?;
         Self::parse_with_system(&text, path, system)
     }
 
@@ -254,7 +229,7 @@ impl Study {
     ///
     /// # Errors
     /// All mistakes in the text.
-    pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, StudyError> {
+    pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, TomlError> {
         Self::build(text, read_text(text, path)?, path, system)
     }
 
@@ -263,7 +238,7 @@ impl Study {
         (parsed, mistakes): (Text, Collector),
         path: &str,
         system: System,
-    ) -> Result<Self, StudyError> {
+    ) -> Result<Self, TomlError> {
         let (text, mistakes) = (&parsed, RefCell::new(mistakes));
         let reader = Reader { path, source, text, system: &system, mistakes };
         let study = Self::of_parts(&reader);
@@ -344,7 +319,7 @@ impl Study {
     pub fn chosen_environments(
         &self,
         chosen: &[ChosenEnvironment],
-    ) -> Result<Option<Vec<Environment>>, StudyError> {
+    ) -> Result<Option<Vec<Environment>>, TomlError> {
         let Some(Flights { varied, duration_s, .. }) = &self.flights else { return Ok(None) };
         let reader = self.reader();
         let drawn = |(place, chosen): (usize, &ChosenEnvironment)| {
@@ -365,8 +340,8 @@ impl Study {
     ///
     /// # Errors
     /// The file cannot be read, or all mistakes in it.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, StudyError> {
-        let (text, name) = FileType::Study.read(path.as_ref()).map_err(StudyError::File)?;
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, TomlError> {
+        let (text, name) = FileType::Study.read(path.as_ref())?;
         Self::parse(&text, &name)
     }
 
@@ -472,6 +447,11 @@ impl Default for Study {
     }
 }
 
+/// The JSON Schema of study files, as [`crate::system::schema`].
+pub fn schema() -> serde_json::Value {
+    format::schema("servotwin study file", Text::KEYS, serde_json::Map::new())
+}
+
 /// The keys of a study file.
 pub fn keys() -> &'static [format::Key] {
     Text::KEYS
@@ -479,19 +459,18 @@ pub fn keys() -> &'static [format::Key] {
 
 /// Reads a text and collects its mistakes of form, with substitutes for unreadable values. If nothing else can be
 /// checked, those mistakes are the error.
-fn read_text(text: &str, path: &str) -> Result<(Text, Collector), StudyError> {
-    let refused = |mistakes| Err(StudyError::Mistakes { path: path.into(), mistakes });
+fn read_text(text: &str, path: &str) -> Result<(Text, Collector), TomlError> {
     if let Some(mistakes) = FileType::Study.wanted(text) {
-        return refused(mistakes);
+        return Err(mistakes.refuse(path, text));
     }
     let mut mistakes = Collector::default();
     let Some(document) = TomlText::parse(text, FORMAT, &mut mistakes) else {
-        return refused(mistakes.locate(text));
+        return Err(mistakes.refuse(path, text));
     };
     let parsed = Text::of(&document.root(), (&(0..0), "the file"), &mut mistakes);
     // Without the name of a system, no other name can be looked up.
     if mistakes.doubtful.contains(&"system") {
-        return refused(mistakes.locate(text));
+        return Err(mistakes.refuse(path, text));
     }
     parsed.check_lists(&mut mistakes);
     let parsed = parsed.in_its_size();
@@ -540,7 +519,7 @@ fn find_system(
     name: &At<String>,
     study: &str,
     mistakes: &mut Collector,
-) -> Option<Result<System, SystemError>> {
+) -> Option<Result<System, TomlError>> {
     if let Some(text) = built_in::find(&built_in::SYSTEMS, name) {
         return Some(System::parse(text, &format!("systems/{}.toml", **name)));
     }

@@ -1,11 +1,11 @@
 //! The state of a parser that reads one study. It looks names up in the system and collects mistakes
 //! with their places.
 
-use super::{StudyError, Text};
+use super::Text;
 use crate::format::At;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
-use crate::toml_text::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
+use crate::toml_text::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan, TomlError};
 use servotwin_model::signal::Piecewise;
 use std::cell::RefCell;
 
@@ -176,14 +176,11 @@ impl<'a> Reader<'a> {
     }
 
     /// Returns the result if no mistake was noted.
-    pub(crate) fn finish<T>(self, result: Result<T, Noted>) -> Result<T, StudyError> {
+    pub(crate) fn finish<T>(self, result: Result<T, Noted>) -> Result<T, TomlError> {
         let mistakes = self.mistakes.into_inner();
         match result {
             Ok(result) if mistakes.is_empty() => Ok(result),
-            _ => {
-                let mistakes = mistakes.locate(self.source);
-                Err(StudyError::Mistakes { path: self.path.into(), mistakes })
-            }
+            _ => Err(mistakes.refuse(self.path, self.source)),
         }
     }
 }

@@ -29,9 +29,9 @@ pub use super::keys::MAX_ENVIRONMENTS;
 use super::keys::{FLIGHT_COUNT, FLIGHT_S};
 use super::reader::{Noted, OF_SYSTEM, Reader};
 use super::seed::Seed;
-use super::{Scenario, Study, StudyError};
+use super::{Scenario, Study};
 use crate::format::{At, Key, Raw, Read, Value, may, only, section};
-use crate::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText, get};
+use crate::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlError, TomlText, get};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -549,7 +549,7 @@ impl Study {
         &self,
         suite: &Suite,
         numbers: Range<usize>,
-    ) -> Result<Vec<Environment>, StudyError> {
+    ) -> Result<Vec<Environment>, TomlError> {
         if suite.is_records || suite.is_closed_loop {
             let cases = self.cases_of(suite.purpose);
             return Ok(numbers.map(|number| cases[number % cases.len()].clone()).collect());

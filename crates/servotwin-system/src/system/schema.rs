@@ -9,8 +9,9 @@ use servotwin_model::components::ALL;
 use servotwin_model::fluid::FluidKind;
 use servotwin_model::spec::{Law, Parameter};
 
-/// The schema of system files.
-pub(crate) fn of_file() -> Value {
+/// The JSON Schema (draft 2020-12) of system files. Editors use it for completion and checks; only `servotwin check`
+/// reports mistakes that need the whole file, such as open ports and unknown names.
+pub fn of_file() -> Value {
     let specs = || ALL.iter().copied();
     let mut definitions: Map<String, Value> =
         specs().map(|spec| (spec.kind.into(), of_kind(spec))).collect();

@@ -1,12 +1,12 @@
 //! Reads TOML into a [`Map`]. Mistakes are collected, and reading continues.
 
-use super::{Channel, FORMAT, Map, MapError, Origin, Time};
+use super::{Channel, FORMAT, Map, Origin, Time};
 use crate::sequencer::SequencerRules;
 use crate::source::frame::numbered;
 use crate::source::{DATE, Wanted};
 use servotwin::format::{At, Key, Read, Value, section};
 use servotwin::system::System;
-use servotwin::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText};
+use servotwin::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlError, TomlText};
 use servotwin::units::{self, NamedUnit};
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
@@ -94,7 +94,7 @@ impl Channels {
 }
 
 /// Reads the text of a map file.
-pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, MapError> {
+pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, TomlError> {
     let mut reader = Reader::new(system);
     if let Some(document) = TomlText::parse(text, FORMAT, &mut reader.mistakes) {
         let text = Text::of(&document.root(), (&(0..0), "the file"), &mut reader.mistakes);
@@ -103,7 +103,7 @@ pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, MapEr
     reader.mark_flags();
     let Reader { mistakes, time, channels, inputs, rules, wanted, places, .. } = reader;
     if !mistakes.is_empty() {
-        return Err(MapError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) });
+        return Err(mistakes.refuse(path, text));
     }
     let (path, text) = (path.to_owned(), text.to_owned());
     Ok(Map { path, text, time, channels, inputs, rules, wanted, places })

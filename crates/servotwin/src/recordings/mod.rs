@@ -57,7 +57,7 @@ pub use windows::{NominalFit, NominalSource, Nominals, Windows};
 use crate::evaluation::EvaluationError;
 use crate::nearest::nearest;
 use crate::simulate::SimulationError;
-use crate::system::SystemError;
+use crate::toml_text::TomlError;
 use serde::Deserialize;
 use servotwin_diagnosis::features::{ALL, Family, Quantity, Sensor, Sensors, find};
 use std::collections::BTreeMap;
@@ -203,7 +203,7 @@ pub enum RecordingError {
     Labels { record: String, count: usize },
     /// The system of the twin cannot be read.
     #[error("the twin's system: {0}")]
-    System(Box<SystemError>),
+    System(Box<TomlError>),
     /// The twin of a record cannot be simulated.
     #[error("the twin of the record '{record}': {error}")]
     Twin { record: String, error: Box<SimulationError> },
