@@ -231,8 +231,7 @@ impl Loaded {
     ) -> Result<Self, Option<CompileProblem>> {
         let text = c_source::write_step(program, SolverSettings::campaign().method).ok_or(None)?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
-        let iterating = if roots_wait() { ITERATING } else { "" };
-        let entry = cache::CacheEntry::new(&text, &[compiler, iterating]);
+        let entry = cache::CacheEntry::new(&text, compiler);
         let cached = || {
             let entry = entry.as_ref()?;
             let libraries = levels.iter().map(|level| load(&entry.find(*level)?).ok());
@@ -334,18 +333,6 @@ fn folder_problem(cause: &io::Error) -> CompileProblem {
     })
 }
 
-/// Enables iteration for every second root.
-const ITERATING: &str = "-DITERATE_ROOTS";
-
-/// Whether eight lanes stall on the unit for roots and divisions. They do on Intel processors: iterating every second
-/// root makes a campaign 7 % faster. On AMD processors it makes it 4 % slower.
-fn roots_wait() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return std::arch::x86_64::__cpuid(0).ebx.to_le_bytes() == *b"Genu";
-    #[cfg(not(target_arch = "x86_64"))]
-    false
-}
-
 /// Starts the compiler for the lanes of a level.
 fn compile(
     compiler: &str,
@@ -361,7 +348,6 @@ fn compile(
         _ if Level::Avx2.available() => &["-mavx2"],
         _ => &[],
     };
-    let iterating = Some(ITERATING).filter(|_| level.register_width() == 8 && roots_wait());
     let mut words = compiler.split_whitespace();
     let mut command = Command::new(words.next().unwrap_or_default());
     let messages = fs::File::create(folder.messages(level))?;
@@ -374,7 +360,6 @@ fn compile(
         .args(["-shared", "-fPIC"])
         .args(flags)
         .args(wide)
-        .args(iterating)
         .arg(format!("-DWIDTH={}", level.register_width()))
         .arg(format!("-DSTRIDE={}", level.width()))
         .arg("-o")
@@ -616,85 +601,6 @@ mod tests {
             let hanging = "sh -c cat</dev/zero>/dev/null";
             let problem = Loaded::new(&program, Level::Portable, hanging, &patience).err();
             assert_eq!(problem.map(|told| told.is_some()), Some(!is_given_up));
-        }
-    }
-
-    /// The two roots of the C text, compiled for eight lanes.
-    fn roots(numbers: &[[f64; 8]]) -> Vec<[[f64; 8]; 2]> {
-        const FUNCTIONS: &str = "void roots(IN x, OUT iterated, OUT known) { int lane = 0; \
-             PUT(iterated, 0, iterated_root(AT(x, 0))); PUT(known, 0, root(AT(x, 0))); }";
-        let prelude = include_str!("../../servotwin-model/src/c_source/step.h");
-        let folder = Folder::new().unwrap();
-        let source = folder.source();
-        fs::write(&source, format!("{prelude}\n{FUNCTIONS}\n")).unwrap();
-        let given_up = AtomicBool::new(false);
-        let patience =
-            Patience { until: Instant::now() + LONGEST, given_up: &given_up, cancel: None };
-        let (compiler, level) = (compiler().unwrap(), Level::Avx512);
-        let library =
-            libraries(&compiler, &[ITERATING], &[level], (&source, &folder), &patience).unwrap();
-        type Roots = unsafe extern "C" fn(*const f64, *mut f64, *mut f64);
-        // SAFETY: the function of the text above, which reads eight numbers and writes as many twice.
-        let function = unsafe { library[0].get::<Roots>(b"roots").unwrap() };
-        let of = |x: &[f64; 8]| {
-            let mut found = [[0.0; 8]; 2];
-            let [iterated, known] = &mut found;
-            // SAFETY: see above.
-            unsafe { function(x.as_ptr(), iterated.as_mut_ptr(), known.as_mut_ptr()) };
-            found
-        };
-        numbers.iter().map(of).collect()
-    }
-
-    /// Numbers with a root nearer than 2⁻⁴³ of a last place to the middle of two doubles: N with 4 N = r² + d, where N
-    /// is a double's mantissa times a power of two, r an odd number of 54 bits and d small. Modulo a power of two an
-    /// odd square has four roots, which differ in sign and by half of the modulus.
-    fn hardest_roots() -> Vec<f64> {
-        let mut hardest = Vec::new();
-        for (bits, d) in [54_u32, 55].into_iter().flat_map(|b| (-4095..4096).map(move |d| (b, d))) {
-            let square = (-d as i64) as u64;
-            if square & 7 != 1 {
-                continue;
-            }
-            let mut root = 1_u64;
-            for bit in 3..bits {
-                let rest = root.wrapping_mul(root).wrapping_sub(square);
-                root = root.wrapping_add(((rest >> bit) & 1) << (bit - 1));
-            }
-            let (modulus, half) = (1_u64 << bits, 1_u64 << (bits - 1));
-            let all = [root, root.wrapping_neg(), root.wrapping_add(half), half.wrapping_sub(root)];
-            for r in all.into_iter().flat_map(|r| [r % modulus, r % modulus + modulus]) {
-                let n = ((u128::from(r) * u128::from(r)).wrapping_add_signed(i128::from(d))) / 4;
-                let has_54_bits = r >> 53 == 1;
-                let mantissa = n >> 52;
-                if has_54_bits && (mantissa as f64) as u128 == mantissa && mantissa << 52 == n {
-                    hardest.push(mantissa as f64);
-                }
-            }
-        }
-        hardest
-    }
-
-    #[test]
-    fn an_iterated_root_is_the_correctly_rounded_one() {
-        if !Level::Avx512.available() {
-            return;
-        }
-        let hardest = hardest_roots();
-        assert!(hardest.len() > 1000, "{}", hardest.len());
-        let mut numbers = vec![0.0, -0.0, -1.0, 1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
-        numbers.extend([5e-324, 1e-310, -1e-310, f64::MIN_POSITIVE, f64::MAX, f64::MIN]);
-        for exponent in [-1000, -301, 0, 1, 300, 900] {
-            numbers.extend(hardest.iter().map(|x| x * 2_f64.powi(exponent)));
-        }
-        let mut bits = 1_u64;
-        numbers.extend((0..1_000_000).map(|_| {
-            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            f64::from_bits(bits ^ (bits >> 31))
-        }));
-        let numbers: Vec<[f64; 8]> = numbers.as_chunks().0.to_vec();
-        for (x, [iterated, known]) in numbers.iter().zip(roots(&numbers)) {
-            assert_eq!(iterated.map(f64::to_bits), known.map(f64::to_bits), "{x:?}");
         }
     }
 

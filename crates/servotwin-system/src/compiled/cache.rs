@@ -74,9 +74,9 @@ pub(super) struct CacheEntry {
 
 impl CacheEntry {
     /// `None` without a folder.
-    pub(crate) fn new(text: &str, how: &[&str]) -> Option<Self> {
+    pub(crate) fn new(text: &str, compiler: &str) -> Option<Self> {
         let mut digest = Sha256::new();
-        for part in [env!("CARGO_PKG_VERSION"), text].iter().chain(how) {
+        for part in [env!("CARGO_PKG_VERSION"), text, compiler] {
             digest.update((part.len() as u64).to_le_bytes());
             digest.update(part);
         }
