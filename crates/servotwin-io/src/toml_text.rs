@@ -246,21 +246,11 @@ const MAX_FOUND: usize = 100;
 #[derive(Clone, Debug, Default)]
 pub struct Collector {
     found: Vec<(TextSpan, Diagnostic)>,
-    /// The key at the root of the file whose value is being read.
-    pub section: Option<&'static str>,
-    /// Keys at the root with a mistake that made a substitute necessary.
-    pub doubtful: Vec<&'static str>,
 }
 
 impl Collector {
     /// Adds a mistake; the same one at the same place only once.
     pub fn note(&mut self, span: &TextSpan, mistake: Diagnostic) {
-        self.doubtful.extend(self.section);
-        self.note_harmless(span, mistake);
-    }
-
-    /// Adds a mistake on which nothing else in the file depends.
-    pub fn note_harmless(&mut self, span: &TextSpan, mistake: Diagnostic) {
         let is_same = |(at, known): &(TextSpan, Diagnostic)| at == span && *known == mistake;
         if !self.is_full() && !self.found.iter().any(is_same) {
             self.found.push((span.clone(), mistake));

@@ -14,7 +14,7 @@
 
 use super::Scenario;
 use super::keys::{SEED, SOME_SPECIMENS};
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use crate::format::{At, Names, Value, section, words};
 use servotwin_learning::classifiers::boosted_trees::{MAX_DEPTH, MAX_TREES};
 use servotwin_learning::tree::Criterion;
@@ -96,7 +96,7 @@ impl Evaluating {
         for (name, at) in listed.chain(self.trees.keys().map(|name| (name.as_str(), &name.at))) {
             if !is_known(name) {
                 let what = ("scenario in this study", name);
-                result = Err(reader.unknown(OF_SYSTEM, at, what, known()));
+                result = Err(reader.unknown(at, what, known()));
             }
         }
         let is_learned = |bands: &&At<Vec<At<Scenario>>>| {

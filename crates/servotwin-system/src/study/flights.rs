@@ -22,7 +22,7 @@ use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
 use super::seed::{Seed, Stream};
 use super::training::{check_pattern, count_ranges, filled_at, halton_in};
-use crate::format::{At, Names, Read, Value, section};
+use crate::format::{At, Names, Value, section, usual};
 use crate::signal::bus::as_sent;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::MAX_ACTUATORS;
@@ -48,7 +48,7 @@ section! {
             "ranges from which each specimen with tolerances draws further parameters";
         may pub(super) other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
-        may pub(super) limits: Limits => Read::stand_in(Limits::VALUE), "targets of the diagnosis";
+        may pub(super) limits: Limits => usual(), "targets of the diagnosis";
     }
 }
 

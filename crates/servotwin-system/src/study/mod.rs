@@ -42,7 +42,7 @@ use crate::system::System;
 use crate::system::imperfection::Imperfection;
 use crate::toml_text::{Collector, Diagnostic, TextSpan, TomlError, TomlText};
 use keys::{RUN_S, some};
-use reader::{Noted, OF_SENSORS, OF_SYSTEM, Reader};
+use reader::{Noted, Reader};
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
 use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
@@ -239,8 +239,8 @@ impl Study {
         path: &str,
         system: System,
     ) -> Result<Self, TomlError> {
-        let (text, mistakes) = (&parsed, RefCell::new(mistakes));
-        let reader = Reader { path, source, text, system: &system, mistakes };
+        let mistakes = RefCell::new(mistakes);
+        let reader = Reader { path, source, text: &parsed, system: &system, mistakes };
         let study = Self::of_parts(&reader);
         Ok(reader.finish(study)?(parsed, system))
     }
@@ -457,8 +457,8 @@ pub fn keys() -> &'static [format::Key] {
     Text::KEYS
 }
 
-/// Reads a text and collects its mistakes of form, with substitutes for unreadable values. If nothing else can be
-/// checked, those mistakes are the error.
+/// Reads a text, with the mistakes on which nothing else depends. Others are the error: without a value, what depends on
+/// it cannot be checked.
 fn read_text(text: &str, path: &str) -> Result<(Text, Collector), TomlError> {
     if let Some(mistakes) = FileType::Study.wanted(text) {
         return Err(mistakes.refuse(path, text));
@@ -468,24 +468,24 @@ fn read_text(text: &str, path: &str) -> Result<(Text, Collector), TomlError> {
         return Err(mistakes.refuse(path, text));
     };
     let parsed = Text::of(&document.root(), (&(0..0), "the file"), &mut mistakes);
-    // Without the name of a system, no other name can be looked up.
-    if mistakes.doubtful.contains(&"system") {
-        return Err(mistakes.refuse(path, text));
+    match parsed.filter(|parsed| parsed.check_lists(&mut mistakes)) {
+        Some(parsed) => {
+            let parsed = parsed.in_its_size();
+            Ok((if parsed.on_ground { parsed.on_ground() } else { parsed }, mistakes))
+        }
+        None => Err(mistakes.refuse(path, text)),
     }
-    parsed.check_lists(&mut mistakes);
-    let parsed = parsed.in_its_size();
-    Ok((if parsed.on_ground { parsed.on_ground() } else { parsed }, mistakes))
 }
 
 impl Text {
-    /// Notes duplicates in lists whose elements must be unique, and too many units.
-    fn check_lists(&self, mistakes: &mut Collector) {
+    /// Notes duplicates in lists whose elements must be unique, and impossible units; `false` for the latter.
+    fn check_lists(&self, mistakes: &mut Collector) -> bool {
         let mut once = |what: &str, elements: Vec<(String, &TextSpan)>| {
             let mut seen: Vec<String> = vec![];
             for (name, at) in elements {
                 if seen.contains(&name) {
                     let mistake = format!("the {what} '{name}' stands twice");
-                    mistakes.note_harmless(at, Diagnostic::new(mistake));
+                    mistakes.note(at, Diagnostic::new(mistake));
                 }
                 seen.push(name);
             }
@@ -500,17 +500,18 @@ impl Text {
         let tolerances = self.realistic.iter().flat_map(|realistic| &realistic.tolerances);
         let parameters = tolerances.flat_map(|tolerance| &tolerance.parameters);
         once("tolerance of", parameters.map(|own| (names(own), &own.at)).collect());
-        mistakes.section = Some("units");
-        if let Some(whole) = self.units.iter().find(|u| u.is_empty() && self.units.len() > 1) {
+        let whole = self.units.iter().find(|unit| unit.is_empty() && self.units.len() > 1);
+        if let Some(whole) = whole {
             let message = "the unit '' is the whole system, which has no other units";
             mistakes.note(&whole.at, Diagnostic::new(message));
         }
-        if let Some(surplus) = self.units.get(MAX_ACTUATORS) {
+        let surplus = self.units.get(MAX_ACTUATORS);
+        if let Some(surplus) = surplus {
             let (count, allowed) = (self.units.len(), format!("at most {MAX_ACTUATORS}"));
             let mistake = Diagnostic::not_allowed("number of units", count, allowed);
             mistakes.note(&surplus.at, mistake);
         }
-        mistakes.section = None;
+        whole.is_none() && surplus.is_none()
     }
 }
 
@@ -569,7 +570,7 @@ impl Reader<'_> {
         let mut seen = Vec::new();
         for id in self.text.sensors.keys() {
             if !ids().any(|known| known == id.as_str()) {
-                self.unknown(OF_SYSTEM, &id.at, ("sensor in the system", id), ids());
+                self.unknown(&id.at, ("sensor in the system", id), ids());
             }
         }
         for (position, sensor) in list.iter().enumerate() {
@@ -582,7 +583,7 @@ impl Reader<'_> {
         if let Some(extra) = &self.text.extra_sensor {
             let position = ids().position(|id| id == extra.id.as_str());
             let what = ("sensor in the system", extra.id.as_str());
-            let unknown = || self.unknown(OF_SYSTEM, &extra.id.at, what, ids());
+            let unknown = || self.unknown(&extra.id.at, what, ids());
             let position = position.ok_or_else(unknown)?;
             let sensor = self.seen(position, Quantity::Surface, None);
             if measured.contains(&position) {
@@ -664,7 +665,7 @@ impl Reader<'_> {
         let known = || others().map(|other| sensor(other).id.as_str());
         let other = others().find(|&other| sensor(other).id == followed.value);
         let what = ("other sensor", followed.as_str());
-        let other = other.ok_or_else(|| self.unknown(OF_SENSORS, &followed.at, what, known()))?;
+        let other = other.ok_or_else(|| self.unknown(&followed.at, what, known()))?;
         Ok(self.in_scales(measured, place, &[(other, weight)])[0])
     }
 

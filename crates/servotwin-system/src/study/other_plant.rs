@@ -20,7 +20,7 @@
 
 use super::faults::full_name;
 use super::keys::some;
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use crate::format::{At, Names, section};
 use crate::signal::random::NormalDeviates;
 use crate::toml_text::{Diagnostic, NumberWithUnit};
@@ -153,11 +153,11 @@ fn kinds(
     let found = named(reader, name);
     if found.is_empty() {
         let all = reader.system.network().components.iter().map(|part| part.id.as_str());
-        return Err(reader.unknown(OF_SYSTEM, &name.at, ("component in the system", name), all));
+        return Err(reader.unknown(&name.at, ("component in the system", name), all));
     }
     let component = components::find(kind).ok_or_else(|| {
         let all = components::ALL.iter().map(|component| component.kind);
-        reader.unknown(OF_SYSTEM, &kind.at, ("kind of component", kind), all)
+        reader.unknown(&kind.at, ("kind of component", kind), all)
     })?;
     let own = reader.system.network().components[found[0]].component;
     let Some((what, missing)) = lacking(own, component) else {
@@ -232,7 +232,7 @@ fn parameters(
         };
         let known = of_part.iter().map(String::as_str);
         let what = ("parameter in these plants", name.as_str());
-        return Err(reader.unknown(OF_SYSTEM, &name.at, what, known));
+        return Err(reader.unknown(&name.at, what, known));
     }
     Ok(found.into_iter().map(|place| (place, parameter.to_owned())).collect())
 }

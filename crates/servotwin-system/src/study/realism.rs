@@ -3,7 +3,7 @@
 
 use super::faults::full_name;
 use super::keys::{SPECIMENS, some};
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use super::{Seed, Stream, Study};
 use crate::format::{At, Value, section, words};
 use servotwin_model::hash::{Canonical, Fingerprint};
@@ -246,6 +246,6 @@ pub(super) fn find(
         }
         let all = reader.system.all_parameters();
         let known = all.iter().map(String::as_str);
-        reader.unknown(OF_SYSTEM, &name.at, ("parameter in the system", &id), known)
+        reader.unknown(&name.at, ("parameter in the system", &id), known)
     })
 }

@@ -27,7 +27,7 @@
 use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
 pub use super::keys::MAX_ENVIRONMENTS;
 use super::keys::{FLIGHT_COUNT, FLIGHT_S};
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use super::seed::Seed;
 use super::{Scenario, Study};
 use crate::format::{At, Key, Raw, Read, Value, may, only, section};
@@ -106,7 +106,7 @@ pub(super) struct Texts {
 
 impl Texts {
     /// Reads a suite by its name and its own entries.
-    fn of((name, at): (&str, &TextSpan), own: &[Entry], mistakes: &mut Collector) -> Self {
+    fn of((name, at): (&str, &TextSpan), own: &[Entry], mistakes: &mut Collector) -> Option<Self> {
         let known = KNOWN.iter().find(|(known, ..)| *known == name);
         let usual = known.map_or("", |(.., usual)| usual);
         let usual = TomlText::parse(usual, 0, &mut Collector::default()).expect("TOML");
@@ -128,11 +128,12 @@ impl Texts {
         full.retain(|entry| NUMBERS.iter().any(|key| key.name == entry.key));
         let full = layered(&full, &small);
         let place = format!("'{name}'");
-        let mut sizes = [&small, &full].map(|all| Text::of(all, (at, &place), mistakes));
+        let [small, full] = [&small, &full].map(|all| Text::of(all, (at, &place), mistakes));
+        let mut sizes = [small?, full?];
         if get(own, "like").is_none() {
             sizes.iter_mut().flat_map(|size| &mut size.like).for_each(|like| like.at = at.clone());
         }
-        Texts { sizes }
+        Some(Texts { sizes })
     }
 }
 
@@ -147,11 +148,7 @@ impl Read for Texts {
 
     fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
         let own = mistakes.table(entry)?;
-        Some(Self::of((entry.key, &entry.at), &own, mistakes))
-    }
-
-    fn stand_in(_value: Value) -> Self {
-        Texts { sizes: Default::default() }
+        Self::of((entry.key, &entry.at), &own, mistakes)
     }
 }
 
@@ -421,6 +418,7 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
         let own = reader.text.suites.get_key_value(name);
         let own = own.map(|(name, own)| (name.clone(), own.clone()));
         let usual = Texts::of((name, &(0..0)), &[], &mut Collector::default());
+        let usual = usual.expect("the usual values are right");
         if is_possible(reader, flights, name, &usual.sizes[0]) || own.is_some() {
             let (name, text) = own.unwrap_or((At::new(name.into(), 0..0), usual));
             texts.insert(name, (purpose, text));
@@ -451,7 +449,7 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
             if like.is_none() {
                 let known = suites.keys().map(String::as_str);
                 let what = ("suite that is like no other", other.as_str());
-                reader.unknown(OF_SYSTEM, &other.at, what, known);
+                reader.unknown(&other.at, what, known);
                 has_failed = true;
                 continue;
             }

@@ -178,7 +178,7 @@ pub(super) fn check_pattern(
     let ranges = ranges(pattern);
     if let Some(&(low, high)) = ranges.iter().find(|(low, high)| low > high) {
         let mistake = not_in_order(&format!("{{{low}..{high}}}"), low, high);
-        return Err(reader.note_given(&[], at, mistake));
+        return Err(reader.note(at, mistake));
     }
     let ends = (0..ranges.len()).flat_map(|range| [(range, 0.0), (range, 1.0)]);
     ends.into_iter().try_for_each(|(range, end)| {

@@ -63,16 +63,16 @@ section! {
 
 section! {
     struct InputText {
-        must unit: Option<At<Unit>>, "unit of its values";
-        must default: Option<f64>, "value where a run gives no signal, in SI";
+        must unit: At<Unit>, "unit of its values";
+        must default: f64, "value where a run gives no signal, in SI";
         may to: Vec<At<String>>, "signal inputs (component.port) that it feeds";
     }
 }
 
 section! {
     struct SensorText {
-        must signal: Option<At<String>>, "signal output (component.port), such as the reading of a sensor";
-        must scale: Option<At<f64>> = Value::Number(1e-9, 1e12, ""),
+        must signal: At<String>, "signal output (component.port), such as the reading of a sensor";
+        must scale: At<f64> = Value::Number(1e-9, 1e12, ""),
             "the size that residuals are divided by, in the signal's unit";
         may label: Option<String>, "name in figures; default: its id";
     }
@@ -80,10 +80,10 @@ section! {
 
 section! {
     struct ReservoirText {
-        must volume_m3: Option<f64> = Value::Number(1e-6, 10.0, "m³"),
+        must volume_m3: f64 = Value::Number(1e-6, 10.0, "m³"),
             "fluid that can leak before the pump has none";
-        must supply: Option<At<String>>, "pressure source that it feeds, whose pressure is an input";
-        must r#return: Option<At<String>>, "tank that leads the fluid back";
+        must supply: At<String>, "pressure source that it feeds, whose pressure is an input";
+        must r#return: At<String>, "tank that leads the fluid back";
     }
 }
 
@@ -101,11 +101,8 @@ impl Read for Connection {
             mistakes.note(&entry.value_at(), mistake);
         }
         let end = |end: &Entry| Some(At::new(mistakes.text(end)?.to_owned(), end.value_at()));
-        Some(Connection(ends.iter().filter_map(end).collect()))
-    }
-
-    fn stand_in(_value: Value) -> Self {
-        Connection(vec![])
+        let ends: Vec<Option<At<String>>> = ends.iter().map(end).collect();
+        ends.into_iter().collect::<Option<_>>().map(Connection)
     }
 }
 
@@ -153,7 +150,7 @@ impl Reader {
         let root = document.root();
         let text = Text::of(&root, (&(0..0), "the file"), &mut self.mistakes);
         // What a wrong key was meant for may be missing elsewhere.
-        let mut scope = Scope::new(self.mistakes.is_empty());
+        let mut scope = Scope::new(text.is_some() && self.mistakes.is_empty());
         for entry in members(&root, "fluids") {
             self.fluid(&entry);
         }
@@ -163,18 +160,18 @@ impl Reader {
         for entry in members(&root, "components") {
             self.component(&mut scope, &entry);
         }
-        scope.broken.extend(members(&root, "inputs").iter().map(|input| input.key.to_owned()));
-        self.inputs(&mut scope, text.inputs);
-        self.connections(&mut scope, &text.system.connections);
-        for (id, sensor) in text.sensors.0 {
-            self.sensor(&scope, id.value, sensor);
-        }
-        for (id, reservoir) in text.reservoirs.0 {
-            self.reservoir(&scope, id.value, reservoir);
+        if let Some(text) = text {
+            self.signals(&mut scope, text.inputs, &text.system.connections);
+            for (id, sensor) in text.sensors.0 {
+                self.sensor(&scope, id.value, sensor);
+            }
+            for (id, reservoir) in text.reservoirs.0 {
+                self.reservoir(&scope, id.value, reservoir);
+            }
+            self.title = text.title.unwrap_or_else(|| text.name.clone());
+            self.name = text.name;
         }
         self.scope = scope;
-        self.title = text.title.unwrap_or_else(|| text.name.clone());
-        self.name = text.name;
     }
 
     /// Reads a number within a range.
@@ -372,17 +369,17 @@ impl Reader {
     fn assembly(&mut self, entry: &Entry) {
         check_id(entry.key, &entry.at, &mut self.mistakes);
         let all = self.mistakes.table(entry);
-        let is_table = all.is_some();
         let (before, all) = (self.mistakes.count(), all.unwrap_or_default());
         let place = format!("assembly '{}'", entry.key);
         let text = AssemblyText::of(&all, (&entry.at, &place), &mut self.mistakes);
-        let mut scope = Scope::new(is_table && self.mistakes.count() == before);
+        let is_read = text.is_some() && self.mistakes.count() == before;
+        let mut scope = Scope::new(is_read && entry.table().is_some());
         for member in members(&all, "components") {
             self.part(&mut scope, &member);
         }
-        scope.broken.extend(members(&all, "inputs").iter().map(|input| input.key.to_owned()));
-        self.inputs(&mut scope, text.inputs);
-        self.connections(&mut scope, &text.connections);
+        if let Some(text) = text {
+            self.signals(&mut scope, text.inputs, &text.connections);
+        }
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
         self.assemblies.push(Named { name, at, used: false, value: scope });
     }
@@ -579,10 +576,10 @@ impl Reader {
 
     // Connections and signals.
 
-    fn connections(&mut self, scope: &mut Scope, all: &[At<Connection>]) {
-        for connection in all {
-            self.connection(scope, connection);
-        }
+    /// Adds the inputs and connections of a system or an assembly.
+    fn signals(&mut self, scope: &mut Scope, inputs: Ids<InputText>, joined: &[At<Connection>]) {
+        inputs.0.into_iter().for_each(|input| self.input(scope, input));
+        joined.iter().for_each(|connection| self.connection(scope, connection));
     }
 
     fn connection(&mut self, scope: &mut Scope, connection: &At<Connection>) {
@@ -657,54 +654,38 @@ impl Reader {
         scope.complete = false;
     }
 
-    /// Adds the inputs of a system or an assembly.
-    fn inputs(&mut self, scope: &mut Scope, inputs: Ids<InputText>) {
-        for (id, text) in inputs.0 {
-            scope.broken.retain(|broken| *broken != *id);
-            if scope.has(&id) {
-                let mistake = Diagnostic::new(format!("there are two things called '{}'", *id));
-                self.mistakes.note(&id.at, mistake.with_help("every id stands for one thing"));
-            }
-            let Some(unit) = text.unit else {
-                scope.breaks(&id);
-                continue;
-            };
-            let input = scope.inputs.len();
-            let default = text.default.unwrap_or(f64::NAN);
-            scope.inputs.push(Input {
-                id: id.value,
-                at: id.at,
-                unit: unit.value,
-                unit_at: unit.at,
-                default,
-                targets: vec![],
-            });
-            for word in &text.to {
-                match self.resolve(scope, word) {
-                    Some(Resolved::Port(port)) => {
-                        self.feed(scope, input, End { port, at: word.at.clone() });
-                    }
-                    Some(Resolved::Input(other)) => {
-                        self.mistakes.note(&word.at, scope.two_inputs(input, other));
-                        scope.complete = false;
-                    }
-                    None => scope.complete = false,
+    fn input(&mut self, scope: &mut Scope, (id, text): (At<String>, InputText)) {
+        if scope.has(&id) {
+            let mistake = Diagnostic::new(format!("there are two things called '{}'", *id));
+            self.mistakes.note(&id.at, mistake.with_help("every id stands for one thing"));
+        }
+        let InputText { unit: At { value: unit, at: unit_at }, default, to } = text;
+        let (input, targets) = (scope.inputs.len(), vec![]);
+        scope.inputs.push(Input { id: id.value, at: id.at, unit, unit_at, default, targets });
+        for word in &to {
+            match self.resolve(scope, word) {
+                Some(Resolved::Port(port)) => {
+                    self.feed(scope, input, End { port, at: word.at.clone() });
                 }
+                Some(Resolved::Input(other)) => {
+                    self.mistakes.note(&word.at, scope.two_inputs(input, other));
+                    scope.complete = false;
+                }
+                None => scope.complete = false,
             }
         }
     }
 
     fn sensor(&mut self, scope: &Scope, id: String, text: SensorText) {
-        let port = text.signal.and_then(|signal| self.output(scope, &signal));
-        let (Some((port, unit)), Some(scale)) = (port, text.scale) else { return };
-        self.above_noise(&scope.parts[port.component], (&id, unit), &scale);
+        let Some((port, unit)) = self.output(scope, &text.signal) else { return };
+        self.above_noise(&scope.parts[port.component], (&id, unit), &text.scale);
         self.sensors.push(Sensor {
             label: text.label.unwrap_or_else(|| id.clone()),
             id,
             signal: scope.port_id(port),
             component: port.component,
             unit,
-            scale: scale.value,
+            scale: text.scale.value,
         });
     }
 
@@ -755,18 +736,18 @@ impl Reader {
     }
 
     fn reservoir(&mut self, scope: &Scope, id: String, text: ReservoirText) {
-        // A component that could not be read is reported where it stands.
-        let readable = |word: &At<String>| !scope.is_broken(word);
-        let source = text.supply.filter(readable).and_then(|word| self.source(scope, &word));
-        let tank = text.r#return.filter(readable).and_then(|word| self.tank(scope, &word));
-        if let (Some(volume_m3), Some((supply, input)), Some(tank)) = (text.volume_m3, source, tank)
-        {
+        let (source, tank) = (self.source(scope, &text.supply), self.tank(scope, &text.r#return));
+        if let (Some((supply, input)), Some(tank)) = (source, tank) {
+            let volume_m3 = text.volume_m3;
             self.reservoirs.push(Reservoir { id, volume_m3, supply, input, tank });
         }
     }
 
     /// A pressure source that no other reservoir feeds, with the input that gives its pressure.
     fn source(&mut self, scope: &Scope, word: &At<String>) -> Option<(usize, usize)> {
+        if scope.is_broken(word) {
+            return None;
+        }
         let driven_by = |component: usize| {
             let port = scope.parts[component].component.port("pressure")?;
             let port = PortOf { component, port };
@@ -795,7 +776,7 @@ impl Reader {
     fn tank(&mut self, scope: &Scope, word: &At<String>) -> Option<usize> {
         let id = |tank: usize| scope.parts[tank].id.as_str();
         let found = scope.of_kind("tank").find(|tank| id(*tank) == **word);
-        if found.is_none() {
+        if found.is_none() && !scope.is_broken(word) {
             self.mistakes.note(&word.at, unknown("tank", word, scope.of_kind("tank").map(id)));
         }
         found
