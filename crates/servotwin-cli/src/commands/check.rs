@@ -103,7 +103,7 @@ fn plausible(system: &System) -> impl Iterator<Item = Line> {
 /// Checks a study of recordings. It names columns of a table instead of a system.
 fn of_recordings(file: &Path) -> Result<Document, Failure> {
     let study = read_recording_study(file)?;
-    let sensors = study.sensors().map_err(|error| Failure::of_recordings(file, error))?.0.len();
+    let sensors = study.sensors().0.len();
     let mut section = Document::section("recordings", "");
     section.fact("sensors", "sensors or residuals", sensors);
     section.fact("window_rows", "rows of a window", study.window_rows());
