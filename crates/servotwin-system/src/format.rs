@@ -428,7 +428,7 @@ macro_rules! section {
                     let key = *keys.next().expect("one key for each field");
                     let $field: Option<$type> = match $crate::format::get(all, key.name) {
                         Some(entry) => $crate::format::Read::read(entry, key, mistakes),
-                        None => $crate::section!(@missing $need key, place, mistakes $(, $default)?),
+                        None => $crate::section!(@missing $need key, all, place, mistakes $(, $default)?),
                     };
                 )*
                 Some(Self { $($field: $field?),* })
@@ -450,9 +450,9 @@ macro_rules! section {
     };
     (@value $type:ty) => { <$type as $crate::format::Read>::VALUE };
     (@value $type:ty, $value:expr) => { $value };
-    (@missing must $key:ident, $at:expr, $mistakes:ident) => { $crate::format::missing($key, $at, $mistakes) };
-    (@missing may $key:ident, $at:expr, $mistakes:ident) => { Some(Default::default()) };
-    (@missing may $key:ident, $at:expr, $mistakes:ident, $default:expr) => { Some($default) };
+    (@missing must $key:ident, $all:ident, $at:ident, $mistakes:ident) => { $crate::format::missing($key, $all, $at, $mistakes) };
+    (@missing may $key:ident, $all:ident, $at:ident, $mistakes:ident) => { Some(Default::default()) };
+    (@missing may $key:ident, $all:ident, $at:ident, $mistakes:ident, $default:expr) => { Some($default) };
 }
 pub use section;
 
@@ -488,12 +488,33 @@ pub const fn name(field: &'static str) -> &'static str {
 pub fn only(keys: &[Key], all: &[Entry], place: &str, mistakes: &mut Collector) {
     for entry in all.iter().filter(|entry| keys.iter().all(|key| key.name != entry.key)) {
         let known = keys.iter().map(|key| key.name);
-        mistakes.note(&entry.at, Diagnostic::unknown_key(entry.key, place, known));
+        let mistake = match slip(entry, keys) {
+            Some(slip) => slip.mistake(entry.key),
+            None => Diagnostic::unknown_key(entry.key, place, known),
+        };
+        mistakes.note(&entry.at, mistake);
     }
 }
 
-/// Notes a required key that is missing.
-pub fn missing<T>(key: Key, (at, place): (&TextSpan, &str), mistakes: &mut Collector) -> Option<T> {
+/// The key that was meant by one with another unit at its end.
+fn slip(entry: &Entry, keys: &[Key]) -> Option<units::Slip> {
+    let measured = keys.iter().filter_map(|key| match key.value {
+        Value::Number(_, _, unit) => Some((key.name, units::find_si(unit)?)),
+        _ => None,
+    });
+    units::slip(entry, measured)
+}
+
+/// Notes a required key that is missing, unless it was written with another unit.
+pub fn missing<T>(
+    key: Key,
+    all: &[Entry],
+    (at, place): (&TextSpan, &str),
+    mistakes: &mut Collector,
+) -> Option<T> {
+    if all.iter().any(|entry| slip(entry, &[key]).is_some()) {
+        return None;
+    }
     let write = format!("{} ({})", key.value.example(key.name), key.summary);
     mistakes.note(at, Diagnostic::missing(place, key.name, write));
     None
@@ -501,7 +522,7 @@ pub fn missing<T>(key: Key, (at, place): (&TextSpan, &str), mistakes: &mut Colle
 
 impl Value {
     /// The range of a number, and its unit.
-    fn range(self) -> (f64, f64, &'static str) {
+    pub(crate) fn range(self) -> (f64, f64, &'static str) {
         match self {
             Value::Number(min, max, unit) => (min, max, unit),
             Value::Whole(min, max) => (min, max, ""),
@@ -560,7 +581,7 @@ impl Value {
     }
 
     /// A description of the value for the documentation.
-    pub(crate) fn words(&self) -> String {
+    pub fn words(&self) -> String {
         match self {
             Value::Number(min, max, unit) if max.is_finite() => {
                 Quantities(*min, *max, unit).to_string()

@@ -37,7 +37,7 @@ mod rewrite;
 mod schema;
 mod scope;
 
-pub(crate) use fluid::{FLUID, OF_ALL, POINT, WITH_MODULUS};
+pub(crate) use fluid::{POINT, keys_of};
 pub use listing::ListedFault;
 pub use reservoir::Reservoir;
 pub use rewrite::{NewValue, RewriteError};

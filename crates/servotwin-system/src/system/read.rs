@@ -1,19 +1,18 @@
 //! Reads TOML into a [`Scope`]: sections, components, connections, inputs and sensors. Mistakes are collected, and
 //! reading continues.
 
-use super::fluid::{FLUID, MODULUS, OF_ALL, POINT, WITH_MODULUS, WITH_SLOPE, allowed, set_fluid};
+use super::fluid::FluidText;
 use super::reservoir::Reservoir;
 use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor, schema};
-use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, section};
+use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, may, section};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
 use crate::toml_text::{Collector, Diagnostic, Entry, NumberWithUnit, TextSpan, TomlText, get};
 use crate::units;
 use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, find};
-use servotwin_model::fluid::table::{Point, Table};
-use servotwin_model::fluid::{Fluid, FluidKind, own, table};
+use servotwin_model::fluid::Fluid;
 use servotwin_model::network::PortOf;
 use servotwin_model::spec::{Law, Parameter, PortKind, Unit};
 
@@ -25,8 +24,7 @@ section! {
         must name: String = Value::Id, "name in files and commands";
         may title: Option<String>, "title of the system, one line";
         #[expect(dead_code, reason = "fluids have keys by their kind")]
-        may fluids: Raw = Value::Ids(&Value::Other(schema::fluid, "the numbers of a fluid")),
-            "fluids of the hydraulic circuits";
+        may fluids: Raw = Value::Ids(&FluidText::VALUE), "fluids of the hydraulic circuits";
         #[expect(dead_code, reason = "they have components")]
         may assemblies: Raw = Value::Ids(&Value::Table(AssemblyText::KEYS)),
             "groups of components that occur several times";
@@ -200,154 +198,10 @@ impl Reader {
 
     fn fluid(&mut self, entry: &Entry) {
         check_id(entry.key, &entry.at, &mut self.mistakes);
-        let all = self.mistakes.table(entry);
-        let value = all.and_then(|all| self.fluid_values(entry, &all));
+        let key = may("fluids", FluidText::VALUE, "");
+        let value = FluidText::read(entry, key, &mut self.mistakes).map(|fluid| fluid.0);
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
         self.fluids.push(Named { name, at, used: false, value });
-    }
-
-    fn fluid_values(&mut self, fluid: &Entry, all: &[Entry]) -> Option<Fluid> {
-        let place = format!("fluid '{}'", fluid.key);
-        let mut value = Fluid::default();
-        let mut sound = true;
-        let word = get(all, "kind").and_then(Entry::text);
-        let points = get(all, "points").filter(|_| word == Some(table::NAME));
-        let (known, further): (&[Parameter], &[&str]) = match word {
-            Some(own::NAME) => (&FLUID, &["kind"]),
-            Some(table::NAME) if gives_modulus(points) => {
-                (&FLUID[..WITH_SLOPE], &["kind", "points"])
-            }
-            Some(table::NAME) => (&FLUID[..WITH_MODULUS], &["kind", "points"]),
-            _ => (&FLUID[..OF_ALL], &["kind"]),
-        };
-        for entry in all.iter().filter(|entry| !further.contains(&entry.key)) {
-            let Some(index) = known.iter().position(|p| p.name == entry.key) else {
-                self.unknown_number(entry, &place, known, further);
-                sound = false;
-                continue;
-            };
-            match self.declared(entry, &FLUID[index]) {
-                Some(number) => set_fluid(&mut value, index, number),
-                None => sound = false,
-            }
-        }
-        value.kind = self.liquid((&fluid.at, &place), get(all, "kind"))?;
-        if value.kind == FluidKind::Table {
-            value.table = self.points((&fluid.at, &place), points, &value.own)?;
-        }
-        if value.own.viscosity_100_m2_s >= value.own.viscosity_40_m2_s {
-            let message = format!("the {place} is no thinner at 100 °C than at 40 °C");
-            let help = "give both viscosity_40_m2_s and viscosity_100_m2_s (1 cSt = 1e-6 m²/s)";
-            self.mistakes.note(&fluid.at, Diagnostic::new(message).with_help(help));
-            sound = false;
-        }
-        sound.then_some(value)
-    }
-
-    /// Reads the points of a fluid table.
-    fn points(
-        &mut self,
-        (at, place): (&TextSpan, &str),
-        points: Option<&Entry>,
-        own: &own::OwnLiquid,
-    ) -> Option<Table> {
-        let Some(entry) = points else {
-            let write = "points = [{ temperature_k = 313.15, density_kg_m3 = 865, viscosity_m2_s = 46e-6 }, …]";
-            self.mistakes.note(at, Diagnostic::missing(place, "points", write));
-            return None;
-        };
-        let list = self.mistakes.list(entry)?;
-        if list.len() < 2 {
-            let mistake = Diagnostic::new("'points' needs at least 2 entries");
-            self.mistakes.note(&entry.value_at(), mistake);
-            return None;
-        }
-        let place = format!("a point of {place}");
-        let own = (!gives_modulus(points)).then_some(own);
-        let mut before = [None; 4];
-        let point = |element: &Entry| {
-            self.point(&Entry { key: "a point", ..element.clone() }, &place, own, &mut before)
-        };
-        let points: Vec<Option<Point>> = list.iter().map(point).collect();
-        Table::new(points.into_iter().collect::<Option<_>>()?)
-    }
-
-    /// Reads a point and updates `before`, the previous point's numbers. If no point gives a bulk modulus, that of
-    /// `own` is used.
-    fn point(
-        &mut self,
-        entry: &Entry,
-        place: &str,
-        own: Option<&own::OwnLiquid>,
-        before: &mut [Option<f64>; 4],
-    ) -> Option<Point> {
-        let all = self.mistakes.table(entry)?;
-        let others = all.iter().filter(|entry| POINT.iter().all(|p| p.name != entry.key));
-        let meant: Vec<Option<&str>> =
-            others.map(|other| self.unknown_number(other, place, &POINT, &[])).collect();
-        let mut values = [None; 4];
-        for (index, declared) in POINT.iter().enumerate() {
-            values[index] = match (get(&all, declared.name), own) {
-                (Some(number), _) => {
-                    // A misplaced point is reported by its temperature alone.
-                    let ordered = index == 0 || values[0].is_some();
-                    let last = before[index].filter(|_| ordered);
-                    // The next point is compared with a possible number even if it contradicts the point before, so
-                    // that one mistake is reported once.
-                    let (min, max) = allowed(index, None);
-                    let possible = number.number().filter(|number| (min..=max).contains(number));
-                    before[index] = possible.or(last);
-                    self.within(number, allowed(index, last), (declared.unit, declared.summary))
-                }
-                (None, Some(own)) if index == MODULUS => values[0]
-                    .and_then(|kelvin| self.modulus(&entry.at, own.bulk_modulus_at(kelvin))),
-                (None, _) if meant.contains(&Some(declared.name)) => None,
-                (None, _) => {
-                    let write = format!("{} = …", declared.name);
-                    let mistake = Diagnostic::missing(place, declared.name, write);
-                    self.mistakes.note(&entry.at, mistake);
-                    None
-                }
-            };
-        }
-        let [temperature_k, density_kg_m3, viscosity_m2_s, bulk_modulus_pa] = values;
-        meant.is_empty().then_some(Point {
-            temperature_k: temperature_k?,
-            density_kg_m3: density_kg_m3?,
-            viscosity_m2_s: viscosity_m2_s?,
-            bulk_modulus_pa: bulk_modulus_pa?,
-        })
-    }
-
-    /// Checks a bulk modulus that a law gives for a point.
-    fn modulus(&mut self, at: &TextSpan, pa: f64) -> Option<f64> {
-        let Parameter { name, min, max, unit, .. } = POINT[MODULUS];
-        if (min..=max).contains(&pa) {
-            return Some(pa);
-        }
-        let summary = "of the liquid here, by its value at 40 °C and bulk_modulus_change";
-        let mistake = Diagnostic::out_of_range(name, pa, (min, max), unit.symbol(), summary);
-        self.mistakes.note(at, mistake);
-        None
-    }
-
-    fn liquid(
-        &mut self,
-        (at, place): (&TextSpan, &str),
-        kind: Option<&Entry>,
-    ) -> Option<FluidKind> {
-        let known: Vec<&str> = FluidKind::ALL.iter().map(|kind| kind.name()).collect();
-        let Some(entry) = kind else {
-            let write = format!("kind = \"{}\"", known.join("\" or \""));
-            self.mistakes.note(at, Diagnostic::missing(place, "kind", write));
-            return None;
-        };
-        let word = self.mistakes.text(entry)?;
-        let found = FluidKind::ALL.iter().copied().find(|kind| kind.name() == word);
-        if found.is_none() {
-            self.mistakes.note(&entry.value_at(), unknown("liquid", word, known));
-        }
-        found
     }
 
     /// The index of a declared fluid.
@@ -560,13 +414,10 @@ impl Reader {
         parameters: &'static [Parameter],
         extra: &[&str],
     ) -> Option<&'static str> {
-        let finite = entry.number().filter(|number| number.is_finite());
-        if let Some(units::Slip { parameter, si }) = units::slip(entry.key, finite, parameters) {
-            let name = parameter.name;
-            let value = si.map_or("…".into(), |si| NumberWithUnit(si, "").to_string());
-            let mistake = Diagnostic::new(wrong_suffix(entry.key, name, parameter.unit));
-            self.mistakes.note(&entry.at, mistake.with_help(format!("write: {name} = {value}")));
-            return Some(name);
+        let measured = parameters.iter().map(|p| (p.name, p.unit));
+        if let Some(slip) = units::slip(entry, measured) {
+            self.mistakes.note(&entry.at, slip.mistake(entry.key));
+            return Some(slip.name);
         }
         let known = || parameters.iter().map(|p| p.name).chain(extra.iter().copied());
         self.mistakes.note(&entry.at, Diagnostic::unknown_key(entry.key, place, known()));
@@ -780,24 +631,6 @@ impl Reader {
             self.mistakes.note(&word.at, unknown("tank", word, scope.of_kind("tank").map(id)));
         }
         found
-    }
-}
-
-/// Whether any point gives a bulk modulus.
-fn gives_modulus(points: Option<&Entry>) -> bool {
-    let list = points.and_then(Entry::list).unwrap_or_default();
-    list.iter().filter_map(Entry::table).any(|all| get(&all, POINT[MODULUS].name).is_some())
-}
-
-/// Describes the wrong name of a parameter with this unit.
-fn wrong_suffix(key: &str, right: &str, unit: Unit) -> String {
-    let symbol = unit.symbol();
-    match right.strip_suffix(unit.suffix()) {
-        _ if unit == Unit::None => format!("'{key}' has a unit, but {right} is a pure number"),
-        Some(bare) if bare == key => {
-            format!("'{key}' lacks its unit: the parameter is {right}, in {symbol}")
-        }
-        _ => format!("'{key}' is not in SI: the parameter is {right}, in {symbol}"),
     }
 }
 
