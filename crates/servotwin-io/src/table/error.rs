@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::{ALL, ColumnKind};
+use super::ALL;
 use crate::files::FileError;
 use crate::sanitize;
 
@@ -53,11 +53,6 @@ impl ContentError {
     /// What is wrong with a line, such as `: a quote is opened and never closed`.
     pub(super) fn line(line: usize, problem: impl Into<String>) -> Self {
         ContentError::Line { line, problem: problem.into() }
-    }
-
-    /// A cell that does not fit the kind of its column.
-    pub(super) fn cell(line: usize, column: &str, cell: &str, expected: ColumnKind) -> Self {
-        Self::line(line, format!(", column '{column}': {cell} among {}", expected.name()))
     }
 
     pub(super) fn empty() -> Self {

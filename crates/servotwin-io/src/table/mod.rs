@@ -8,7 +8,6 @@
 
 pub mod csv;
 mod error;
-pub mod json_lines;
 pub mod parquet;
 
 use std::borrow::Cow;
@@ -35,15 +34,10 @@ pub struct Format {
 /// Every known format, the preferred one first.
 pub const ALL: [&Format; 2] = [&parquet::FORMAT, &csv::FORMAT];
 
-/// Reads a table; the file's extension names the format (`.csv`, `.parquet`, `.jsonl`). Lines of JSON objects can be
-/// read, but not written.
+/// Reads a table; the file's extension names the format (`.csv`, `.parquet`).
 pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     let path = path.as_ref();
-    let table = match has_extension(path, &json_lines::EXTENSIONS) {
-        true => json_lines::read(path),
-        false => (format_of(path)?.read)(path),
-    };
-    Ok(table?.read_from(path))
+    Ok((format_of(path)?.read)(path)?.read_from(path))
 }
 
 impl Table {
@@ -64,11 +58,6 @@ impl Table {
     }
 }
 
-fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    let own = path.extension().and_then(|text| text.to_str());
-    own.is_some_and(|own| extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension)))
-}
-
 /// Reads a table of another program.
 ///
 /// Unsupported columns of a Parquet file, and those above the [limits](parquet::Limits) of decoding, are left out and
@@ -83,7 +72,7 @@ pub fn read_wanted(
     is_wanted: &dyn Fn(&str) -> bool,
 ) -> Result<Table, TableError> {
     let path = path.as_ref();
-    match has_extension(path, &[parquet::FORMAT.extension]) {
+    match format_of(path)?.extension == parquet::FORMAT.extension {
         true => Ok(parquet::read_wanted(path, is_wanted)?.read_from(path)),
         false => read(path),
     }
@@ -387,7 +376,7 @@ impl Table {
     }
 
     /// Checks that another table has the same column names and kinds in the same order.
-    pub fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
+    pub(crate) fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
         let (expected, found) = (self.columns.len(), other.columns.len());
         if expected != found {
             let message = format!("{found} columns cannot be appended to {expected}");

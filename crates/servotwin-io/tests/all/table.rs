@@ -529,14 +529,6 @@ fn a_table_of_many_columns_is_read_and_taken_apart_column_by_column() {
         let found = names.iter().filter(|name| read.column(name).is_ok());
         assert_eq!(found.take(20_000).count(), 20_000);
     }
-    let line = |value: f64| {
-        let cells = names.iter().map(|name| format!("\"{name}\":{value}")).collect::<Vec<_>>();
-        format!("{{{}}}\n", cells.join(","))
-    };
-    fs::write(folder.file("a.jsonl"), line(0.5) + &line(1.5)).unwrap();
-    let read = table::read(folder.file("a.jsonl")).unwrap();
-    assert_eq!(read.columns().len(), count);
-    assert!(names.iter().all(|name| read.f64(name).unwrap()[1] == 1.5));
 }
 
 #[test]

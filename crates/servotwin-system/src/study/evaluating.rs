@@ -1,16 +1,4 @@
 //! The study's settings of training and evaluation. Missing ones take the usual values in `job::Subject`.
-//!
-//! ```toml
-//! [evaluation]
-//! seed = 1                              # of the splits into training and test
-//! random_thirds = 3                     # repeats with a random third held out
-//! folds = 5                             # parts for holding out kinds and intensities
-//! learned_bands = ["realistic"]         # scenarios with bands from healthy specimens; others use 3 %
-//! classifiers = ["ideal"]               # scenarios in which classifiers are compared
-//! comparison = { random_thirds = 1, folds = 3 }
-//! committee = { trees = 60, depth = 4 }
-//! trees.realistic = { criterion = "gini", depth = 9 }
-//! ```
 
 use super::Scenario;
 use super::keys::{SEED, SOME_SPECIMENS};

@@ -1,15 +1,5 @@
 //! The test on the ground: one command from rest, one window, one decision.
 //!
-//! ```toml
-//! [ground_test]
-//! command = "sweep:amplitude=1deg,from=0.5Hz,to=20Hz,length=10s + sine:amplitude=9deg,frequency=0.4Hz,at=10s"
-//! duration_s = 20
-//! inputs.air_speed = [0, 0]
-//! wear = [{ parameters = ["cylinder.coulomb_friction_n"], times = [0.8, 1.25] }]
-//! suites.learn = { environments = 160, repeats = 4, healthy = 6 }
-//! suites.judge = { environments = 24, repeats = 1, healthy = 3 }
-//! ```
-//!
 //! The twin of an actuator is fitted to its first test, so that the residuals of a later one show changes alone. `wear`
 //! declares the changes between two tests of a healthy actuator.
 //!

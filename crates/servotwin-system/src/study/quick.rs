@@ -1,13 +1,6 @@
 //! The two sizes of a study: as its file declares it, and smaller for a first result.
 //!
-//! ```toml
-//! [quick]
-//! duration_s = 30
-//! draws = 4
-//! healthy = 20
-//! ```
-//!
-//! A study with this section runs in the smaller size unless `full = true` stands at the top of its file.
+//! A study with the section `[quick]` runs in the smaller size unless `full = true` stands at the top of its file.
 //! [`Study::full`] adds that line, so the text beside the results states their size.
 
 use super::keys::{RUN_S, SPECIMENS};

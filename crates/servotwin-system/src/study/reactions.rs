@@ -1,11 +1,5 @@
 //! The reactions of the flight control computer to raised actions.
 //!
-//! ```toml
-//! [reactions]
-//! shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
-//! "change_mode/displacement_sensor" = { unit_parameters = { "position_selector.select" = 1 }, takes_out = ["x_p_1", "x_p_2"] }
-//! ```
-//!
 //! A reaction belongs to an action, or to an action for one fault class, which takes precedence. Keys with `unit_`
 //! refer to the faulty actuator.
 

@@ -1,25 +1,6 @@
 //! Suites: experiments as data. A suite says how many runs there are, of what, in which environments and for what
 //! purpose.
 //!
-//! ```toml
-//! [suites.learn]                     # from which the diagnosis learns
-//! environments = 48
-//! repeats = 4                        # flights of every fault at every intensity
-//! healthy = 20                       # healthy flights in each environment
-//! full = { environments = 400 }      # other numbers with `--full`
-//!
-//! [suites.judge]                     # in which it is judged
-//! environments = 24
-//! repeats = 1
-//! healthy = 3
-//!
-//! [suites.cold]                      # a suite of one's own is judged, too
-//! environments = 4
-//! repeats = 1
-//! scenarios = ["realistic"]
-//! unit_parameters."supply.temperature_k" = [253.15, 253.15]
-//! ```
-//!
 //! Some names are known ([`KNOWN`]), with a purpose and usual values. A suite of another name is for judging only. A
 //! suite that is `like` another has its environments, numbers, specimens and noise, so the two differ only by what the
 //! suite itself says.
@@ -160,10 +141,11 @@ fn plants() -> Vec<&'static str> {
 }
 
 /// Why a run exists. Only runs for training change what is learned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Purpose {
     /// Judging; of records those of the study's operating cases.
+    #[default]
     Test,
     /// Training of trees, committee and bands; of records those of the training commands.
     Train,
@@ -246,7 +228,7 @@ pub const KNOWN: [(&str, Purpose, &str); 11] = [
 ];
 
 /// A suite of a study, in one size.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Suite {
     /// Its name.
     pub name: String,
@@ -500,22 +482,14 @@ impl Study {
             purpose,
             seed: self.seed,
             draws: name.into(),
-            scenarios: vec![],
             environments: cases,
             repeats: cases,
-            is_unseen: false,
             healthy: training.map_or(healthy, |training| training.healthy),
             duration_s: training.map_or(self.duration_s, |training| training.duration_s),
             healthy_duration_s: self.duration_s,
-            onset_s: None,
-            has_other_plants: false,
-            is_fitted: false,
             scatter: 1.0,
-            misses_sensors: false,
-            is_closed_loop: false,
-            is_on_request: false,
             is_records: true,
-            varied: Varied::default(),
+            ..Suite::default()
         }
     }
 

@@ -1,16 +1,7 @@
 //! The training commands. None of them is used in the evaluation.
 //!
-//! A study file draws some of them from a pattern and names others:
-//!
-//! ```toml
-//! [training]
-//! duration_s = 30
-//! healthy = 30
-//! load = [0.4, 1.1]
-//! intensity_spread = 0.05
-//! draws = [{ count = 10, signal = "noise:rms={2..6}deg,bandwidth={0.3..1.1}Hz,seed=10{n}" }]
-//! signals.sweep = "sweep:amplitude=4deg,from=0.1Hz,to=3Hz"
-//! ```
+//! A study file draws some of them from patterns, such as
+//! `noise:rms={2..6}deg,bandwidth={0.3..1.1}Hz,seed=10{n}`, and names others.
 //!
 //! Every `{a..b}` of a pattern becomes a number between a and b, and `{n}` the number of the draw,
 //! starting at one. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960). They fill

@@ -136,7 +136,7 @@ pub enum RecordingError {
     )]
     TooFar { column: String, place: String, value: f64, nominal: f64, scale: f64 },
     /// The folder of records has none.
-    #[error("{}: the folder has no logs (.csv, .parquet or .jsonl)", .0.display())]
+    #[error("{}: the folder has no logs (.csv or .parquet)", .0.display())]
     NoRecords(PathBuf),
     /// A record has no row in the table of labels, or several.
     #[error("the labels have {count} rows for the record '{record}'")]

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 const RECORD: &str = "record";
 
 /// The formats that a folder of logs may have.
-const LOGS: [&str; 4] = ["csv", "parquet", "jsonl", "ndjson"];
+const LOGS: [&str; 2] = ["csv", "parquet"];
 
 impl RecordingStudy {
     /// Reads the records that the study names, with the columns of their labels and of their twin. `folder` is that of the

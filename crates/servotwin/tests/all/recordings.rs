@@ -175,7 +175,7 @@ fn logs_of_a_folder_take_the_labels_of_their_record() {
     let write = |name: &str, text: &str| std::fs::write(folder.file(name), text).unwrap();
     std::fs::create_dir(folder.file("logs")).unwrap();
     write("logs/b.csv", "x,unused\n1,2\n2,3\n3,4\n");
-    write("logs/a.jsonl", "{\"x\": 0.5}\n{\"x\": null}\n");
+    write("logs/a.csv", "x\n0.5\nNA\n");
     write("logs/notes.txt", "no log");
     write("labels.csv", "run,state,tank\na,leak,7\nb,none,8\nc,none,8\n");
     let text = "format = 1\nrecords = \"logs\"\nrecord = \"run\"\nlabels = \"labels.csv\"\nwindow_rows = 2\n\

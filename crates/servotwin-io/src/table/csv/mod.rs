@@ -240,12 +240,12 @@ fn attempt(path: &Path, texts: &BTreeSet<usize>) -> Result<Table, Stop> {
                 return Err(Stop::Text(place));
             }
             let column = file.names[place].as_deref().unwrap_or_default();
-            let mut wrong = ContentError::cell(line, column, &format!("'{text}'"), expected);
-            if let ContentError::Line { problem, .. } = &mut wrong {
-                *problem +=
-                    " (text between numbers is understood only in quotes, or in a class or group)";
-            }
-            return Err(wrong.into());
+            let problem = format!(
+                ", column '{column}': '{text}' among {} (text between numbers is understood only in quotes, or in a \
+                 class or group)",
+                expected.name()
+            );
+            return Err(ContentError::line(line, problem).into());
         }
         origin.push_line(rows, line);
         rows += 1;
