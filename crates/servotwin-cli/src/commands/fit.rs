@@ -12,6 +12,7 @@ use servotwin::fit::unknown::Moved;
 use servotwin::fit::{
     Fit, FitError, FitRecord, FitResults, FitVerdict, FoundOnset, LeftOut, Unknown,
 };
+use servotwin::kind::FileType;
 use servotwin::nearest::UnknownName;
 use servotwin::shown::number;
 use servotwin::study::{Study, Tolerance};
@@ -315,7 +316,8 @@ pub(crate) fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<
             None => Ok(Study::default()),
         };
     };
-    match (study, Study::read_with_system(study.unwrap_or(Path::new(USUAL)), system)) {
+    let (text, name) = FileType::Study.read(study.unwrap_or(Path::new(USUAL)))?;
+    match (study, Study::parse_for(&text, &name, System::read(system)?)) {
         (None, Err(TomlError::Mistakes { .. })) => Err(other_system(system)?),
         (_, read) => Ok(read?),
     }

@@ -207,24 +207,6 @@ impl Study {
         }
     }
 
-    /// Parses a study and reads its system from a separate file, as stored beside results.
-    ///
-    /// # Errors
-    /// All mistakes in the text.
-    pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, TomlError> {
-        let system = System::read(system)?;
-        Self::parse_for(text, &path.display().to_string(), system)
-    }
-
-    /// Reads a study file or a built-in study by name, with the system from a separate file.
-    ///
-    /// # Errors
-    /// A file cannot be read, or all mistakes in it.
-    pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, TomlError> {
-        let (text, _) = FileType::Study.read(path)?;
-        Self::parse_with_system(&text, path, system)
-    }
-
     /// Parses a study for an existing system.
     ///
     /// # Errors

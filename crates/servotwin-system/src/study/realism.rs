@@ -176,15 +176,11 @@ impl Realism {
     pub fn specimen(&self, study: &Study, seed: Seed, scatter: f64) -> Vec<(usize, usize, f64)> {
         let mut random = seed.stream(Stream::Tolerances);
         let deviations: Vec<f64> = self.tolerances.iter().map(|_| random.normal()).collect();
-        self.deviating(study, &deviations, scatter)
+        self.specimen_with(study, &deviations, scatter)
     }
 
     /// The parameters of a specimen with these deviations, one for each tolerance, in standard deviations.
-    pub fn specimen_with(&self, study: &Study, deviations: &[f64]) -> Vec<(usize, usize, f64)> {
-        self.deviating(study, deviations, 1.0)
-    }
-
-    fn deviating(
+    pub fn specimen_with(
         &self,
         study: &Study,
         deviations: &[f64],

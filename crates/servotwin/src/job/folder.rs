@@ -32,6 +32,7 @@ use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::manifest;
 use crate::run::part::PARTS;
 use crate::study::{Purpose, Scenario, Study};
+use crate::system::System;
 use std::path::{Path, PathBuf};
 
 /// The prefix of the figures' names in the manifest.
@@ -323,7 +324,8 @@ impl Folder {
         manifest::check(&self.study())?;
         manifest::check(&self.system())?;
         let text = files::read_text(self.study())?;
-        Ok(Study::parse_with_system(&text, &self.study(), &self.system())?)
+        let path = self.study().display().to_string();
+        Ok(Study::parse_for(&text, &path, System::read(self.system())?)?)
     }
 
     fn has_study(&self) -> Result<(), JobError> {
