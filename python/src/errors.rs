@@ -6,10 +6,9 @@ use servotwin::files::FileError;
 use servotwin::nearest::{UnknownName, nearest};
 use servotwin::rest::{RestError, Stopped};
 use servotwin::signal::{QuantityError, SignalError};
-use servotwin::study::StudyError;
-use servotwin::system::SystemError;
 use servotwin::table::{ContentError, TableError};
 use servotwin::toml_text::Diagnostic;
+use servotwin::toml_text::TomlError;
 use std::fmt::Display;
 
 /// What is known of an error besides its message.
@@ -144,23 +143,12 @@ impl From<FileError> for Failure {
     }
 }
 
-impl From<SystemError> for Failure {
-    fn from(error: SystemError) -> Self {
+impl From<TomlError> for Failure {
+    fn from(error: TomlError) -> Self {
         let message = error.to_string();
         match error {
-            SystemError::File(error) => error.into(),
-            SystemError::Mistakes { path, mistakes } => self::mistakes(message, &path, mistakes),
-        }
-    }
-}
-
-impl From<StudyError> for Failure {
-    fn from(error: StudyError) -> Self {
-        let message = error.to_string();
-        match error {
-            StudyError::File(error) => error.into(),
-            StudyError::System(error) => error.into(),
-            StudyError::Mistakes { path, mistakes } => self::mistakes(message, &path, mistakes),
+            TomlError::File(error) => error.into(),
+            TomlError::Mistakes { path, mistakes } => self::mistakes(message, &path, mistakes),
         }
     }
 }
@@ -192,13 +180,7 @@ impl From<TableError> for Failure {
             TableError::Content { path, problem } => {
                 let failure = Failure::new("MistakesError", message).in_file(path.display());
                 match problem {
-                    ContentError::RaggedRow { line, .. }
-                    | ContentError::BadCell { line, .. }
-                    | ContentError::OpenQuote { line }
-                    | ContentError::TextAfterQuote { line }
-                    | ContentError::NoObject { line }
-                    | ContentError::BadValue { line, .. }
-                    | ContentError::ZeroByte { line } => failure.with("line", Detail::Count(line)),
+                    ContentError::Line { line, .. } => failure.with("line", Detail::Count(line)),
                     _ => failure,
                 }
             }

@@ -9,7 +9,7 @@ use servotwin::campaign::CampaignError;
 use servotwin::campaign::columns::feature_columns_of;
 use servotwin::evaluation::EvaluationError;
 use servotwin::job::{Folder, JobError};
-use servotwin::study::{Purpose, Scenario, Study as Inner, StudyError};
+use servotwin::study::{Purpose, Scenario, Study as Inner};
 use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -273,7 +273,7 @@ impl From<JobError> for Failure {
     fn from(error: JobError) -> Self {
         match error {
             JobError::File(error) => error.into(),
-            JobError::Study(error) => StudyError::into(*error),
+            JobError::Study(error) => (*error).into(),
             JobError::Campaign(error) => error.into(),
             JobError::Evaluation(error) => error.into(),
             error => {

@@ -4,9 +4,10 @@ use crate::errors::{Failure, Place};
 use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::rest;
+use servotwin::system::System as Inner;
 use servotwin::system::listing::fault_table;
-use servotwin::system::{System as Inner, SystemError};
 use servotwin::table::{Column, Table as Columns};
+use servotwin::toml_text::TomlError;
 use servotwin_model::spec::Unit;
 use servotwin_report::schematic;
 use std::path::PathBuf;
@@ -126,8 +127,8 @@ impl System {
     fn check<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Vec<Bound<'py, PyAny>>> {
         match py.detach(|| Inner::read(&path)) {
             Ok(_) => Ok(vec![]),
-            Err(SystemError::File(error)) => Err(Failure::from(error).into()),
-            Err(SystemError::Mistakes { path, mistakes }) => {
+            Err(TomlError::File(error)) => Err(Failure::from(error).into()),
+            Err(TomlError::Mistakes { path, mistakes }) => {
                 mistakes.into_iter().map(|found| Place::new(&path, found).to_python(py)).collect()
             }
         }

@@ -11,10 +11,10 @@ use servotwin::nearest::UnknownName;
 use servotwin::recordings::RecordingError;
 use servotwin::rest::RestError;
 use servotwin::signal::SignalError;
-use servotwin::study::StudyError;
-use servotwin::system::{RewriteError, SystemError};
+use servotwin::system::RewriteError;
 use servotwin::table::TableError;
 use servotwin::toml_text::Diagnostic;
+use servotwin::toml_text::TomlError;
 use servotwin_export::ExportError;
 use servotwin_safety::SafetyError;
 use servotwin_view::FigureError;
@@ -23,7 +23,6 @@ use servotwin_view::row;
 use servotwin_watch::WatchError;
 use servotwin_watch::checkpoint::CheckpointError;
 use servotwin_watch::guard::IntakeError;
-use servotwin_watch::map::MapError;
 use servotwin_watch::sink::SinkError;
 use servotwin_watch::source::SourceError;
 use servotwin_watch::span::CutError;
@@ -193,16 +192,10 @@ failures! {
         };
         Failure::usage(format!("{name}{list}"))
     };
-    SystemError: |error| match &error {
-        SystemError::Mistakes { mistakes, .. } => Failure::of_mistakes(&error, mistakes),
-        SystemError::File(error) => Failure::input(error),
+    TomlError: |error| match &error {
+        TomlError::Mistakes { mistakes, .. } => Failure::of_mistakes(&error, mistakes),
+        TomlError::File(error) => Failure::input(error),
     };
-    StudyError: |error| match error {
-        StudyError::System(error) => error.into(),
-        StudyError::File(error) => Failure::input(error),
-        StudyError::Mistakes { ref mistakes, .. } => Failure::of_mistakes(&error, mistakes),
-    };
-    MapError: |error| Failure::of_mistakes(&error, &[]);
     CampaignError: |error| match &error {
         CampaignError::Cancelled => Failure::stopped(),
         // The study lacks a section that the named scenario needs.

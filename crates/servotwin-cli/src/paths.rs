@@ -5,8 +5,7 @@
 //! file.
 
 use crate::failure::Failure;
-use servotwin::files::{check_writable, resolve_links};
-use servotwin::leftovers::remove_abandoned_files;
+use servotwin::files::{check_writable, remove_leftovers, resolve_links};
 use servotwin::study::Study;
 use servotwin::table;
 use servotwin_view::{FigureError, PngError};
@@ -111,7 +110,7 @@ impl Paths {
             Some(if folder.as_os_str().is_empty() { PathBuf::from(".") } else { folder })
         });
         let folders: BTreeSet<PathBuf> = beside.collect();
-        folders.iter().for_each(|folder| remove_abandoned_files(folder));
+        folders.iter().for_each(remove_leftovers);
     }
 
     /// Checks that the command may read and write all files together.

@@ -3,11 +3,10 @@
 use crate::error::ExportError;
 use crate::source_file::SourceFile;
 use servotwin_io::files::create_folder;
-use servotwin_io::leftovers::temporary_folder;
+use servotwin_io::leftovers::TemporaryFolder;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use tempfile::TempDir;
 
 /// Whether a compiler is installed.
 fn starts(compiler: &str) -> bool {
@@ -30,7 +29,7 @@ pub(crate) fn compiled<'f>(
 /// A folder with source files, which goes with this value unless it is to be kept.
 pub(crate) struct Workplace {
     path: PathBuf,
-    _temporary: Option<TempDir>,
+    _temporary: Option<TemporaryFolder>,
 }
 
 impl Workplace {
@@ -42,7 +41,7 @@ impl Workplace {
         let workplace = match kept {
             Some(path) => Workplace { path: path.into(), _temporary: None },
             None => {
-                let folder = temporary_folder()
+                let folder = TemporaryFolder::new()
                     .map_err(|cause| ExportError::from_io(&std::env::temp_dir(), cause))?;
                 Workplace { path: folder.path().into(), _temporary: Some(folder) }
             }

@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn c_answers_as_the_tree_also_without_a_sensor() {
-        let judged = RecordingStudy::parse(STUDY).unwrap();
+        let judged = RecordingStudy::parse(STUDY, "study.toml").unwrap();
         let judged = judged.judge(STUDY, &records(), Workers::new(1)).unwrap();
         let model = &judged.model;
         let mut row = vec![0.0; model.features.len()];
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(String::from_utf8(said.stdout).unwrap(), expected);
         let text =
             STUDY.replacen("format = 1\n", "format = 1\nclassifiers = [\"random_forest\"]\n", 1);
-        let forest = RecordingStudy::parse(&text).unwrap();
+        let forest = RecordingStudy::parse(&text, "study.toml").unwrap();
         let forest = forest.judge(&text, &records(), Workers::new(1)).unwrap().model;
         assert!(matches!(files(&forest), Err(ExportError::Unsupported(_))));
     }

@@ -7,11 +7,11 @@
 //! A target that is no regular file (`/dev/stdout`, a pipe) cannot be replaced by renaming, so it is written directly.
 //! A file that is mounted by itself, as in a container, is overwritten when the new content is complete.
 
-use crate::leftovers::{is_being_written, own_prefix};
+use crate::leftovers::{PREFIX, is_abandoned};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use tempfile::TempPath;
 
 /// Errors of reading or writing a file, with its path.
 #[derive(Debug, thiserror::Error)]
@@ -114,10 +114,10 @@ fn built_in(nearest: Option<&str>, known: &[&str]) -> String {
 #[derive(Debug)]
 pub struct AtomicFile {
     target: PathBuf,
-    /// `None` when the target is a device or a pipe and is written directly.
-    temporary: Option<PathBuf>,
     /// `None` once committed.
     writer: Option<BufWriter<File>>,
+    /// Beside the target; `None` when the target is a device or a pipe and is written directly.
+    temporary: Option<TempPath>,
     /// The operating system's code of the last error.
     failure: Option<i32>,
 }
@@ -149,8 +149,17 @@ impl AtomicFile {
         target: PathBuf,
         permissions: Option<fs::Permissions>,
     ) -> Result<Self, FileError> {
-        let temporary = temporary_name(&target);
-        let file = OpenOptions::new().write(true).create_new(true).open(&temporary);
+        let name = format!(".{PREFIX}");
+        let file = tempfile::Builder::new().prefix(&name).suffix(".tmp").make_in(
+            folder_of(&target),
+            |path| {
+                let file = OpenOptions::new().write(true).create_new(true).open(path)?;
+                // Best effort: not every file system has locks.
+                let _ = file.lock();
+                // Another process that removes leftovers may have had the lock first.
+                if path.exists() { Ok(file) } else { Err(io::ErrorKind::AlreadyExists.into()) }
+            },
+        );
         let file = file.map_err(|cause| match cause.kind() {
             // A file system such as /proc has the folder and takes no new file.
             io::ErrorKind::NotFound if folder_of(&target).is_dir() => {
@@ -159,16 +168,13 @@ impl AtomicFile {
             io::ErrorKind::NotFound => FileError::MissingFolder { path: target.clone() },
             _ => FileError::from_io(&target, cause),
         })?;
+        let (file, temporary) = file.into_parts();
         if let Some(permissions) = permissions {
             // Best effort: a file system without permissions must not lose a result.
             let _ = file.set_permissions(permissions);
         }
-        Ok(Self {
-            target,
-            temporary: Some(temporary),
-            writer: Some(BufWriter::new(file)),
-            failure: None,
-        })
+        let writer = Some(BufWriter::new(file));
+        Ok(Self { target, writer, temporary: Some(temporary), failure: None })
     }
 
     /// The file that [`commit`](Self::commit) will replace.
@@ -192,21 +198,18 @@ impl AtomicFile {
             return Ok(());
         };
         writer.flush()?;
-        let Some(temporary) = &self.temporary else {
+        let Some(temporary) = self.temporary.take() else {
             return Ok(());
         };
         writer.get_ref().sync_all()?;
         drop(writer);
-        match fs::rename(temporary, &self.target) {
-            // A mounted file cannot be replaced by another; `drop` removes the temporary one.
-            Err(cause) if cause.kind() == io::ErrorKind::ResourceBusy => {
-                fs::copy(temporary, &self.target)?;
+        match temporary.persist(&self.target) {
+            // A mounted file cannot be replaced by another.
+            Err(refused) if refused.error.kind() == io::ErrorKind::ResourceBusy => {
+                fs::copy(&refused.path, &self.target)?;
                 File::open(&self.target)?.sync_all()?;
             }
-            renamed => {
-                renamed?;
-                self.temporary = None;
-            }
+            renamed => renamed?,
         }
         // Only a synchronized folder makes the rename durable; not every file system supports it.
         if let Ok(folder) = File::open(folder_of(&self.target)) {
@@ -244,9 +247,6 @@ impl Drop for AtomicFile {
         if let Some(writer) = self.writer.take() {
             // Without a commit, discard the buffer instead of writing it.
             let _ = writer.into_parts();
-        }
-        if let Some(temporary) = self.temporary.take() {
-            let _ = fs::remove_file(temporary);
         }
     }
 }
@@ -374,23 +374,15 @@ pub fn create_folder(path: impl AsRef<Path>) -> Result<(), FileError> {
     })
 }
 
-/// Removes temporary files of killed writers in a folder that this program holds. A missing folder is no error. Files
-/// of running processes of this machine stay.
-pub fn remove_leftovers(folder: impl AsRef<Path>) -> Result<(), FileError> {
-    let folder = folder.as_ref();
-    let wrong = |cause| FileError::from_io(folder, cause);
-    if !folder.is_dir() {
-        return Ok(());
-    }
-    for entry in fs::read_dir(folder).map_err(wrong)? {
-        let entry = entry.map_err(wrong)?;
+/// Removes temporary files of killed writers in a folder, as far as possible. Those of running ones stay.
+pub fn remove_leftovers(folder: impl AsRef<Path>) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let is_ours = name.starts_with(".servotwin-") && name.ends_with(".tmp");
-        if is_ours && !is_being_written(&name) {
-            fs::remove_file(entry.path()).map_err(wrong)?;
+        let is_ours = name.strip_prefix('.').is_some_and(|name| name.starts_with(PREFIX));
+        if is_ours && name.ends_with(".tmp") && is_abandoned(&entry) {
+            let _ = fs::remove_file(entry.path());
         }
     }
-    Ok(())
 }
 
 /// The file that a path leads to through symbolic links, also if that file does not exist yet.
@@ -413,12 +405,4 @@ fn folder_of(path: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
-}
-
-/// A name in the target's folder that no other writer, thread or process uses.
-fn temporary_name(target: &Path) -> PathBuf {
-    static COUNTER: AtomicU64 = AtomicU64::new(0);
-    let count = COUNTER.fetch_add(1, Ordering::Relaxed);
-    let name = format!(".{}{count}.tmp", own_prefix());
-    folder_of(target).join(name)
 }

@@ -1,6 +1,6 @@
 //! File input and output of servotwin, independent of the content.
 //!
-//! [`table`] holds named columns and reads and writes them as CSV, Parquet and lines of JSON. [`toml_text`] reads TOML
+//! [`table`] holds named columns and reads and writes them as CSV and Parquet. [`toml_text`] reads TOML
 //! with the place of every value, for messages that point at it. [`files`] writes a file whole or not at all, and
 //! [`leftovers`] removes the temporary files of killed processes. [`manifest`] keeps the checksum of every file of an
 //! output folder. [`moment`] reads dates and times, and [`sanitize`] makes untrusted text safe to print. [`text`]

@@ -223,36 +223,26 @@ fn split(text: &str) -> (Option<&str>, Option<&str>) {
     }
 }
 
+/// The forms of dates, in the words of `strftime`.
+const DATES: [&str; 11] = [
+    "%Y-%m-%d",
+    "%Y/%m/%d",
+    "%Y %m %d",
+    "%d.%m.%Y",
+    "%d-%b-%Y",
+    "%d %b %Y",
+    "%b %d, %Y",
+    "%d-%B-%Y",
+    "%d %B %Y",
+    "%B %d, %Y",
+    "%b %d %Y",
+];
+
 /// Days since the start of 1970.
 fn date(text: &str) -> Option<f64> {
-    let parts = |mark: &[char]| {
-        let parts: Vec<&str> = text.split(mark).filter(|part| !part.is_empty()).collect();
-        <[&str; 3]>::try_from(parts).ok()
-    };
-    let [year, month, day] = match (parts(&['-', ' ', ',']), parts(&['/']), parts(&['.'])) {
-        (Some([day, month, year]), ..) if month_of(month).is_some() && year.len() == 4 => {
-            [year, month, day]
-        }
-        (Some([month, day, year]), ..) if month_of(month).is_some() => [year, month, day],
-        (Some(parts), ..) | (_, Some(parts), _) => parts,
-        (.., Some([day, month, year])) => [year, month, day],
-        _ => return None,
-    };
-    if year.len() != 4 || day.len() > 2 {
-        return None;
-    }
-    let month = month_of(month).or_else(|| number(month).filter(|_| month.len() <= 2))?;
-    let (month, day) = (i8::try_from(month).ok()?, i8::try_from(number(day)?).ok()?);
-    let date = Date::new(i16::try_from(number(year)?).ok()?, month, day).ok()?;
-    Some((date.duration_since(EPOCH).as_hours() / 24) as f64)
-}
-
-/// The month of an English name or its first three letters, from 1.
-fn month_of(text: &str) -> Option<i64> {
-    const MONTHS: &str = "janfebmaraprmayjunjulaugsepoctnovdec";
-    let begin = text.get(..3)?.to_ascii_lowercase();
-    let place = MONTHS.find(&begin).filter(|place| place % 3 == 0)?;
-    text.bytes().all(|b| b.is_ascii_alphabetic()).then_some(place as i64 / 3 + 1)
+    let date = DATES.iter().find_map(|form| Date::strptime(form, text).ok())?;
+    // Years have four digits.
+    (date.year() >= 1000).then(|| (date.duration_since(EPOCH).as_hours() / 24) as f64)
 }
 
 /// Seconds since midnight as written, and the zone.

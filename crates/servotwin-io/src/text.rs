@@ -1,5 +1,7 @@
 //! Readable text: identifiers as words, numbers, and text in HTML.
 
+use base64::prelude::{BASE64_STANDARD as STANDARD, Engine};
+
 /// Escapes text for HTML and XML, within quotes too, and drops the characters that XML has no spelling for.
 pub fn escaped(text: &str) -> String {
     let mut html = String::with_capacity(text.len());
@@ -37,17 +39,7 @@ pub fn number(value: f64) -> String {
 
 /// Bytes in base 64.
 pub fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for part in bytes.chunks(3) {
-        let byte = |place: usize| u32::from(part.get(place).copied().unwrap_or(0));
-        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
-        for digit in 0..4 {
-            let index = (word >> (18 - 6 * digit)) & 63;
-            text.push(if digit <= part.len() { char::from(DIGITS[index as usize]) } else { '=' });
-        }
-    }
-    text
+    STANDARD.encode(bytes)
 }
 
 /// The key of an order in which numbers count as numbers: `flight_2` is before `flight_10`.
@@ -89,15 +81,6 @@ mod tests {
         let kept = all.chars().filter(|c| allowed(*c) && !['&', '<', '>', '"'].contains(c));
         assert_eq!(text.chars().count(), kept.count() + "&amp;&lt;&gt;&quot;".len());
         assert_eq!(escaped("bell\u{7}, A & B"), "bell, A &amp; B");
-    }
-
-    #[test]
-    fn base64_as_its_standard_says() {
-        let cases =
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("fooba", "Zm9vYmE=")];
-        for (bytes, text) in cases {
-            assert_eq!(base64(bytes.as_bytes()), text);
-        }
     }
 
     #[test]

@@ -11,6 +11,7 @@
 //!    = nearest: 'orifice'
 //! ```
 
+use crate::files::FileError;
 use crate::nearest::nearest;
 use crate::sanitize;
 use std::fmt;
@@ -25,7 +26,7 @@ pub type TextSpan = Range<usize>;
 const MAX_LISTED: usize = 50;
 
 /// The known name nearest to a word, or all of them if none is near and they are few.
-pub fn suggest<'n>(word: &str, known: impl IntoIterator<Item = &'n str>) -> Option<String> {
+fn suggest<'n>(word: &str, known: impl IntoIterator<Item = &'n str>) -> Option<String> {
     let known: Vec<&str> = known.into_iter().collect();
     match nearest(word, known.iter().copied()) {
         Some(name) => Some(format!("nearest: '{name}'")),
@@ -204,8 +205,24 @@ impl Diagnostic {
 /// Maximum number of mistakes shown. The next run shows the others after these are fixed.
 const MAX_SHOWN: usize = 20;
 
+/// Why a file that a person writes cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TomlError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The file has mistakes.
+    #[error(fmt = write_mistakes)]
+    Mistakes {
+        /// The path of the file as the caller gave it.
+        path: String,
+        /// All mistakes, in the order of the file.
+        mistakes: Vec<Diagnostic>,
+    },
+}
+
 /// Writes the first mistakes of a file and their total number.
-pub fn write_mistakes(
+fn write_mistakes(
     path: &str,
     mistakes: &[Diagnostic],
     out: &mut fmt::Formatter<'_>,
@@ -229,21 +246,11 @@ const MAX_FOUND: usize = 100;
 #[derive(Clone, Debug, Default)]
 pub struct Collector {
     found: Vec<(TextSpan, Diagnostic)>,
-    /// The key at the root of the file whose value is being read.
-    pub section: Option<&'static str>,
-    /// Keys at the root with a mistake that made a substitute necessary.
-    pub doubtful: Vec<&'static str>,
 }
 
 impl Collector {
     /// Adds a mistake; the same one at the same place only once.
     pub fn note(&mut self, span: &TextSpan, mistake: Diagnostic) {
-        self.doubtful.extend(self.section);
-        self.note_harmless(span, mistake);
-    }
-
-    /// Adds a mistake on which nothing else in the file depends.
-    pub fn note_harmless(&mut self, span: &TextSpan, mistake: Diagnostic) {
         let is_same = |(at, known): &(TextSpan, Diagnostic)| at == span && *known == mistake;
         if !self.is_full() && !self.found.iter().any(is_same) {
             self.found.push((span.clone(), mistake));
@@ -268,6 +275,11 @@ impl Collector {
     /// Whether there are no mistakes.
     pub fn is_empty(&self) -> bool {
         self.found.is_empty()
+    }
+
+    /// The error for a file with these mistakes.
+    pub fn refuse(self, path: impl Into<String>, text: &str) -> TomlError {
+        TomlError::Mistakes { path: path.into(), mistakes: self.locate(text) }
     }
 
     /// Returns all mistakes in the order of the file.

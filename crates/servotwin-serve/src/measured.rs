@@ -11,6 +11,7 @@ use servotwin::moment;
 use servotwin::observer::{Observation, Observer};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding};
+use servotwin_model::lanes::Level;
 use servotwin_watch::counts::WatchCounts;
 use servotwin_watch::map::Map;
 use servotwin_watch::sink::{self, Sink, SinkError};
@@ -145,7 +146,7 @@ impl LiveSource for Stream<'_> {
         };
         let refuse = || requests.try_iter().for_each(|_| feed.event(&refused()));
         thread::scope(|scope| {
-            scope.spawn(|| system.compiled.steps_for_live(&system.program));
+            scope.spawn(|| system.compiled.steps(&system.program, Level::Single));
             let silence = Some(self.silence);
             let mut show = |_: f64, _: Option<f64>| refuse();
             let watched = self.measured.watch(&mut **rows, feed, (stop, silence), &mut show);

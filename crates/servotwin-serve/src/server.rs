@@ -47,7 +47,7 @@ use hyper_util::service::TowerToHyperService;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use servotwin::files::{FileError, write_atomically};
-use servotwin::leftovers::temporary_folder;
+use servotwin::leftovers::TemporaryFolder;
 use std::fs::File;
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
@@ -559,7 +559,7 @@ impl SavedAs {
     /// The file and its length in bytes. It has no name any more, and is gone when it is closed.
     fn file(self, session: &SavedSession) -> Result<(File, u64), SessionError> {
         let failed = |cause| FileError::from_io(&std::env::temp_dir(), cause);
-        let folder = temporary_folder().map_err(failed)?;
+        let folder = TemporaryFolder::new().map_err(failed)?;
         let path = folder.path().join("session");
         match self {
             SavedAs::Table => session.write(&path)?,

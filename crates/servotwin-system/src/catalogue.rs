@@ -1,12 +1,13 @@
 //! The component catalogue as documents: searchable and written as Markdown. All of it comes from the declarations of
 //! components and from the headers of their files.
 
-use crate::system::{FLUID, OF_ALL, POINT, WITH_MODULUS};
+use crate::format::Key;
+use crate::system::{POINT, keys_of};
 use crate::toml_text::{NumberWithUnit, Quantities};
 use crate::units::word;
 use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, description};
-use servotwin_model::fluid::{Fluid, FluidKind, own, table as by_table};
+use servotwin_model::fluid::{Fluid, FluidKind};
 use servotwin_model::spec::{Fault, Law, Parameter, Port, PortKind};
 
 /// Every component, in the order of the documentation.
@@ -151,21 +152,13 @@ pub fn fluids() -> Vec<[String; 6]> {
     FluidKind::ALL.iter().map(one).collect()
 }
 
-/// Whether a word names a kind of fluid.
-pub fn is_fluid(word: &str) -> bool {
-    FluidKind::ALL.iter().any(|kind| kind.name() == word)
-}
-
-/// The keys that describe a kind of fluid in a system file, grouped under headings.
-pub fn fluid_keys(kind: &str) -> Vec<(&'static str, &'static [Parameter])> {
-    let of_fluid = "keys of [fluids.NAME], in addition to kind";
-    match kind {
-        own::NAME => vec![(of_fluid, &FLUID)],
-        by_table::NAME => {
-            vec![("keys of each of its points", &POINT), (of_fluid, &FLUID[..WITH_MODULUS])]
-        }
-        _ => vec![(of_fluid, &FLUID[..OF_ALL])],
-    }
+/// The keys that describe a kind of fluid in a system file, grouped under headings; none for another word.
+pub fn fluid_keys(kind: &str) -> Vec<(&'static str, &'static [Key])> {
+    let Some(kind) = FluidKind::ALL.iter().copied().find(|known| known.name() == kind) else {
+        return vec![];
+    };
+    let points = (kind == FluidKind::Table).then_some(("keys of each of its points", POINT));
+    points.into_iter().chain([("keys of [fluids.NAME]", keys_of(kind))]).collect()
 }
 
 /// Every component in one row.

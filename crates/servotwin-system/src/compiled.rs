@@ -6,14 +6,13 @@
 //! rejected.
 //!
 //! The compiler is `$SERVOTWIN_CC`, or else `$CC`, or else `cc`; an empty `$SERVOTWIN_CC` means none. Arguments may
-//! follow, and its path may have spaces. If nothing can be compiled, [`report_problems`] passes the
-//! reason on once.
+//! follow behind blanks. If nothing can be compiled, [`report_problems`] passes the reason on once.
 //!
 //! Later runs find compiled steps in the [`cache`]. [`set_policy`] compiles always or never.
 
 pub mod cache;
 
-use crate::leftovers::temporary_folder;
+use crate::leftovers::TemporaryFolder;
 use libloading::Library;
 use servotwin_model::c_source;
 use servotwin_model::lanes::{self, Level};
@@ -25,7 +24,6 @@ use servotwin_model::solver::{
 };
 use std::env;
 use std::error::Error;
-use std::fmt;
 use std::fs;
 use std::io;
 use std::iter;
@@ -35,17 +33,12 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
 
 /// Simulated time, s, above which compiling saves more time than it costs.
 const WORTH_S: u64 = 60_000;
 
 /// Time limit of a compiler; beyond it the compiler counts as hanging.
 const LONGEST: Duration = Duration::from_secs(120);
-
-/// Simulated seconds per second that suffice for a live stream, with a margin for faults, other tasks and slower
-/// machines.
-const ENOUGH_FOR_LIVE: f64 = 20.0;
 
 /// The compiled step of one system.
 #[derive(Default)]
@@ -56,13 +49,10 @@ pub struct Compiled {
     asked_s: AtomicU64,
     /// Whether compilers should end because their results are no longer needed.
     given_up: AtomicBool,
-    /// Why nothing could be compiled.
-    problem: OnceLock<CompileProblem>,
 }
 
 struct Loaded {
     steps: CompiledSteps,
-    origin: Origin,
     /// The libraries that hold the functions.
     _libraries: Vec<Library>,
 }
@@ -114,18 +104,6 @@ impl Compiled {
         self.of(level).get()?.as_ref().map(|loaded| &loaded.steps)
     }
 
-    /// The single-lane functions for a live stream, if the uncompiled solver lacks a wide speed margin.
-    pub fn steps_for_live(&self, program: &Program) -> Option<&CompiledSteps> {
-        let is_needed = policy() == Policy::Only || simulated_per_second(program) < ENOUGH_FOR_LIVE;
-        if is_needed { self.steps(program, Level::Single) } else { None }
-    }
-
-    /// Where the steps in use come from; `None` if none are.
-    pub fn origin(&self) -> Option<&Origin> {
-        let loaded = self.loaded.iter().filter_map(|loaded| loaded.get()?.as_ref());
-        loaded.map(|loaded| &loaded.origin).next()
-    }
-
     /// Ends running compilers and starts none; use it when their results are no longer needed.
     pub fn give_up(&self) {
         self.given_up.store(true, Ordering::Relaxed);
@@ -153,21 +131,12 @@ impl Compiled {
         let load = || match Loaded::new(program, level, &compiler()?, &patience) {
             Ok(loaded) => Some(loaded),
             Err(problem) => {
-                self.note(problem?);
+                report(&problem?);
                 None
             }
         };
         let loaded = self.of(level).get_or_init(load);
         loaded.as_ref().map(|loaded| &loaded.steps)
-    }
-
-    fn note(&self, problem: CompileProblem) {
-        let problem = self.problem.get_or_init(|| problem);
-        if let Some(report) = REPORT.get()
-            && !REPORTED.swap(true, Ordering::Relaxed)
-        {
-            report(problem);
-        }
     }
 }
 
@@ -193,37 +162,20 @@ fn policy() -> Policy {
     POLICY.get().copied().unwrap_or(Policy::Auto)
 }
 
-/// The origin of compiled steps.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Origin {
-    /// The cache.
-    Cached,
-    /// A compiler.
-    Compiled {
-        /// The compiler command.
-        program: String,
-        /// Compile time, s.
-        seconds: f64,
-    },
-}
-
-impl fmt::Display for Origin {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Origin::Cached => write!(out, "compiled equations from the cache"),
-            Origin::Compiled { program, seconds } => {
-                write!(out, "equations compiled by {program} in {seconds:.1} s")
-            }
-        }
-    }
-}
-
 static REPORT: OnceLock<fn(&CompileProblem)> = OnceLock::new();
 static REPORTED: AtomicBool = AtomicBool::new(false);
 
 /// Passes the first problem of this process to a function, from the thread that meets it. Only the first call counts.
 pub fn report_problems(report: fn(&CompileProblem)) {
     let _ = REPORT.set(report);
+}
+
+fn report(problem: &CompileProblem) {
+    if let Some(report) = REPORT.get()
+        && !REPORTED.swap(true, Ordering::Relaxed)
+    {
+        report(problem);
+    }
 }
 
 /// The compiler, if one is wanted: a program and its first arguments.
@@ -235,17 +187,6 @@ fn compiler() -> Option<String> {
     let general = || env::var("CC").ok().filter(|named| !named.trim().is_empty());
     let named = env::var("SERVOTWIN_CC").ok().or_else(general);
     Some(named.unwrap_or_else(|| "cc".into())).filter(|named| !named.trim().is_empty())
-}
-
-/// Splits the compiler command into program and arguments. The longest prefix that is a file is the program, so its
-/// path may have spaces. Otherwise the first word is.
-fn program_and_arguments(compiler: &str) -> (&str, Vec<&str>) {
-    let compiler = compiler.trim();
-    let ends = compiler.char_indices().rev().filter(|(_, c)| c.is_whitespace()).map(|(at, _)| at);
-    let is_program = |&end: &usize| Path::new(&compiler[..end]).is_file();
-    let first_word = compiler.find(char::is_whitespace).unwrap_or(compiler.len());
-    let end = iter::once(compiler.len()).chain(ends).find(is_program).unwrap_or(first_word);
-    (&compiler[..end], compiler[end..].split_whitespace().collect())
 }
 
 /// Why steps are not compiled, and how to change that.
@@ -290,25 +231,15 @@ impl Loaded {
     ) -> Result<Self, Option<CompileProblem>> {
         let text = c_source::write_step(program, SolverSettings::campaign().method).ok_or(None)?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
-        let iterating = if roots_wait() { ITERATING } else { "" };
-        let entry = cache::CacheEntry::new(&text, &[compiler, iterating]);
+        let entry = cache::CacheEntry::new(&text, compiler);
         let cached = || {
             let entry = entry.as_ref()?;
-            let found = levels.iter().map(|level| Some((*level, entry.find(*level)?)));
-            let found: Vec<(Level, Vec<u8>)> = found.collect::<Option<_>>()?;
-            // What is loaded is a copy of what was hashed.
-            let copies = Folder::new().ok()?;
-            let libraries = found.iter().map(|(level, content)| {
-                fs::write(copies.library(*level), content).ok()?;
-                load(&copies.library(*level)).ok()
-            });
-            let libraries = libraries.collect::<Option<_>>()?;
-            Self::checked(program, &levels, libraries, Origin::Cached)
+            let libraries = levels.iter().map(|level| load(&entry.find(*level)?).ok());
+            Self::checked(program, &levels, libraries.collect::<Option<_>>()?)
         };
         if let Some(loaded) = cached() {
             return Ok(loaded);
         }
-        let begin = Instant::now();
         let folder = Folder::new()?;
         let source = folder.source();
         fs::write(&source, text).map_err(|cause| folder_problem(&cause))?;
@@ -317,11 +248,8 @@ impl Loaded {
             Some(CompileProblem { is_failure: true, .. }) => with(&[]),
             other => Err(other),
         })?;
-        let seconds = begin.elapsed().as_secs_f64();
-        let origin = Origin::Compiled { program: compiler.trim().to_owned(), seconds };
         let other_numbers = || CompileProblem::of_compiler(compiler, "gives other numbers");
-        let loaded =
-            Self::checked(program, &levels, libraries, origin).ok_or_else(other_numbers)?;
+        let loaded = Self::checked(program, &levels, libraries).ok_or_else(other_numbers)?;
         if let Some(entry) = &entry {
             levels.iter().for_each(|level| entry.keep(*level, &folder.library(*level)));
         }
@@ -329,12 +257,7 @@ impl Loaded {
     }
 
     /// Accepts the functions of the libraries if they belong to the program and give the bits of the lists.
-    fn checked(
-        program: &Program,
-        levels: &[Level],
-        libraries: Vec<Library>,
-        origin: Origin,
-    ) -> Option<Self> {
+    fn checked(program: &Program, levels: &[Level], libraries: Vec<Library>) -> Option<Self> {
         let method = SolverSettings::campaign().method;
         let functions = levels.iter().zip(&libraries).map(|(level, library)| {
             // SAFETY: the functions of our own text, compiled for lanes of this level, which is available; the library
@@ -351,7 +274,7 @@ impl Loaded {
             unsafe { CompiledSteps::new(program, method, functions.collect::<Option<_>>()?) }?;
         let moments = |steps| first_moments(program, levels[0], steps);
         let is_good = moments(Some(&steps)) == moments(None);
-        is_good.then_some(Self { steps, origin, _libraries: libraries })
+        is_good.then_some(Self { steps, _libraries: libraries })
     }
 }
 
@@ -410,18 +333,6 @@ fn folder_problem(cause: &io::Error) -> CompileProblem {
     })
 }
 
-/// Enables iteration for every second root.
-const ITERATING: &str = "-DITERATE_ROOTS";
-
-/// Whether eight lanes stall on the unit for roots and divisions. They do on Intel processors: iterating every second
-/// root makes a campaign 7 % faster. On AMD processors it makes it 4 % slower.
-fn roots_wait() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return std::arch::x86_64::__cpuid(0).ebx.to_le_bytes() == *b"Genu";
-    #[cfg(not(target_arch = "x86_64"))]
-    false
-}
-
 /// Starts the compiler for the lanes of a level.
 fn compile(
     compiler: &str,
@@ -437,9 +348,8 @@ fn compile(
         _ if Level::Avx2.available() => &["-mavx2"],
         _ => &[],
     };
-    let iterating = Some(ITERATING).filter(|_| level.register_width() == 8 && roots_wait());
-    let (program, words) = program_and_arguments(compiler);
-    let mut command = Command::new(program);
+    let mut words = compiler.split_whitespace();
+    let mut command = Command::new(words.next().unwrap_or_default());
     let messages = fs::File::create(folder.messages(level))?;
     // Ctrl-C must reach only this process, which then continues with the lists or ends in order.
     #[cfg(unix)]
@@ -450,7 +360,6 @@ fn compile(
         .args(["-shared", "-fPIC"])
         .args(flags)
         .args(wide)
-        .args(iterating)
         .arg(format!("-DWIDTH={}", level.register_width()))
         .arg(format!("-DSTRIDE={}", level.width()))
         .arg("-o")
@@ -520,17 +429,6 @@ fn first_error(messages: &Path) -> Option<String> {
     let line = lines().find(|line| line.contains("error")).or_else(|| lines().next())?;
     let line: String = line.chars().filter(|c| !c.is_control()).take(LONGEST_LINE).collect();
     Some(line)
-}
-
-/// Simulated seconds per second of one uncompiled lane at the declared inputs.
-fn simulated_per_second(program: &Program) -> f64 {
-    const DURATION_S: f64 = 0.5;
-    let inputs = trial_inputs(program, swing);
-    let job = trial_job(program, 0, &inputs, DURATION_S);
-    let mut moments = Moments { waiting: vec![job], of_jobs: vec![Moment::default()] };
-    let begin = Instant::now();
-    run(program, None, SolverSettings::campaign(), &[], Level::Single, &mut moments);
-    DURATION_S / begin.elapsed().as_secs_f64()
 }
 
 /// A slow ramp from an input's default.
@@ -624,11 +522,11 @@ impl<'a> JobSource<'a> for Moments<'a> {
 }
 
 /// A private folder, removed when no longer needed; loaded code stays in memory.
-struct Folder(TempDir);
+struct Folder(TemporaryFolder);
 
 impl Folder {
     fn new() -> Result<Self, CompileProblem> {
-        temporary_folder().map(Self).map_err(|cause| folder_problem(&cause))
+        TemporaryFolder::new().map(Self).map_err(|cause| folder_problem(&cause))
     }
 
     fn source(&self) -> PathBuf {
@@ -684,19 +582,6 @@ mod tests {
     }
 
     #[test]
-    fn a_compiler_may_have_spaces_in_its_path_and_arguments_behind_it() {
-        let folder = tempfile::tempdir().unwrap();
-        let program = folder.path().join("my own cc");
-        fs::write(&program, "").unwrap();
-        let program = program.to_str().unwrap();
-        for (compiler, arguments) in [("", vec![]), (" -m64  -g", vec!["-m64", "-g"])] {
-            let compiler = format!("{program}{compiler}");
-            assert_eq!(program_and_arguments(&compiler), (program, arguments));
-        }
-        assert_eq!(program_and_arguments("ccache cc "), ("ccache", vec!["cc"]));
-    }
-
-    #[test]
     fn a_folder_from_which_nothing_is_loaded_is_named_with_the_remedy() {
         let cause = "/tmp/x/avx2.so: failed to map segment from shared object";
         let told = load_problem(cause).to_string();
@@ -716,85 +601,6 @@ mod tests {
             let hanging = "sh -c cat</dev/zero>/dev/null";
             let problem = Loaded::new(&program, Level::Portable, hanging, &patience).err();
             assert_eq!(problem.map(|told| told.is_some()), Some(!is_given_up));
-        }
-    }
-
-    /// The two roots of the C text, compiled for eight lanes.
-    fn roots(numbers: &[[f64; 8]]) -> Vec<[[f64; 8]; 2]> {
-        const FUNCTIONS: &str = "void roots(IN x, OUT iterated, OUT known) { int lane = 0; \
-             PUT(iterated, 0, iterated_root(AT(x, 0))); PUT(known, 0, root(AT(x, 0))); }";
-        let prelude = include_str!("../../servotwin-model/src/c_source/step.h");
-        let folder = Folder::new().unwrap();
-        let source = folder.source();
-        fs::write(&source, format!("{prelude}\n{FUNCTIONS}\n")).unwrap();
-        let given_up = AtomicBool::new(false);
-        let patience =
-            Patience { until: Instant::now() + LONGEST, given_up: &given_up, cancel: None };
-        let (compiler, level) = (compiler().unwrap(), Level::Avx512);
-        let library =
-            libraries(&compiler, &[ITERATING], &[level], (&source, &folder), &patience).unwrap();
-        type Roots = unsafe extern "C" fn(*const f64, *mut f64, *mut f64);
-        // SAFETY: the function of the text above, which reads eight numbers and writes as many twice.
-        let function = unsafe { library[0].get::<Roots>(b"roots").unwrap() };
-        let of = |x: &[f64; 8]| {
-            let mut found = [[0.0; 8]; 2];
-            let [iterated, known] = &mut found;
-            // SAFETY: see above.
-            unsafe { function(x.as_ptr(), iterated.as_mut_ptr(), known.as_mut_ptr()) };
-            found
-        };
-        numbers.iter().map(of).collect()
-    }
-
-    /// Numbers with a root nearer than 2⁻⁴³ of a last place to the middle of two doubles: N with 4 N = r² + d, where N
-    /// is a double's mantissa times a power of two, r an odd number of 54 bits and d small. Modulo a power of two an
-    /// odd square has four roots, which differ in sign and by half of the modulus.
-    fn hardest_roots() -> Vec<f64> {
-        let mut hardest = Vec::new();
-        for (bits, d) in [54_u32, 55].into_iter().flat_map(|b| (-4095..4096).map(move |d| (b, d))) {
-            let square = (-d as i64) as u64;
-            if square & 7 != 1 {
-                continue;
-            }
-            let mut root = 1_u64;
-            for bit in 3..bits {
-                let rest = root.wrapping_mul(root).wrapping_sub(square);
-                root = root.wrapping_add(((rest >> bit) & 1) << (bit - 1));
-            }
-            let (modulus, half) = (1_u64 << bits, 1_u64 << (bits - 1));
-            let all = [root, root.wrapping_neg(), root.wrapping_add(half), half.wrapping_sub(root)];
-            for r in all.into_iter().flat_map(|r| [r % modulus, r % modulus + modulus]) {
-                let n = ((u128::from(r) * u128::from(r)).wrapping_add_signed(i128::from(d))) / 4;
-                let has_54_bits = r >> 53 == 1;
-                let mantissa = n >> 52;
-                if has_54_bits && (mantissa as f64) as u128 == mantissa && mantissa << 52 == n {
-                    hardest.push(mantissa as f64);
-                }
-            }
-        }
-        hardest
-    }
-
-    #[test]
-    fn an_iterated_root_is_the_correctly_rounded_one() {
-        if !Level::Avx512.available() {
-            return;
-        }
-        let hardest = hardest_roots();
-        assert!(hardest.len() > 1000, "{}", hardest.len());
-        let mut numbers = vec![0.0, -0.0, -1.0, 1.0, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
-        numbers.extend([5e-324, 1e-310, -1e-310, f64::MIN_POSITIVE, f64::MAX, f64::MIN]);
-        for exponent in [-1000, -301, 0, 1, 300, 900] {
-            numbers.extend(hardest.iter().map(|x| x * 2_f64.powi(exponent)));
-        }
-        let mut bits = 1_u64;
-        numbers.extend((0..1_000_000).map(|_| {
-            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            f64::from_bits(bits ^ (bits >> 31))
-        }));
-        let numbers: Vec<[f64; 8]> = numbers.as_chunks().0.to_vec();
-        for (x, [iterated, known]) in numbers.iter().zip(roots(&numbers)) {
-            assert_eq!(iterated.map(f64::to_bits), known.map(f64::to_bits), "{x:?}");
         }
     }
 

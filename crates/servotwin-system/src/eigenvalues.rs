@@ -3,32 +3,16 @@
 //! Rows and columns of the Jacobian are first scaled by the states' scales. This leaves the eigenvalues unchanged and
 //! makes them accurate although pressures are 1e10 times positions.
 
-use nalgebra::{DMatrix, Schur};
+use nalgebra::{Complex, DMatrix, Schur};
 use servotwin_model::jacobian::dense;
 use servotwin_model::program::Program;
 use servotwin_model::solver::StepMemory;
 use std::cmp::Ordering;
 
-/// A complex number.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Complex {
-    /// The real part.
-    pub re: f64,
-    /// The imaginary part.
-    pub im: f64,
-}
-
-impl Complex {
-    /// The absolute value.
-    pub fn abs(self) -> f64 {
-        self.re.hypot(self.im)
-    }
-}
-
 /// The eigenvalues of a square matrix, fastest last. Each conjugate pair has its positive imaginary part first;
 /// imaginary parts due to rounding are set to zero. `None` if the iteration does not converge, or for numbers that are
 /// not finite.
-fn eigenvalues(matrix: &[Vec<f64>]) -> Option<Vec<Complex>> {
+fn eigenvalues(matrix: &[Vec<f64>]) -> Option<Vec<Complex<f64>>> {
     /// Iterations for each row; a few are usual.
     const MAX_ITERATIONS: usize = 200;
     let (count, entries) = (matrix.len(), || matrix.iter().flatten().copied());
@@ -39,30 +23,32 @@ fn eigenvalues(matrix: &[Vec<f64>]) -> Option<Vec<Complex>> {
     let dense = DMatrix::from_row_iterator(count, count, entries());
     let schur = Schur::try_new(dense, f64::EPSILON, MAX_ITERATIONS * count)?;
     let found = schur.complex_eigenvalues();
-    let found =
-        found.iter().map(|value| without_rounding(Complex { re: value.re, im: value.im }, norm));
-    let mut found: Vec<Complex> = found.collect();
+    let mut found: Vec<_> = found.iter().map(|value| without_rounding(*value, norm)).collect();
     found.sort_by(by_speed);
     Some(found)
 }
 
 /// An eigenvalue of a real matrix, with its imaginary part set to zero if rounding may explain it.
-fn without_rounding(value: Complex, norm: f64) -> Complex {
+fn without_rounding(value: Complex<f64>, norm: f64) -> Complex<f64> {
     const ROUNDING: f64 = 1e-9;
-    let is_real = value.im.abs() <= (ROUNDING * value.abs()).max(f64::EPSILON * norm);
+    let is_real = value.im.abs() <= (ROUNDING * value.norm()).max(f64::EPSILON * norm);
     if is_real { Complex { im: 0.0, ..value } } else { value }
 }
 
 /// Slow before fast; within a pair, whose sizes may differ by rounding, the positive imaginary part first.
-fn by_speed(a: &Complex, b: &Complex) -> Ordering {
-    let rounded = |c: &Complex| (c.abs() as f32, c.re as f32);
+fn by_speed(a: &Complex<f64>, b: &Complex<f64>) -> Ordering {
+    let rounded = |c: &Complex<f64>| (c.norm() as f32, c.re as f32);
     let (a_size, b_size) = (rounded(a), rounded(b));
     a_size.0.total_cmp(&b_size.0).then(a_size.1.total_cmp(&b_size.1)).then(b.im.total_cmp(&a.im))
 }
 
 /// The eigenvalues of a healthy system's equations at given states and inputs, 1/s. `None` if the equations give
 /// numbers that are not finite.
-pub(crate) fn of_system(program: &Program, states: &[f64], inputs: &[f64]) -> Option<Vec<Complex>> {
+pub(crate) fn of_system(
+    program: &Program,
+    states: &[f64],
+    inputs: &[f64],
+) -> Option<Vec<Complex<f64>>> {
     let parameters = program.parameters(&[]);
     let mut memory = StepMemory::<f64>::new(program);
     memory.set_constants(0, &program.block_constants(&parameters));

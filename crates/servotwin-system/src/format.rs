@@ -2,8 +2,8 @@
 //! all mistakes, its JSON Schema and its table in the book.
 
 /// What the declaration of a section names.
-pub use crate::toml_text::{Collector, Entry, TextSpan};
-use crate::toml_text::{Diagnostic, Quantities, get};
+pub use crate::toml_text::{Collector, Entry, TextSpan, get};
+use crate::toml_text::{Diagnostic, Quantities, TomlText};
 use crate::units;
 use serde_json::{Value as Json, json};
 use servotwin_model::spec::Unit;
@@ -47,7 +47,7 @@ pub enum Value {
     Word(fn() -> Vec<&'static str>),
     /// A unit of SI.
     Unit,
-    /// A signal: a text, a number, a table with `kind`, or a list of them.
+    /// A signal: a text, or a number for a constant.
     Signal,
     /// A list with at least this many elements.
     List(usize, &'static Value),
@@ -142,11 +142,8 @@ pub trait Read: Sized {
     /// The kind of value that the type implies, unless a range or a list of words narrows it.
     const VALUE: Value;
 
-    /// Reads the value of a key and notes its mistakes; `None` if nothing remains of it.
+    /// Reads the value of a key; `None` if it has mistakes, which are noted.
     fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self>;
-
-    /// A possible value where the file has none, so that reading can continue.
-    fn stand_in(value: Value) -> Self;
 }
 
 impl Key {
@@ -188,11 +185,6 @@ impl Read for f64 {
         let number = mistakes.number(entry)?;
         key.within(entry, number, mistakes)
     }
-
-    fn stand_in(value: Value) -> Self {
-        let (min, max, _) = value.range();
-        1.0_f64.clamp(min, max)
-    }
 }
 
 /// Whole numbers up to 2⁵³ are exact as f64.
@@ -209,10 +201,6 @@ macro_rules! whole {
                     return None;
                 }
                 key.within(entry, number, mistakes).map(|number| number as $type)
-            }
-
-            fn stand_in(value: Value) -> Self {
-                f64::stand_in(value) as $type
             }
         }
     )*};
@@ -234,10 +222,6 @@ impl Read for [f64; 2] {
         }
         Some([low, high])
     }
-
-    fn stand_in(_value: Value) -> Self {
-        [0.0, 1.0]
-    }
 }
 
 /// The mistake of two numbers in the wrong order.
@@ -251,10 +235,6 @@ impl Read for bool {
     fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
         mistakes.wanted(entry, entry.value.get_ref().as_bool(), "true or false")
     }
-
-    fn stand_in(_value: Value) -> Self {
-        false
-    }
 }
 
 impl Read for String {
@@ -266,20 +246,13 @@ impl Read for String {
             Value::Word(words) if !words().contains(&word) => {
                 let message = format!("'{}' cannot be '{word}'", entry.key);
                 let mistake = Diagnostic::unknown(message, word, words());
-                mistakes.note_harmless(&entry.value_at(), mistake);
+                mistakes.note(&entry.value_at(), mistake);
                 return None;
             }
             Value::Id => check_id(word, &entry.value_at(), mistakes),
             _ => {}
         }
         Some(word.to_owned())
-    }
-
-    fn stand_in(value: Value) -> Self {
-        match value {
-            Value::Word(words) => words()[0].to_owned(),
-            _ => String::new(),
-        }
     }
 }
 
@@ -302,10 +275,6 @@ impl Read for Unit {
         }
         unit
     }
-
-    fn stand_in(_value: Value) -> Self {
-        Unit::None
-    }
 }
 
 impl Read for Raw {
@@ -313,10 +282,6 @@ impl Read for Raw {
 
     fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
         mistakes.table(entry).map(|_| Raw)
-    }
-
-    fn stand_in(_value: Value) -> Self {
-        Raw
     }
 }
 
@@ -326,10 +291,6 @@ impl<T: Read> Read for Option<T> {
     fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
         T::read(entry, key, mistakes).map(Some)
     }
-
-    fn stand_in(_value: Value) -> Self {
-        None
-    }
 }
 
 impl<T: Read> Read for At<T> {
@@ -337,10 +298,6 @@ impl<T: Read> Read for At<T> {
 
     fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
         Some(At { value: T::read(entry, key, mistakes)?, at: entry.place() })
-    }
-
-    fn stand_in(value: Value) -> Self {
-        At { value: T::stand_in(value), at: 0..0 }
     }
 }
 
@@ -351,17 +308,14 @@ impl<T: Read> Read for Vec<T> {
         let Value::List(_, of) = key.value else { panic!("'{}' is no list", key.name) };
         let list = mistakes.list(entry)?;
         key.enough(entry, list.len(), mistakes);
-        let read = list.iter().filter_map(|one| T::read(one, key.of(of), mistakes));
-        let (read, least): (Vec<T>, Vec<T>) = (read.collect(), Self::stand_in(key.value));
-        Some(if read.len() < least.len() { least } else { read })
+        let read = list.iter().map(|one| T::read(one, key.of(of), mistakes));
+        whole(read.collect())
     }
+}
 
-    fn stand_in(value: Value) -> Self {
-        match value {
-            Value::List(least, of) => (0..least).map(|_| T::stand_in(*of)).collect(),
-            _ => vec![],
-        }
-    }
+/// All values, if none of them has mistakes; every one was read to note them.
+fn whole<T>(read: Vec<Option<T>>) -> Option<Vec<T>> {
+    read.into_iter().collect()
 }
 
 /// The entries of a table with names of their own.
@@ -376,7 +330,7 @@ fn named<T: Read>(
         let value = T::read(named, key.of(of), mistakes)?;
         Some((At::new(named.key.to_owned(), named.at.clone()), value))
     };
-    Some(all.iter().filter_map(read).collect())
+    whole(all.iter().map(read).collect())
 }
 
 impl<T: Read> Read for Names<T> {
@@ -385,10 +339,6 @@ impl<T: Read> Read for Names<T> {
     fn read(entry: &Entry, key: Key, mistakes: &mut Collector) -> Option<Self> {
         let Value::Names(_, of) = key.value else { panic!("'{}' has no names", key.name) };
         named(entry, (key, of), mistakes).map(Self::from_iter)
-    }
-
-    fn stand_in(_value: Value) -> Self {
-        Names::new()
     }
 }
 
@@ -400,10 +350,6 @@ impl<T: Read> Read for Ids<T> {
         let all = named(entry, (key, of), mistakes)?;
         all.iter().for_each(|(id, _)| check_id(id, &id.at, mistakes));
         Some(Ids(all))
-    }
-
-    fn stand_in(_value: Value) -> Self {
-        Ids::default()
     }
 }
 
@@ -421,6 +367,17 @@ pub(crate) fn check_id(name: &str, at: &TextSpan, mistakes: &mut Collector) {
         return;
     };
     mistakes.note(at, Diagnostic::new(message).with_help(help));
+}
+
+/// A section in which every key has its default.
+///
+/// # Panics
+/// A key is required.
+pub fn usual<T: Read>() -> T {
+    let mut mistakes = Collector::default();
+    let text = TomlText::parse("usual = {}", 0, &mut mistakes).expect("TOML");
+    let key = may("usual", T::VALUE, "");
+    T::read(&text.root()[0], key, &mut mistakes).expect("no key is required")
 }
 
 /// Declares a section of a file once: the struct that a file fills, and its keys as data. The reader, the JSON Schema,
@@ -459,20 +416,22 @@ macro_rules! section {
                 )),*
             ];
 
-            /// Reads the entries of a table; `at` and `place` locate it in messages.
+            /// Reads the entries of a table, `None` if they have mistakes; `place` locates it in messages.
             pub(crate) fn of(
                 all: &[$crate::format::Entry],
-                (at, place): (&$crate::format::TextSpan, &str),
+                place: (&$crate::format::TextSpan, &str),
                 mistakes: &mut $crate::format::Collector,
-            ) -> Self {
+            ) -> Option<Self> {
                 let mut keys = Self::KEYS.iter();
-                $crate::format::only(Self::KEYS, all, place, mistakes);
+                $crate::format::only(Self::KEYS, all, place.1, mistakes);
                 $(
                     let key = *keys.next().expect("one key for each field");
-                    let $field: $type = $crate::format::field(key, all, (at, place), mistakes)
-                        .unwrap_or_else(|| $crate::section!(@default $need key $(, $default)?));
+                    let $field: Option<$type> = match $crate::format::get(all, key.name) {
+                        Some(entry) => $crate::format::Read::read(entry, key, mistakes),
+                        None => $crate::section!(@missing $need key, all, place, mistakes $(, $default)?),
+                    };
                 )*
-                Self { $($field),* }
+                Some(Self { $($field: $field?),* })
             }
         }
 
@@ -485,19 +444,15 @@ macro_rules! section {
                 mistakes: &mut $crate::format::Collector,
             ) -> Option<Self> {
                 let place = format!("'{}'", entry.key);
-                mistakes.table(entry).map(|all| Self::of(&all, (&entry.at, &place), mistakes))
-            }
-
-            fn stand_in(_value: $crate::format::Value) -> Self {
-                Self::of(&[], (&(0..0), ""), &mut $crate::format::Collector::default())
+                Self::of(&mistakes.table(entry)?, (&entry.at, &place), mistakes)
             }
         }
     };
     (@value $type:ty) => { <$type as $crate::format::Read>::VALUE };
     (@value $type:ty, $value:expr) => { $value };
-    (@default must $key:ident) => { $crate::format::Read::stand_in($key.value) };
-    (@default may $key:ident) => { Default::default() };
-    (@default may $key:ident, $default:expr) => { $default };
+    (@missing must $key:ident, $all:ident, $at:ident, $mistakes:ident) => { $crate::format::missing($key, $all, $at, $mistakes) };
+    (@missing may $key:ident, $all:ident, $at:ident, $mistakes:ident) => { Some(Default::default()) };
+    (@missing may $key:ident, $all:ident, $at:ident, $mistakes:ident, $default:expr) => { Some($default) };
 }
 pub use section;
 
@@ -516,10 +471,6 @@ macro_rules! words {
                 let word = String::read(entry, key, mistakes)?;
                 $pairs.find(|(known, _)| *known == word).map(|(_, value)| value)
             }
-
-            fn stand_in(_value: $crate::format::Value) -> Self {
-                $pairs.next().expect("a word").1
-            }
         }
     };
 }
@@ -537,36 +488,41 @@ pub const fn name(field: &'static str) -> &'static str {
 pub fn only(keys: &[Key], all: &[Entry], place: &str, mistakes: &mut Collector) {
     for entry in all.iter().filter(|entry| keys.iter().all(|key| key.name != entry.key)) {
         let known = keys.iter().map(|key| key.name);
-        mistakes.note_harmless(&entry.at, Diagnostic::unknown_key(entry.key, place, known));
+        let mistake = match slip(entry, keys) {
+            Some(slip) => slip.mistake(entry.key),
+            None => Diagnostic::unknown_key(entry.key, place, known),
+        };
+        mistakes.note(&entry.at, mistake);
     }
 }
 
-/// Reads the value of a key; notes a required one that is missing.
-pub fn field<T: Read>(
+/// The key that was meant by one with another unit at its end.
+fn slip(entry: &Entry, keys: &[Key]) -> Option<units::Slip> {
+    let measured = keys.iter().filter_map(|key| match key.value {
+        Value::Number(_, _, unit) => Some((key.name, units::find_si(unit)?)),
+        _ => None,
+    });
+    units::slip(entry, measured)
+}
+
+/// Notes a required key that is missing, unless it was written with another unit.
+pub fn missing<T>(
     key: Key,
     all: &[Entry],
     (at, place): (&TextSpan, &str),
     mistakes: &mut Collector,
 ) -> Option<T> {
-    let outer = mistakes.section;
-    mistakes.section = outer.or(Some(key.name));
-    let read = match get(all, key.name) {
-        Some(entry) => T::read(entry, key, mistakes),
-        None => {
-            if key.obligatory {
-                let write = format!("{} ({})", key.value.example(key.name), key.summary);
-                mistakes.note(at, Diagnostic::missing(place, key.name, write));
-            }
-            None
-        }
-    };
-    mistakes.section = outer;
-    read
+    if all.iter().any(|entry| slip(entry, &[key]).is_some()) {
+        return None;
+    }
+    let write = format!("{} ({})", key.value.example(key.name), key.summary);
+    mistakes.note(at, Diagnostic::missing(place, key.name, write));
+    None
 }
 
 impl Value {
     /// The range of a number, and its unit.
-    fn range(self) -> (f64, f64, &'static str) {
+    pub(crate) fn range(self) -> (f64, f64, &'static str) {
         match self {
             Value::Number(min, max, unit) => (min, max, unit),
             Value::Whole(min, max) => (min, max, ""),
@@ -608,7 +564,7 @@ impl Value {
             Value::Id => json!({ "type": "string", "pattern": ID }),
             Value::Word(words) => json!({ "type": "string", "enum": words() }),
             Value::Unit => json!({ "type": "string", "enum": units::spellings_of_si() }),
-            Value::Signal => json!({ "$ref": "#/$defs/signal" }),
+            Value::Signal => json!({ "type": ["string", "number"] }),
             Value::List(least, of) => {
                 json!({ "type": "array", "items": of.schema(), "minItems": least })
             }
@@ -625,7 +581,7 @@ impl Value {
     }
 
     /// A description of the value for the documentation.
-    pub(crate) fn words(&self) -> String {
+    pub fn words(&self) -> String {
         match self {
             Value::Number(min, max, unit) if max.is_finite() => {
                 Quantities(*min, *max, unit).to_string()

@@ -1,5 +1,4 @@
-//! Detects whether a text is a system, a study or a study of recordings from its keys, even if it is not valid TOML. Also finds
-//! the text of a path or a built-in name.
+//! Detects whether a text is a system, a study or a study of recordings, and finds the text of a path or a built-in name.
 
 use crate::built_in;
 use crate::files::{self, FileError};
@@ -20,22 +19,15 @@ pub enum FileType {
     Recordings,
 }
 
-/// Line beginnings that occur in systems only.
-const OF_SYSTEM: [&str; 6] =
-    ["[components", "[assemblies", "[fluids", "[system]", "components", "assemblies"];
-/// Line beginnings that occur in studies only.
-const OF_STUDY: [&str; 6] =
-    ["[command", "[[classes", "intensities", "sample_hz", "duration_s", "command"];
-/// Line beginnings that occur in studies of recordings only.
-const OF_RECORDINGS: [&str; 1] = ["window_rows"];
-
 impl FileType {
-    /// The type of a text; `None` if it matches none of them, or several.
+    /// The type of a text by the keys of its root, also where it is not valid TOML; `None` if it matches none of them,
+    /// or several.
     pub fn of(text: &str) -> Option<Self> {
-        let begins = |words: &[&str]| {
-            text.lines().any(|line| words.iter().any(|word| line.trim_start().starts_with(word)))
-        };
-        match (begins(&OF_SYSTEM), begins(&OF_STUDY), begins(&OF_RECORDINGS)) {
+        let (root, _) = DeTable::parse_recoverable(text);
+        let has = |keys: &[&str]| keys.iter().any(|key| root.get_ref().contains_key(*key));
+        let is_system = has(&["components", "assemblies", "fluids"]);
+        let is_study = has(&["command", "classes", "intensities", "sample_hz", "duration_s"]);
+        match (is_system, is_study, has(&["window_rows"])) {
             (true, false, false) => Some(FileType::System),
             (false, true, false) => Some(FileType::Study),
             (false, false, true) => Some(FileType::Recordings),
@@ -92,7 +84,7 @@ impl FileType {
     }
 
     /// The single mistake of a text that has another type.
-    pub(crate) fn wanted(self, text: &str) -> Option<Vec<Diagnostic>> {
+    pub(crate) fn wanted(self, text: &str) -> Option<Collector> {
         let is = FileType::of(text).filter(|is| *is != self)?;
         let help = match (is, named_system(text)) {
             (FileType::Study, Some(name)) => format!("it is a study of the system '{name}'"),
@@ -107,7 +99,7 @@ impl FileType {
         let message = format!("this is {}, not {}", is.words(), self.words());
         let mut mistakes = Collector::default();
         mistakes.note(&(0..0), Diagnostic::new(message).with_help(help));
-        Some(mistakes.locate(text))
+        Some(mistakes)
     }
 }
 

@@ -6,12 +6,12 @@
 //!
 //! | task | modules |
 //! |---|---|
-//! | describe a file format as data | [`format`](mod@format) (keys and values), [`schema`] (JSON Schema), [`kind`] (which type of file a text is), [`units`] (names of units) |
+//! | describe a file format as data | [`format`](mod@format) (keys and values), [`kind`] (which type of file a text is), [`units`] (names of units) |
 //! | help a writer of files | [`catalogue`] (components as documents), [`template`] (files to start with), [`built_in`] (files that names select) |
 //! | read files | [`system`] (components and connections), [`signal`] (functions of time), [`study`] (faults, operating cases, scenarios) |
 //! | run variants | [`compiled`] (steps made by the machine's C compiler), [`ensemble`] (threads × lanes), [`parallel`] (other work on threads) |
 //! | simulate by names | [`simulate`] (names in, a table out), [`recording`] (what a run records), [`shown`] (display units), [`validity`] (pressures and pistons outside the model) |
-//! | analyze the steady state | [`rest`] (states and description), [`eigenvalues`], [`plausibility`] (warnings) |
+//! | analyze the steady state | [`rest`] (states, eigenvalues and description), [`plausibility`] (warnings) |
 //!
 //! ```
 //! use servotwin_system::simulate::Simulation;
@@ -32,7 +32,7 @@
 pub mod built_in;
 pub mod catalogue;
 pub mod compiled;
-pub mod eigenvalues;
+mod eigenvalues;
 pub mod ensemble;
 pub mod format;
 pub mod kind;
@@ -40,7 +40,6 @@ pub mod parallel;
 pub mod plausibility;
 pub mod recording;
 pub mod rest;
-pub mod schema;
 pub mod signal;
 pub mod simulate;
 pub mod study;

@@ -1,8 +1,9 @@
 //! The steady state of a system: states, eigenvalues, and a description of the system as JSON.
 
-use crate::eigenvalues::{self, Complex};
+use crate::eigenvalues;
 use crate::ensemble::{Ensemble, Variant};
 use crate::system::System;
+use nalgebra::Complex;
 use serde_json::{Value, json};
 use servotwin_model::solver::{self, Cause};
 
@@ -11,7 +12,7 @@ pub struct Rest {
     /// The states, in the order of the program.
     pub states: Vec<f64>,
     /// The eigenvalues at these states, 1/s, slowest first.
-    pub eigenvalues: Vec<Complex>,
+    pub eigenvalues: Vec<Complex<f64>>,
     /// Whether the states are a steady state. Otherwise the search ended there without one.
     pub is_found: bool,
     /// Whether a limit cycle was measured.

@@ -43,9 +43,9 @@ use std::sync::atomic::AtomicBool;
 /// Maximum number of recorded values; they take 1.6 GB of memory.
 pub const MAX_VALUES: f64 = 2e8;
 /// Maximum duration of a run, s.
-pub const MAX_DURATION_S: f64 = 1e6;
+const MAX_DURATION_S: f64 = 1e6;
 /// Minimum and maximum time between samples, s.
-pub const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
+const SAMPLE_PERIODS_S: (f64, f64) = (1e-6, 1e6);
 /// Onset of a fault that the initial steady state has, s.
 const BEFORE_THE_RUN_S: f64 = -1.0;
 /// Maximum number of runs in a sweep.
@@ -234,14 +234,14 @@ impl<'s> Simulation<'s> {
         self
     }
 
-    /// Sets the duration of every run, s, up to [`MAX_DURATION_S`].
+    /// Sets the duration of every run, s, up to 1e6 s.
     #[must_use]
     pub fn duration_s(mut self, duration_s: f64) -> Self {
         self.duration_s = duration_s;
         self
     }
 
-    /// Sets the time between samples, s, within [`SAMPLE_PERIODS_S`].
+    /// Sets the time between samples, s, from 1e-6 s to 1e6 s.
     #[must_use]
     pub fn sample_period_s(mut self, period_s: f64) -> Self {
         self.sample_period_s = period_s;

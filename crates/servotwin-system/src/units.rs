@@ -2,7 +2,8 @@
 //!
 //! System files, signals, column names, maps of logs and the advice about values in another unit read it.
 
-use servotwin_model::spec::{Parameter, Unit};
+use crate::toml_text::{Diagnostic, Entry, NumberWithUnit};
+use servotwin_model::spec::Unit;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::sync::LazyLock;
@@ -460,36 +461,51 @@ fn suffix_of(text: &str) -> String {
     plain(&text.to_lowercase()).replace([' ', '/'], "_")
 }
 
-/// A parameter that was named with the suffix of another unit.
+/// A key that was named with the suffix of another unit.
 pub(crate) struct Slip {
-    /// What was meant.
-    pub parameter: &'static Parameter,
+    /// The key that was meant.
+    pub name: &'static str,
+    unit: Unit,
     /// The value in SI, where the unit of the slip is known.
-    pub si: Option<f64>,
+    si: Option<f64>,
 }
 
-/// Whether a key is a parameter's name but for the unit at its end.
+impl Slip {
+    /// The mistake, with what to write instead.
+    pub(crate) fn mistake(&self, key: &str) -> Diagnostic {
+        let (right, symbol) = (self.name, self.unit.symbol());
+        let message = match right.strip_suffix(self.unit.suffix()) {
+            _ if self.unit == Unit::None => {
+                format!("'{key}' has a unit, but {right} is a pure number")
+            }
+            Some(bare) if bare == key => {
+                format!("'{key}' lacks its unit: the parameter is {right}, in {symbol}")
+            }
+            _ => format!("'{key}' is not in SI: the parameter is {right}, in {symbol}"),
+        };
+        let value = self.si.map_or("…".into(), |si| NumberWithUnit(si, "").to_string());
+        Diagnostic::new(message).with_help(format!("write: {right} = {value}"))
+    }
+}
+
+/// The key that was meant by one that has its name but for the unit at its end; `keys` have names and units.
 pub(crate) fn slip(
-    key: &str,
-    value: Option<f64>,
-    parameters: &'static [Parameter],
+    entry: &Entry,
+    keys: impl Iterator<Item = (&'static str, Unit)>,
 ) -> Option<Slip> {
-    let stem = |p: &Parameter| p.name.strip_suffix(p.unit.suffix()).unwrap_or(p.name);
-    let candidates = parameters.iter().filter_map(|parameter| {
-        let rest = key.strip_prefix(stem(parameter))?;
+    let value = entry.number().filter(|number| number.is_finite());
+    let stem = |name: &'static str, unit: Unit| name.strip_suffix(unit.suffix()).unwrap_or(name);
+    let candidates = keys.filter_map(|(name, unit)| {
+        let rest = entry.key.strip_prefix(stem(name, unit))?;
         // Without any suffix, the number is taken as meant in SI.
         if rest.is_empty() {
-            return Some((parameter, value));
+            return Some(Slip { name, unit, si: value });
         }
         let row = by_suffix(&rest.strip_prefix('_')?.to_lowercase())?;
-        let si = row
-            .to(parameter.unit)
-            .zip(value)
-            .map(|((factor, offset), value)| value * factor + offset);
-        Some((parameter, si))
+        let si = row.to(unit).zip(value).map(|((factor, offset), value)| value * factor + offset);
+        Some(Slip { name, unit, si })
     });
-    let longest = candidates.max_by_key(|(parameter, _)| stem(parameter).len());
-    longest.map(|(parameter, si)| Slip { parameter, si })
+    candidates.max_by_key(|slip| stem(slip.name, slip.unit).len())
 }
 
 #[cfg(test)]

@@ -10,14 +10,14 @@ use std::fmt;
 
 /// Maximum valid pressure, Pa. No data sheet goes beyond it, and there the laws (density and viscosity from temperature
 /// alone, linear bulk modulus) do not hold.
-pub const MAX_PRESSURE_PA: f64 = 1e8;
+pub(crate) const MAX_PRESSURE_PA: f64 = 1e8;
 
 /// The limit of the validity range that a value crossed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CrossedLimit {
     /// Vapor pressure: there is a cavity, or a boundary value is below that of any fluid.
     Vapor,
-    /// [`MAX_PRESSURE_PA`].
+    /// 1000 bar.
     High,
     /// The position at which a piston leaves no volume in a chamber.
     Travel,

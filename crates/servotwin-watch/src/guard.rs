@@ -4,7 +4,7 @@
 //! first minute beside the twin, and [`unjudged`] explains a log in which nothing was judged.
 
 use super::counts::{Irregularity, WatchCounts};
-use super::map::{Guess, Map, MapError, Trust, guess, other_raster};
+use super::map::{Guess, Map, Trust, guess, other_raster};
 use super::plausibility::Plausibility;
 use super::source::{LogColumn, Source, SourceError};
 use super::{End, Observer, Watch, WatchError};
@@ -12,6 +12,7 @@ use servotwin::beside::InputMistake;
 use servotwin::fit::RecordError;
 use servotwin::study::Study;
 use servotwin::system::System;
+use servotwin::toml_text::TomlError;
 use servotwin::units;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::table::TableError;
@@ -32,7 +33,7 @@ pub enum IntakeError {
     Source(#[from] SourceError),
     /// The map does not fit it.
     #[error(transparent)]
-    Map(MapError),
+    Map(TomlError),
     /// An input and a sensor of the system have the same name.
     #[error(transparent)]
     Table(#[from] TableError),

@@ -92,8 +92,8 @@ pub use servotwin_io::{
 };
 #[doc(no_inline)]
 pub use servotwin_system::{
-    built_in, catalogue, compiled, eigenvalues, ensemble, format, kind, parallel, plausibility,
-    recording, rest, schema, shown, signal, simulate, study, system, template, units, validity,
+    built_in, catalogue, compiled, ensemble, format, kind, parallel, plausibility, recording, rest,
+    shown, signal, simulate, study, system, template, units, validity,
 };
 #[doc(no_inline)]
 pub use servotwin_view as view;

@@ -9,8 +9,9 @@ pub use crate::observer::{DiagnosisState, Finding};
 pub use crate::simulate::{
     InputSignal, Simulation, SimulationError, SimulationResults, Sweep, VariantSpec,
 };
-pub use crate::study::{Scenario, Study, StudyError};
-pub use crate::system::{System, SystemError};
+pub use crate::study::{Scenario, Study};
+pub use crate::system::System;
 pub use crate::table::{Table, TableError};
+pub use crate::toml_text::TomlError;
 pub use servotwin_diagnosis::diagnoser::Diagnoser;
 pub use servotwin_diagnosis::hierarchy::Hierarchy;

@@ -91,11 +91,12 @@ fn found(word: &str, hits: &[Hit], fluids: Table) -> Document {
         ),
     );
     document.table("fluids", fluids);
-    if catalogue::is_fluid(word) {
-        for (title, keys) in catalogue::fluid_keys(word) {
-            let mut table = Table::of("name:key | default | range | summary:meaning");
+    let keys = catalogue::fluid_keys(word);
+    if !keys.is_empty() {
+        for (title, keys) in keys {
+            let mut table = Table::of("name:key | range | summary:meaning");
             for key in keys {
-                table.push(row![key.name, default(key), range(key), key.summary]);
+                table.push(row![key.name, key.value.words(), key.summary]);
             }
             document.table(title, table.captioned(format!("{title}:")));
         }

@@ -7,8 +7,9 @@ use servotwin::built_in::{STUDIES, SYSTEMS, find};
 use servotwin::kind::FileType;
 use servotwin::plausibility;
 use servotwin::study::{Scenario, Study};
-use servotwin::system::{System, SystemError};
+use servotwin::system::System;
 use servotwin::toml_text::Diagnostic;
+use servotwin::toml_text::TomlError;
 use servotwin_view::document::{Document, Line, Value, Verdict, line};
 use std::path::{Path, PathBuf};
 
@@ -48,7 +49,7 @@ impl Run for Options {
 
 /// The type of the file. A file with sections that only studies have is a study. A built-in name may stand for a system
 /// and for a study.
-fn file_types(file: &Path) -> Result<Vec<FileType>, SystemError> {
+fn file_types(file: &Path) -> Result<Vec<FileType>, TomlError> {
     let name = file.to_str().unwrap_or_default();
     let lists = [(FileType::System, &SYSTEMS[..]), (FileType::Study, &STUDIES[..])];
     let built_in = lists.into_iter().filter(|(_, list)| find(list, name).is_some());
@@ -56,7 +57,7 @@ fn file_types(file: &Path) -> Result<Vec<FileType>, SystemError> {
     if !built_in.is_empty() {
         return Ok(built_in);
     }
-    let (text, _) = FileType::System.read(file).map_err(SystemError::File)?;
+    let (text, _) = FileType::System.read(file)?;
     Ok(vec![FileType::of(&text).unwrap_or(FileType::System)])
 }
 
@@ -102,7 +103,7 @@ fn plausible(system: &System) -> impl Iterator<Item = Line> {
 /// Checks a study of recordings. It names columns of a table instead of a system.
 fn of_recordings(file: &Path) -> Result<Document, Failure> {
     let study = read_recording_study(file)?;
-    let sensors = study.sensors().map_err(|error| Failure::of_recordings(file, error))?.0.len();
+    let sensors = study.sensors().0.len();
     let mut section = Document::section("recordings", "");
     section.fact("sensors", "sensors or residuals", sensors);
     section.fact("window_rows", "rows of a window", study.window_rows());

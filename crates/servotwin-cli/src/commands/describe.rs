@@ -164,13 +164,13 @@ fn eigenvalues(rest: &Rest, document: &mut Document) {
     document.data("eigenvalues_per_s", &pairs);
     let mut table = Table::of(":real 1/s | :imaginary rad/s | :frequency Hz | :damping ratio");
     for value in rest.eigenvalues.iter().filter(|value| value.im >= 0.0) {
-        let swings = value.im > 1e-9 * value.abs();
+        let swings = value.im > 1e-9 * value.norm();
         let only = |number: f64, digits| swings.then(|| Value::digits(number, digits));
         table.push(row![
             Value::digits(value.re, 5),
             only(value.im, 5),
-            only(value.abs() / TAU, 4),
-            only(-value.re / value.abs(), 3),
+            only(value.norm() / TAU, 4),
+            only(-value.re / value.norm(), 3),
         ]);
     }
     document.table("", table.captioned("Eigenvalues at rest"));

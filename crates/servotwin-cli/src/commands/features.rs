@@ -60,10 +60,7 @@ impl Run for Options {
 /// Describes every feature of some sensors. The text is valid Markdown.
 fn list(study: Option<&PathBuf>, global: Global) -> Result<Document, Failure> {
     let sensors = match study {
-        Some(path) => {
-            let sensors = read_recording_study(path)?.sensors();
-            sensors.map_err(|error| Failure::of_recordings(path, error))?
-        }
+        Some(path) => read_recording_study(path)?.sensors(),
         None => Study::default().sensors,
     };
     let mut page = Document::listing("features", "");
@@ -97,7 +94,7 @@ const LIST_HEAD: &str = "\
 /// Reads a study file of recordings.
 pub(crate) fn read_recording_study(path: &Path) -> Result<RecordingStudy, Failure> {
     let text = files::read_toml(path).map_err(EvaluationError::File)?;
-    RecordingStudy::parse(&text).map_err(|error| Failure::of_recordings(path, error))
+    Ok(RecordingStudy::parse(&text, &path.display().to_string())?)
 }
 
 fn of_traces(

@@ -12,10 +12,12 @@ use servotwin::fit::unknown::Moved;
 use servotwin::fit::{
     Fit, FitError, FitRecord, FitResults, FitVerdict, FoundOnset, LeftOut, Unknown,
 };
+use servotwin::kind::FileType;
 use servotwin::nearest::UnknownName;
 use servotwin::shown::number;
-use servotwin::study::{Study, StudyError, Tolerance};
+use servotwin::study::{Study, Tolerance};
 use servotwin::system::System;
+use servotwin::toml_text::TomlError;
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};
 use servotwin_view::row;
@@ -314,8 +316,9 @@ pub(crate) fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<
             None => Ok(Study::default()),
         };
     };
-    match (study, Study::read_with_system(study.unwrap_or(Path::new(USUAL)), system)) {
-        (None, Err(StudyError::Mistakes { .. })) => Err(other_system(system)?),
+    let (text, name) = FileType::Study.read(study.unwrap_or(Path::new(USUAL)))?;
+    match (study, Study::parse_for(&text, &name, System::read(system)?)) {
+        (None, Err(TomlError::Mistakes { .. })) => Err(other_system(system)?),
         (_, read) => Ok(read?),
     }
 }

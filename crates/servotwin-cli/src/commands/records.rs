@@ -116,9 +116,6 @@ pub(super) fn describe(campaign: &Campaign, outcome: &CampaignOutcome, seconds: 
         campaign.suite().duration_s,
         outcome.failed.len()
     );
-    if let Some(origin) = campaign.study.system.compiled.origin().filter(|_| ran > 0) {
-        text += &format!(", with {origin}");
-    }
     if outcome.on_the_move > 0 {
         text += &format!(
             "; {} began on the move, because no steady state was found: they teach no band, and manifest.json lists \

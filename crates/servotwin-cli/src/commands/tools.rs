@@ -8,7 +8,6 @@ use clap_mangen::Man;
 use servotwin::compiled::cache::{self, VARIABLE};
 use servotwin::files::FileError;
 use servotwin::nearest::nearest;
-use servotwin::schema;
 use servotwin_view::document::{Document, Value, Verdict, line};
 
 /// Cache of compiled equations, schemas for editors, shell completions and manual pages.
@@ -62,8 +61,8 @@ impl Run for Options {
             Tool::Schema { format } => Ok(Document::raw(format!(
                 "{:#}\n",
                 match format {
-                    Format::System => schema::system(),
-                    Format::Study => schema::study(),
+                    Format::System => servotwin::system::schema(),
+                    Format::Study => servotwin::study::schema(),
                 }
             ))),
             Tool::Completions { shell } => {

@@ -13,6 +13,7 @@ use servotwin::files;
 use servotwin::flight::watcher::Watcher;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_model::lanes::Level;
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Content, Document, Form, Value, Verdict, line};
 use servotwin_watch::checkpoint::Checkpoint;
@@ -235,7 +236,7 @@ impl Setup<'_> {
         let end = thread::scope(|scope| {
             // A log is usually read to its end before a compiler would finish.
             if address.is_live() {
-                scope.spawn(|| system.compiled.steps_for_live(&system.program));
+                scope.spawn(|| system.compiled.steps(&system.program, Level::Single));
             }
             let end = watch.run(stop::flag(), &mut |time_s, share| show(time_s, share));
             system.compiled.give_up();

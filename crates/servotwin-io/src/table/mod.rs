@@ -8,7 +8,6 @@
 
 pub mod csv;
 mod error;
-pub mod json_lines;
 pub mod parquet;
 
 use std::borrow::Cow;
@@ -35,18 +34,14 @@ pub struct Format {
 /// Every known format, the preferred one first.
 pub const ALL: [&Format; 2] = [&parquet::FORMAT, &csv::FORMAT];
 
-/// Reads a table; the file's extension names the format. Lines of JSON objects can be read, but not written.
+/// Reads a table; the file's extension names the format (`.csv`, `.parquet`).
 pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     let path = path.as_ref();
-    let table = match has_extension(path, &json_lines::EXTENSIONS) {
-        true => json_lines::read(path),
-        false => (format_of(path)?.read)(path),
-    };
-    Ok(table?.read_from(path))
+    Ok((format_of(path)?.read)(path)?.read_from(path))
 }
 
 impl Table {
-    /// Reads a table; the file's extension names the format (`.csv`, `.parquet`, `.jsonl`).
+    /// [`read`] of this module, for callers who need nothing else of it.
     ///
     /// # Errors
     /// If the file cannot be read or is damaged.
@@ -54,18 +49,13 @@ impl Table {
         read(path)
     }
 
-    /// Writes the table atomically; the file's extension names the format (`.csv`, `.parquet`).
+    /// [`write()`] of this module, likewise.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), TableError> {
         write(path, self)
     }
-}
-
-fn has_extension(path: &Path, extensions: &[&str]) -> bool {
-    let own = path.extension().and_then(|text| text.to_str());
-    own.is_some_and(|own| extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension)))
 }
 
 /// Reads a table of another program.
@@ -82,7 +72,7 @@ pub fn read_wanted(
     is_wanted: &dyn Fn(&str) -> bool,
 ) -> Result<Table, TableError> {
     let path = path.as_ref();
-    match has_extension(path, &[parquet::FORMAT.extension]) {
+    match format_of(path)?.extension == parquet::FORMAT.extension {
         true => Ok(parquet::read_wanted(path, is_wanted)?.read_from(path)),
         false => read(path),
     }
@@ -319,16 +309,14 @@ impl Table {
 
     /// Appends a column on the right.
     pub fn push(&mut self, column: Column) -> Result<(), TableError> {
-        if self.has(&column.name) {
-            return Err(TableError::DuplicateColumn { column: column.name });
+        let name = &column.name;
+        if self.has(name) {
+            return Err(TableError::Unsuitable(format!("there is already a column '{name}'")));
         }
-        let expected = self.columns.first().map_or(column.values.len(), |first| first.values.len());
-        if column.values.len() != expected {
-            return Err(TableError::UnequalLength {
-                found: column.values.len(),
-                column: column.name,
-                expected,
-            });
+        let (found, expected) = (column.values.len(), self.row_count());
+        if found != expected && !self.columns.is_empty() {
+            let message = format!("column '{name}' has {found} rows, the others have {expected}");
+            return Err(TableError::Unsuitable(message));
         }
         self.places.insert(column.name.clone(), self.columns.len());
         self.columns.push(column);
@@ -363,14 +351,7 @@ impl Table {
 
     /// The same columns without rows: the schema for a streaming writer.
     pub fn without_rows(&self) -> Table {
-        let empty = |column: &Column| column.with_values(Values::empty(column.values.kind()));
-        let columns = self.columns.iter().map(empty).collect();
-        Table {
-            columns,
-            places: self.places.clone(),
-            metadata: self.metadata.clone(),
-            ..Table::default()
-        }
+        self.rows(0..0)
     }
 
     /// A range of rows, with the columns and metadata.
@@ -395,19 +376,22 @@ impl Table {
     }
 
     /// Checks that another table has the same column names and kinds in the same order.
-    pub fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
-        if self.columns.len() != other.columns.len() {
-            return Err(TableError::ColumnCount {
-                found: other.columns.len(),
-                expected: self.columns.len(),
-            });
+    pub(crate) fn require_same_columns(&self, other: &Table) -> Result<(), TableError> {
+        let (expected, found) = (self.columns.len(), other.columns.len());
+        if expected != found {
+            let message = format!("{found} columns cannot be appended to {expected}");
+            return Err(TableError::Unsuitable(message));
         }
         for (own, given) in self.columns.iter().zip(&other.columns) {
             if own.name != given.name {
-                let expected = own.name.clone();
-                return Err(TableError::OtherColumn { found: given.name.clone(), expected });
+                let (found, expected) = (&given.name, &own.name);
+                let message = format!("column '{found}' stands where '{expected}' is needed");
+                return Err(TableError::Unsuitable(message));
             }
-            require_kind(given, own.values.kind())?;
+            let expected = own.values.kind();
+            if given.values.kind() != expected {
+                return Err(wrong_kind(given, expected));
+            }
         }
         Ok(())
     }
@@ -431,9 +415,7 @@ impl Table {
 
     fn missing_column(&self, name: &str) -> TableError {
         match self.origin.left_out.iter().find(|(column, _)| column == name) {
-            Some((column, reason)) => {
-                TableError::LeftOut { column: column.clone(), reason: reason.clone() }
-            }
+            Some((_, reason)) => TableError::Unsuitable(reason.clone()),
             None => unknown_column(
                 name,
                 self.names().chain(self.origin.unread.iter().map(String::as_str)),
@@ -469,18 +451,17 @@ impl Table {
     pub fn finite_f64(&self, name: &str) -> Result<Cow<'_, [f64]>, TableError> {
         let values = self.f64(name)?;
         match values.iter().position(|value| !value.is_finite()) {
-            Some(row) => Err(self.not_finite(name, row, values[row])),
+            Some(row) => {
+                Err(self.bad_cell(name, row, format!("{} is no finite number", values[row])))
+            }
             None => Ok(values),
         }
     }
 
-    /// The error for a number that must be finite.
-    fn not_finite(&self, name: &str, row: usize, value: f64) -> TableError {
-        TableError::NotFinite {
-            column: name.to_owned(),
-            place: self.origin.place_in_file(row),
-            value,
-        }
+    /// The error for a value that is not allowed in its column.
+    fn bad_cell(&self, name: &str, row: usize, problem: String) -> TableError {
+        let place = self.origin.place_in_file(row);
+        TableError::Unsuitable(format!("{place}, column '{name}': {problem}"))
     }
 
     /// The whole numbers of a column.
@@ -497,10 +478,8 @@ impl Table {
     pub fn u32(&self, name: &str) -> Result<Cow<'_, [u32]>, TableError> {
         let column = self.column(name)?;
         let convert = |(row, value): (usize, &i64)| {
-            u32::try_from(*value).map_err(|_| TableError::OutOfRange {
-                column: name.to_owned(),
-                place: self.origin.place_in_file(row),
-                value: *value,
+            u32::try_from(*value).map_err(|_| {
+                self.bad_cell(name, row, format!("{value} is not in 0 … {}", u32::MAX))
             })
         };
         Ok(match &column.values {
@@ -550,14 +529,7 @@ pub(crate) fn unknown_column<'a>(
     TableError::UnknownColumn { column: name.to_owned(), nearest, known }
 }
 
-fn require_kind(column: &Column, expected: ColumnKind) -> Result<(), TableError> {
-    if column.values.kind() == expected {
-        return Ok(());
-    }
-    Err(wrong_kind(column, expected))
-}
-
 fn wrong_kind(column: &Column, expected: ColumnKind) -> TableError {
-    let found = column.values.kind();
-    TableError::WrongKind { column: column.name.clone(), expected, found }
+    let (name, found, expected) = (&column.name, column.values.kind().name(), expected.name());
+    TableError::Unsuitable(format!("column '{name}' holds {found}, needed are {expected}"))
 }

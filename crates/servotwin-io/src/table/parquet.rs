@@ -46,11 +46,11 @@ use serde_json::Value;
 
 use super::{Column, ColumnKind, ContentError, Format, Table, TableError, Values, unknown_column};
 use arrow::Facts;
-use decode::{ColumnSource, bytes_of_texts, values_of};
+use decode::{ColumnSource, values_of};
 use limits::{Budget, text_bytes};
 use meaning::kind_of;
 
-pub use limits::{Limits, VARIABLE as LIMIT_VARIABLE};
+pub use limits::Limits;
 
 use crate::files::{self, AtomicFile, FileError};
 use crate::manifest;
@@ -258,7 +258,8 @@ pub struct ParquetReader {
     file: Arc<File>,
     metadata: ParquetMetaData,
     schema: Table,
-    sources: Vec<ColumnSource>,
+    /// One for each column of the schema.
+    columns: Vec<ColumnParts>,
     /// Wanted columns that cannot be read, with the reason.
     left_out: Vec<(String, ContentError)>,
     /// Columns that are not wanted.
@@ -266,11 +267,16 @@ pub struct ParquetReader {
     /// Whether unreadable columns are left out instead of being an error.
     leaves_out: bool,
     batch_rows: usize,
-    next_group: usize,
-    /// The columns of the current row group.
-    columns: Vec<ColumnReader>,
+}
+
+/// The rows of a column, read one part after another.
+struct ColumnParts {
+    source: ColumnSource,
+    /// The reader of the current row group.
+    reader: Option<ColumnReader>,
     /// Number of remaining rows in that group.
     rows_left: usize,
+    next_group: usize,
     rows_read: usize,
 }
 
@@ -309,15 +315,11 @@ impl ParquetReader {
             file: Arc::new(file),
             metadata,
             schema: Table::new(),
-            sources: Vec::new(),
+            columns: Vec::new(),
             left_out: Vec::new(),
             unread: Vec::new(),
             leaves_out,
             batch_rows: BATCH_ROWS,
-            next_group: 0,
-            columns: Vec::new(),
-            rows_left: 0,
-            rows_read: 0,
         };
         for field in chosen(&fields, choice)? {
             match field.source(&reader.metadata) {
@@ -342,7 +344,13 @@ impl ParquetReader {
         let description = facts.and_then(|facts| facts.description.clone()).unwrap_or_default();
         let column = Column::new(&source.name, unit, Values::empty(source.kind));
         self.schema.push(column.described(description))?;
-        self.sources.push(source);
+        self.columns.push(ColumnParts {
+            source,
+            reader: None,
+            rows_left: 0,
+            next_group: 0,
+            rows_read: 0,
+        });
         Ok(())
     }
 
@@ -365,14 +373,16 @@ impl ParquetReader {
     fn into_table(mut self, limits: Limits) -> Result<Table, TableError> {
         let mut budget = Budget::new(limits);
         let mut table = Table { metadata: self.schema.metadata.clone(), ..Table::new() };
-        for (source, column) in self.sources.iter().zip(self.schema.columns()) {
-            match self.whole_column(source, budget) {
+        for (mut parts, column) in
+            std::mem::take(&mut self.columns).into_iter().zip(self.schema.columns())
+        {
+            match self.whole_column(&mut parts, budget) {
                 Ok(values) => {
                     budget.spend(bytes_of(&values));
                     table.push(column.with_values(values))?;
                 }
-                Err(problem) if self.leaves_out && problem.is_limit() => {
-                    self.left_out.push((source.name.clone(), problem));
+                Err(problem) if self.leaves_out && matches!(problem, ContentError::TooLarge(_)) => {
+                    self.left_out.push((parts.source.name, problem));
                 }
                 Err(problem) => return Err(content_error(&self.path, problem)),
             }
@@ -386,84 +396,66 @@ impl ParquetReader {
         Ok(table)
     }
 
-    /// Reads the values of a column in all row groups.
-    fn whole_column(&self, source: &ColumnSource, budget: Budget) -> Result<Values, ContentError> {
-        let width = match source.kind {
+    fn whole_column(
+        &self,
+        parts: &mut ColumnParts,
+        budget: Budget,
+    ) -> Result<Values, ContentError> {
+        let ColumnSource { kind, name, .. } = &parts.source;
+        let width = match kind {
             ColumnKind::Float | ColumnKind::Integer => 8,
             ColumnKind::Unsigned => 4,
             ColumnKind::Flag => 1,
             ColumnKind::Text => text_bytes(0),
         };
-        budget.allow(&source.name, (self.row_count() as u64).saturating_mul(width))?;
-        if source.kind == ColumnKind::Text {
-            // Counted first, so that a column above the limit uses no memory.
-            let mut bytes = 0;
-            self.read_column(source, budget, |reader, rows, _| {
-                bytes += bytes_of_texts(reader, source, rows, bytes, budget)?;
-                Ok(())
-            })?;
+        budget.allow(name, (self.row_count() as u64).saturating_mul(width))?;
+        let (mut values, mut bytes) = (Values::empty(*kind), 0);
+        while let Some(part) =
+            parts.next(&self.file, &self.metadata, BATCH_ROWS, budget.begun(bytes))?
+        {
+            bytes += bytes_of(&part);
+            values.append(part);
         }
-        let mut values = Values::empty(source.kind);
-        self.read_column(source, budget, |reader, rows, first_row| {
-            values.append(values_of(reader, source, rows, first_row, budget)?);
-            Ok(())
-        })?;
         Ok(values)
     }
 
-    /// Reads a column part by part; `read_part` gets the number of rows and the index of the first one.
-    fn read_column(
-        &self,
-        source: &ColumnSource,
-        budget: Budget,
-        mut read_part: impl FnMut(&mut ColumnReader, usize, usize) -> Result<(), ContentError>,
-    ) -> Result<(), ContentError> {
-        let mut first_row = 0;
-        for group in self.metadata.row_groups() {
-            let mut rows = rows_of(group)?;
-            let mut reader = guarded(|| open_column(&self.file, group, source, rows, budget))?;
-            while rows > 0 {
-                let now = rows.min(BATCH_ROWS);
-                guarded(|| read_part(&mut reader, now, first_row))?;
-                (rows, first_row) = (rows - now, first_row + now);
-            }
-        }
-        Ok(())
-    }
-
     fn next_part(&mut self) -> Result<Option<Table>, ContentError> {
-        while self.rows_left == 0 {
-            if self.next_group == self.metadata.num_row_groups() {
-                return Ok(None);
-            }
-            self.open_group()?;
-        }
-        let rows = self.rows_left.min(self.batch_rows);
         let mut budget = Budget::new(Limits::from_environment());
         let mut part = self.schema.without_rows();
-        let readers = self.columns.iter_mut().zip(&self.sources);
-        for (column, (reader, source)) in part.columns.iter_mut().zip(readers) {
-            column.values = guarded(|| values_of(reader, source, rows, self.rows_read, budget))?;
-            budget.spend(bytes_of(&column.values));
+        for (column, parts) in part.columns.iter_mut().zip(&mut self.columns) {
+            let values = parts.next(&self.file, &self.metadata, self.batch_rows, budget)?;
+            let Some(values) = values else { return Ok(None) };
+            budget.spend(bytes_of(&values));
+            column.values = values;
         }
-        self.rows_left -= rows;
-        self.rows_read += rows;
-        Ok(Some(part))
-    }
-
-    fn open_group(&mut self) -> Result<(), ContentError> {
-        let group = self.metadata.row_group(self.next_group);
-        let rows = rows_of(group)?;
-        let budget = Budget::new(Limits::from_environment());
-        let open = |source: &ColumnSource| open_column(&self.file, group, source, rows, budget);
-        self.columns = guarded(|| self.sources.iter().map(open).collect())?;
-        (self.rows_left, self.next_group) = (rows, self.next_group + 1);
-        Ok(())
+        Ok(Some(part).filter(|part| !part.columns.is_empty()))
     }
 }
 
-fn rows_of(group: &RowGroupMetaData) -> Result<usize, ContentError> {
-    usize::try_from(group.num_rows()).map_err(|_| ContentError::Unreadable)
+impl ColumnParts {
+    /// The next rows, all of one row group and at most so many; `None` at the end.
+    fn next(
+        &mut self,
+        file: &Arc<File>,
+        metadata: &ParquetMetaData,
+        most: usize,
+        budget: Budget,
+    ) -> Result<Option<Values>, ContentError> {
+        while self.rows_left == 0 {
+            let Some(group) = metadata.row_groups().get(self.next_group) else { return Ok(None) };
+            self.rows_left =
+                usize::try_from(group.num_rows()).map_err(|_| ContentError::unreadable())?;
+            let open = || open_column(file, group, &self.source, self.rows_left, budget);
+            self.reader = Some(guarded(open)?);
+            self.next_group += 1;
+        }
+        let Some(reader) = &mut self.reader else { return Ok(None) };
+        let rows = self.rows_left.min(most);
+        let values = guarded(|| values_of(reader, &self.source, rows, self.rows_read, budget))?;
+        self.rows_left -= rows;
+        self.rows_read += rows;
+        Ok(Some(values))
+    }
 }
 
 /// Memory of values, bytes.
@@ -485,7 +477,7 @@ fn open_column(
     rows: usize,
     budget: Budget,
 ) -> Result<ColumnReader, ContentError> {
-    let chunk = group.columns().get(source.place).ok_or(ContentError::Unreadable)?;
+    let chunk = group.columns().get(source.place).ok_or_else(ContentError::unreadable)?;
     budget.allow(&source.name, u64::try_from(chunk.uncompressed_size()).unwrap_or(0))?;
     Ok(get_column_reader(chunk.column_descr_ptr(), pages_of(file, chunk, rows)?))
 }
@@ -497,7 +489,7 @@ impl Iterator for ParquetReader {
         let part = self.next_part();
         if part.is_err() {
             // Stop reading after an error.
-            (self.rows_left, self.next_group) = (0, self.metadata.num_row_groups());
+            self.columns.clear();
         }
         part.map_err(|problem| content_error(&self.path, problem)).transpose()
     }
@@ -520,12 +512,13 @@ fn open_marked(path: &Path) -> Result<File, TableError> {
     let system = |cause| TableError::File(FileError::from_io(path, cause));
     let mut file = files::open(path)?;
     let length = file.metadata().map_err(system)?.len();
-    let problem = if length == 0 { ContentError::Empty } else { ContentError::NotParquet };
-    let marked = length >= 12 && has_marks(&mut file).map_err(system)?;
-    if marked {
+    if length >= 12 && has_marks(&mut file).map_err(system)? {
         return Ok(file);
     }
-    Err(TableError::Content { path: path.to_path_buf(), problem })
+    let truncated = "this is no Parquet file, or its end is missing".to_owned();
+    let problem =
+        if length == 0 { ContentError::empty() } else { ContentError::Unusable(truncated) };
+    Err(content_error(path, problem))
 }
 
 fn has_marks(file: &mut File) -> io::Result<bool> {
@@ -575,7 +568,7 @@ fn fields_of(
                 let place = places.get(stored.name()).copied();
                 Ok(Field { name, stored: stored.clone(), place, facts })
             }
-            false => Err(ContentError::DuplicateColumn { column: name }),
+            false => Err(ContentError::duplicate(&name)),
         }
     };
     stored.iter().map(field).collect()
@@ -608,7 +601,7 @@ impl Field {
     /// Describes how to read the field.
     fn source(&self, file: &ParquetMetaData) -> Result<ColumnSource, ContentError> {
         let (kind, meaning) = kind_of(&self.stored, self.facts.as_ref())?;
-        let place = self.place.ok_or(ContentError::Unreadable)?;
+        let place = self.place.ok_or_else(ContentError::unreadable)?;
         let chunks: Vec<&ColumnChunkMetaData> =
             file.row_groups().iter().filter_map(|group| group.columns().get(place)).collect();
         chunks.iter().try_for_each(|chunk| require_known_codec(chunk, &self.name))?;
@@ -636,40 +629,34 @@ fn require_known_codec(chunk: &ColumnChunkMetaData, column: &str) -> Result<(), 
     match chunk.compression() {
         Codec::UNCOMPRESSED | Codec::SNAPPY | Codec::LZ4 | Codec::LZ4_RAW => Ok(()),
         Codec::GZIP(_) | Codec::ZSTD(_) => Ok(()),
-        codec => {
-            Err(ContentError::UnknownCodec { column: column.to_owned(), codec: codec.to_string() })
-        }
+        codec => Err(ContentError::Unusable(format!(
+            "column '{column}' is compressed with {codec}; known are Snappy, gzip, LZ4, Zstandard and none: write the \
+             file with one of these"
+        ))),
     }
 }
 
 /// Calls the Parquet library and turns a panic into an error. Damaged lengths and offsets in a file can cause one (seen
 /// with version 60.1). The caller does not use the affected objects again.
 fn guarded<T>(call: impl FnOnce() -> Result<T, ContentError>) -> Result<T, ContentError> {
-    catch_unwind(AssertUnwindSafe(call)).unwrap_or(Err(ContentError::Unreadable))
-}
-
-/// The operating system's error inside a Parquet error, if there is one.
-fn system_error(error: ParquetError) -> Result<io::Error, ParquetError> {
-    match error {
-        ParquetError::External(inner) => {
-            inner.downcast::<io::Error>().map(|cause| *cause).map_err(ParquetError::External)
-        }
-        other => Err(other),
-    }
+    catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|_| Err(ContentError::unreadable()))
 }
 
 fn parquet_error(path: &Path, error: ParquetError) -> TableError {
     content_error(path, error.into())
 }
 
+/// The error for a file's content, or the operating system's error inside it.
 fn content_error(path: &Path, problem: ContentError) -> TableError {
     let path = path.to_path_buf();
-    let problem = match problem {
-        ContentError::Damaged { source } => match system_error(source) {
-            Ok(cause) => return TableError::File(FileError::from_io(&path, cause)),
-            Err(source) => ContentError::Damaged { source },
+    match problem {
+        ContentError::Damaged(ParquetError::External(cause)) => match cause.downcast() {
+            Ok(cause) => TableError::File(FileError::from_io(&path, *cause)),
+            Err(cause) => {
+                let problem = ContentError::Damaged(ParquetError::External(cause));
+                TableError::Content { path, problem }
+            }
         },
-        other => other,
-    };
-    TableError::Content { path, problem }
+        problem => TableError::Content { path, problem },
+    }
 }

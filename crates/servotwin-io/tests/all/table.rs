@@ -269,7 +269,8 @@ fn a_table_refuses_columns_that_do_not_fit() {
     let short = table.push(Column::new("x", "", vec![0.0])).unwrap_err();
     assert_eq!(short.to_string(), "column 'x' has 1 rows, the others have 4");
     let other = Table::from_columns(vec![Column::new("x", "", vec![1.0])]).unwrap();
-    assert!(matches!(table.append(other), Err(TableError::ColumnCount { .. })));
+    let message = table.append(other).unwrap_err().to_string();
+    assert_eq!(message, "1 columns cannot be appended to 6");
 }
 
 #[test]
@@ -528,14 +529,6 @@ fn a_table_of_many_columns_is_read_and_taken_apart_column_by_column() {
         let found = names.iter().filter(|name| read.column(name).is_ok());
         assert_eq!(found.take(20_000).count(), 20_000);
     }
-    let line = |value: f64| {
-        let cells = names.iter().map(|name| format!("\"{name}\":{value}")).collect::<Vec<_>>();
-        format!("{{{}}}\n", cells.join(","))
-    };
-    fs::write(folder.file("a.jsonl"), line(0.5) + &line(1.5)).unwrap();
-    let read = table::read(folder.file("a.jsonl")).unwrap();
-    assert_eq!(read.columns().len(), count);
-    assert!(names.iter().all(|name| read.f64(name).unwrap()[1] == 1.5));
 }
 
 #[test]

@@ -1,20 +1,11 @@
 //! Mistakes in TOML files are few and short, however many and long they are in the file.
 
-use servotwin_io::toml_text::{Collector, Diagnostic, TomlText, write_mistakes};
-use std::fmt;
+use servotwin_io::toml_text::{Collector, Diagnostic, TomlText};
 
 fn mistakes(text: &str) -> Vec<Diagnostic> {
     let mut found = Collector::default();
     TomlText::parse(text, 1, &mut found);
     found.locate(text)
-}
-
-struct Shown<'m>(&'m [Diagnostic]);
-
-impl fmt::Display for Shown<'_> {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write_mistakes("a.toml", self.0, out)
-    }
 }
 
 #[test]
@@ -35,7 +26,7 @@ fn a_name_as_long_as_the_file_is_clipped_and_the_caret_stands_below_its_characte
     let key = "k".repeat(50_000);
     let text = format!("x = 1\n{key} = oops");
     found.note(&(50_009..50_013), Diagnostic::new(format!("'{key}' must be a finite number")));
-    let shown = Shown(&found.locate(&text)).to_string();
+    let shown = found.refuse("a.toml", &text).to_string();
     assert!(shown.len() < 3_000, "{} bytes", shown.len());
     let [source, caret] = [3, 2]
         .map(|line| shown.lines().rev().nth(line).unwrap().split_once("| ").unwrap().1.to_owned());

@@ -34,28 +34,6 @@ typedef __mmask8 TRUTH;
 #define AND(a, b) _mm512_and_si512(a, b)
 #define OR(a, b) _mm512_or_si512(a, b)
 #define DOWN(x) _mm512_srli_epi64(x, 52)
-/* Of every class of numbers what a root is: of zeros themselves, of the negative infinity none, of others what was found. */
-#define ROOTS_OF_CLASSES _mm512_set1_epi64(0x30100)
-#ifdef ITERATE_ROOTS
-/*
- * The correctly rounded root, without the unit for roots and divisions. With m in [1/2, 2) and y = 1/sqrt(m) to 14 bits,
- * s and h come near sqrt(m) and 1/(2 sqrt(m)); what is left of m corrects s, and the exponent is put back.
- */
-INLINE LANES iterated_root(LANES x)
-{
-    const LANES m = _mm512_getmant_pd(x, _MM_MANT_NORM_p5_2, _MM_MANT_SIGN_src);
-    const LANES exponent = _mm512_fmadd_pd(_mm512_getexp_pd(x), ALL(0.5), ALL(0.5));
-    const LANES y = _mm512_rsqrt14_pd(m);
-    LANES s = m * y, h = ALL(0.5) * y;
-    for (int twice = 0; twice < 2; twice++) {
-        const LANES rest = _mm512_fnmadd_pd(s, h, ALL(0.5));
-        s = _mm512_fmadd_pd(s, rest, s);
-        h = _mm512_fmadd_pd(h, rest, h);
-    }
-    s = _mm512_fmadd_pd(_mm512_fnmadd_pd(s, s, m), h, s);
-    return _mm512_fixupimm_pd(_mm512_scalef_pd(s, exponent), x, ROOTS_OF_CLASSES, 0);
-}
-#endif
 
 #elif WIDTH == 4
 #include <immintrin.h>
@@ -125,9 +103,6 @@ typedef int TRUTH;
 #endif
 #endif
 
-#ifndef ITERATE_ROOTS
-#define iterated_root(x) root(x)
-#endif
 INLINE LANES rounded(LANES x)
 {
     return (x + ALL(ROUNDING)) - ALL(ROUNDING);

@@ -9,9 +9,6 @@
 //! `-DSTRIDE` is the number of lanes in the arrays. Fused and reassociated arithmetic must be off
 //! (`-ffp-contract=off`).
 //!
-//! On some processors with AVX-512 the derivatives wait for the only unit for roots and divisions. `-DITERATE_ROOTS`
-//! computes every second root by iteration. Its result is correctly rounded too, so the bits stay equal.
-//!
 //! Some expressions depend only on constants, on parameters that replace signals and on external inputs. These
 //! expressions are *cached*: they keep their values as long as their sources do. `update` recomputes them and stores
 //! them in the array `cached`, where `begin` and `motion` read them. Its argument `changed` has one bit per input
@@ -198,13 +195,11 @@ struct Lanes<'a> {
     cached: &'a Cached,
     /// The part of the cached expressions to print; `None` for the uncached rest.
     part: Option<u64>,
-    /// Whether the last root was an iterated one; iterated and plain roots alternate.
-    is_root_iterated: bool,
 }
 
 impl<'a> Lanes<'a> {
     fn new(cached: &'a Cached, part: Option<u64>) -> Self {
-        Self { cached, part, is_root_iterated: false }
+        Self { cached, part }
     }
 }
 
@@ -232,10 +227,7 @@ impl Dialect for Lanes<'_> {
     fn unary(&mut self, operation: Unary, a: &str) -> String {
         match operation {
             Unary::Negative => format!("negative({a})"),
-            Unary::SquareRoot => {
-                self.is_root_iterated = !self.is_root_iterated;
-                format!("{}root({a})", if self.is_root_iterated { "iterated_" } else { "" })
-            }
+            Unary::SquareRoot => format!("root({a})"),
             Unary::Absolute => format!("absolute({a})"),
             Unary::Round => format!("rounded({a})"),
             Unary::Mantissa => format!("mantissa({a})"),

@@ -74,9 +74,9 @@ pub(super) struct CacheEntry {
 
 impl CacheEntry {
     /// `None` without a folder.
-    pub(crate) fn new(text: &str, how: &[&str]) -> Option<Self> {
+    pub(crate) fn new(text: &str, compiler: &str) -> Option<Self> {
         let mut digest = Sha256::new();
-        for part in [env!("CARGO_PKG_VERSION"), text].iter().chain(how) {
+        for part in [env!("CARGO_PKG_VERSION"), text, compiler] {
             digest.update((part.len() as u64).to_le_bytes());
             digest.update(part);
         }
@@ -87,8 +87,8 @@ impl CacheEntry {
         format!("{PREFIX}{}-{}-", self.key, level.name())
     }
 
-    /// The content of the undamaged library of a level.
-    pub(crate) fn find(&self, level: Level) -> Option<Vec<u8>> {
+    /// The undamaged library of a level.
+    pub(crate) fn find(&self, level: Level) -> Option<PathBuf> {
         let stem = self.stem(level);
         if !is_private(&self.folder) {
             return None;
@@ -96,7 +96,8 @@ impl CacheEntry {
         fs::read_dir(&self.folder).ok()?.flatten().find_map(|entry| {
             let name = entry.file_name().to_string_lossy().into_owned();
             let hash = name.strip_prefix(&stem)?.strip_suffix(".so")?;
-            fs::read(entry.path()).ok().filter(|content| content_hash(content) == hash)
+            let content = fs::read(entry.path()).ok()?;
+            (content_hash(&content) == hash).then(|| entry.path())
         })
     }
 

@@ -1,5 +1,6 @@
 //! Tests of properties that every kind of signal has.
 
+use super::spec::Fallback;
 use super::*;
 use servotwin_model::signal::Smoothness;
 

@@ -1,6 +1,6 @@
 //! Signals: commands, loads and boundary values as functions of time.
 //!
-//! A [`Signal`] is written as text on the command line or as tables in a study file. For an input with a known unit and
+//! A [`Signal`] is written as text. For an input with a known unit and
 //! a run of known duration, it becomes a [`Piecewise`] function. Terms joined by ` + ` are added.
 //!
 //! A new kind needs a declaration here and a line in `ALL`.
@@ -20,12 +20,11 @@ mod text;
 mod units;
 
 pub use error::SignalError;
+use spec::Kind;
 pub(crate) use spec::Sort;
-use spec::{Fallback, Kind};
 pub use text::QuantityError;
 
 use crate::units::NamedUnit;
-use serde_json::{Map, Value, json};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
 use spec::Given;
@@ -170,32 +169,4 @@ pub fn help() -> String {
              Several signals joined by ' + ' are added. A number alone is a constant.\n",
             units.join(", ")
         )
-}
-
-/// The JSON Schema of a signal in a file: a text, a number, a table with its kind, or a list of them.
-pub(crate) fn schema() -> Value {
-    let tables = ALL.iter().map(|kind| {
-        let mut properties = Map::from_iter([("kind".into(), json!({ "const": kind.name }))]);
-        let mut required = vec!["kind"];
-        for declared in kind.parameters {
-            let mut schema = match declared.sort {
-                Sort::Choice(words) => json!({ "enum": words }),
-                Sort::Text => json!({ "type": "string" }),
-                _ => json!({ "type": ["number", "string"] }),
-            };
-            schema["description"] = json!(declared.summary);
-            properties.insert(declared.name.into(), schema);
-            if declared.fallback == Fallback::Required {
-                required.push(declared.name);
-            }
-        }
-        json!({
-            "type": "object", "description": kind.summary, "properties": properties,
-            "required": required, "additionalProperties": false,
-        })
-    });
-    let of_list = json!({ "type": "array", "minItems": 1, "items": { "$ref": "#/$defs/signal" } });
-    let mut one = vec![json!({ "type": "string" }), json!({ "type": "number" }), of_list];
-    one.extend(tables);
-    json!({ "anyOf": one, "description": "what an input does over time, such as step:size=10deg" })
 }

@@ -1,10 +1,7 @@
-//! Signals in texts and files.
-//!
-//! A text is `kind:name=value,name=value + …`. In a file a signal is a text (`"step:size=10deg"`), a plain number (a
-//! constant, SI) or a table (`{ kind = "step", size = "10deg", at = 0.1 }`). A list of these is their sum.
+//! Signals as texts: `kind:name=value,name=value + …`. In a file a signal may also be a number, a constant in SI.
 
 use super::error::SignalError;
-use super::spec::{Fallback, Kind, Parameter, Sort};
+use super::spec::{Fallback, Parameter, Sort};
 use super::{ALL, Argument, Measure, Signal, Term, WrittenQuantity, find, units};
 use crate::format::{Key, Read, Value};
 use crate::toml_text::{Collector, Diagnostic, Entry};
@@ -25,44 +22,14 @@ impl Read for Signal {
     const VALUE: Value = Value::Signal;
 
     fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
-        let read = written(entry);
-        read.map_err(|error| {
+        let number = || entry.number().map(|number| number.to_string());
+        let text = entry.text().map(str::to_owned).or_else(number);
+        let text = mistakes.wanted(entry, text, "a signal: a text or a number")?;
+        let note = |error: SignalError| {
             mistakes.note(&entry.value_at(), Diagnostic::new(error.to_string()));
-        })
-        .ok()
+        };
+        text.parse().map_err(note).ok()
     }
-
-    fn stand_in(_value: Value) -> Self {
-        "0".parse().expect("a constant")
-    }
-}
-
-/// A signal in one of its forms in a file.
-fn written(entry: &Entry) -> Result<Signal, SignalError> {
-    if let Some(list) = entry.list() {
-        let signals = list.iter().map(written).collect::<Result<Vec<_>, _>>()?;
-        let terms: Vec<Term> = signals.into_iter().flat_map(|signal| signal.terms).collect();
-        return if terms.is_empty() { Err(missing()) } else { Ok(Signal { terms }) };
-    }
-    let Some(table) = entry.table() else {
-        let form = "a signal: a text, a number, a table with 'kind', or a list of them";
-        return plain(entry, form)?.parse();
-    };
-    let form = "a number or a text such as \"10deg\"";
-    let kind = table.iter().find(|entry| entry.key == "kind");
-    let no_kind = || SignalError::new(format!("a signal needs 'kind'; known: {}", kinds()));
-    let mut builder = Builder::new(&plain(kind.ok_or_else(no_kind)?, form)?)?;
-    for entry in table.iter().filter(|entry| entry.key != "kind") {
-        builder.set(entry.key, &plain(entry, form)?)?;
-    }
-    Ok(Signal { terms: vec![builder.finish()?] })
-}
-
-/// A text, or a number as text, which Rust writes and reads without loss.
-fn plain(entry: &Entry, form: &str) -> Result<String, SignalError> {
-    let number = || entry.number().map(|number| number.to_string());
-    let text = entry.text().map(str::to_owned).or_else(number);
-    text.ok_or_else(|| SignalError::new(format!("'{}' must be {form}", entry.key)))
 }
 
 impl fmt::Display for Signal {
@@ -97,10 +64,6 @@ fn kinds() -> String {
     ALL.iter().map(|kind| kind.name).collect::<Vec<_>>().join(", ")
 }
 
-fn missing() -> SignalError {
-    SignalError::new(format!("a signal is missing; known kinds: {}", kinds()))
-}
-
 /// Splits at each `+` that follows a space (the one in `1e+3` does not).
 fn split_terms(text: &str) -> Vec<&str> {
     let mut terms = Vec::new();
@@ -117,26 +80,24 @@ fn split_terms(text: &str) -> Vec<&str> {
 
 fn term_of(text: &str) -> Result<Term, SignalError> {
     if text.is_empty() {
-        return Err(missing());
+        return Err(SignalError::new(format!("a signal is missing; known kinds: {}", kinds())));
     }
-    let (kind, rest) = match text.split_once(':') {
-        Some((kind, rest)) => (kind.trim(), rest),
-        None if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) => {
-            let mut builder = Builder::new("constant")?;
-            builder.set("value", text)?;
-            return builder.finish();
-        }
-        None => (text, ""),
-    };
-    let mut builder = Builder::new(kind)?;
+    let is_number = text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
+    if is_number && !text.contains(':') {
+        let mut term = Term::new("constant")?;
+        term.set("value", text)?;
+        return Ok(term);
+    }
+    let (kind, rest) = text.split_once(':').unwrap_or((text, ""));
+    let mut term = Term::new(kind.trim())?;
     let arguments = rest.split(',').map(str::trim);
     for argument in arguments.filter(|_| !rest.trim().is_empty()) {
         let Some((name, value)) = argument.split_once('=') else {
-            return Err(builder.invalid(format!("'{argument}' is not of the form name=value")));
+            return Err(term.invalid(format!("'{argument}' is not of the form name=value")));
         };
-        builder.set(name.trim(), value.trim())?;
+        term.set(name.trim(), value.trim())?;
     }
-    builder.finish()
+    term.complete()
 }
 
 /// Why a text is not a number with a unit.
@@ -199,13 +160,8 @@ impl WrittenQuantity {
     }
 }
 
-/// A term under construction from names and values.
-struct Builder {
-    kind: &'static Kind,
-    arguments: Vec<Option<Argument>>,
-}
-
-impl Builder {
+impl Term {
+    /// A term without arguments.
     fn new(kind: &str) -> Result<Self, SignalError> {
         let unknown =
             || SignalError::new(format!("unknown kind of signal '{kind}'; known: {}", kinds()));
@@ -265,7 +221,8 @@ impl Builder {
         Ok(quantity)
     }
 
-    fn finish(self) -> Result<Term, SignalError> {
+    /// The term, if no required argument is missing.
+    fn complete(self) -> Result<Self, SignalError> {
         let mut all = self.kind.parameters.iter().zip(&self.arguments);
         let lacks = |(parameter, argument): &(&Parameter, &Option<Argument>)| {
             argument.is_none() && parameter.fallback == Fallback::Required
@@ -274,7 +231,7 @@ impl Builder {
             let (name, example) = (parameter.name, self.kind.example);
             return Err(self.invalid(format!("'{name}' is missing, e.g. {example}")));
         }
-        Ok(Term { kind: self.kind, arguments: self.arguments })
+        Ok(self)
     }
 }
 

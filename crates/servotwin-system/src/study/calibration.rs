@@ -1,15 +1,6 @@
 //! The scenario *fitted*: every specimen flies a healthy calibration flight, its twin is fitted to that record, and
 //! faults are diagnosed with the fitted twin.
 //!
-//! ```toml
-//! [fitted]
-//! command = "noise:rms=4deg,bandwidth=1Hz,seed=901"
-//! duration_s = 60
-//! judge = 72                         # specimens for the evaluation variants
-//! learn = 48                         # other specimens, for the training commands
-//! in_each_case = 12                  # specimens that fly the same command at the same load
-//! ```
-//!
 //! Specimens come from a pool, because a fit costs as much as several variants. A variant draws its specimen at random
 //! from those of its case. With faults dealt in turn, each fault would always get the same specimen, and trees
 //! would learn to recognize it.

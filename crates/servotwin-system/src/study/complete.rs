@@ -1,25 +1,17 @@
 //! Completeness of a study for the main job. An incomplete file is readable and serves commands that
 //! simulate nothing, such as `watch`. `check` and the stages reject it before any simulation.
 
+use super::Study;
 use super::realism::REALISTIC;
 use super::suites::LEARN;
-use super::{Study, StudyError};
-use crate::toml_text::{Collector, Diagnostic};
+use crate::toml_text::{Collector, Diagnostic, TomlError};
 
 impl Study {
     /// Checks that the study has everything that its campaign and flights need.
     ///
     /// # Errors
-    /// [`StudyError::Mistakes`] with everything that is missing, at its place.
-    pub fn complete(&self) -> Result<(), StudyError> {
-        let mistakes = self.missing_for_a_campaign();
-        if mistakes.is_empty() {
-            return Ok(());
-        }
-        Err(StudyError::Mistakes { path: self.path.clone(), mistakes })
-    }
-
-    fn missing_for_a_campaign(&self) -> Vec<Diagnostic> {
+    /// [`TomlError::Mistakes`] with everything that is missing, at its place.
+    pub fn complete(&self) -> Result<(), TomlError> {
         let mut found = Collector::default();
         if self.classes.is_empty() {
             let mistake = Diagnostic::new("the study has no faults");
@@ -38,6 +30,6 @@ impl Study {
             let at = own.map_or(0..0, |repeats| repeats.at.clone());
             found.note(&at, Diagnostic::not_allowed("suites.learn.repeats", 0, "at least 1"));
         }
-        found.locate(&self.text)
+        if found.is_empty() { Ok(()) } else { Err(found.refuse(&self.path, &self.text)) }
     }
 }

@@ -1,20 +1,8 @@
 //! The study's settings of training and evaluation. Missing ones take the usual values in `job::Subject`.
-//!
-//! ```toml
-//! [evaluation]
-//! seed = 1                              # of the splits into training and test
-//! random_thirds = 3                     # repeats with a random third held out
-//! folds = 5                             # parts for holding out kinds and intensities
-//! learned_bands = ["realistic"]         # scenarios with bands from healthy specimens; others use 3 %
-//! classifiers = ["ideal"]               # scenarios in which classifiers are compared
-//! comparison = { random_thirds = 1, folds = 3 }
-//! committee = { trees = 60, depth = 4 }
-//! trees.realistic = { criterion = "gini", depth = 9 }
-//! ```
 
 use super::Scenario;
 use super::keys::{SEED, SOME_SPECIMENS};
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use crate::format::{At, Names, Value, section, words};
 use servotwin_learning::classifiers::boosted_trees::{MAX_DEPTH, MAX_TREES};
 use servotwin_learning::tree::Criterion;
@@ -96,7 +84,7 @@ impl Evaluating {
         for (name, at) in listed.chain(self.trees.keys().map(|name| (name.as_str(), &name.at))) {
             if !is_known(name) {
                 let what = ("scenario in this study", name);
-                result = Err(reader.unknown(OF_SYSTEM, at, what, known()));
+                result = Err(reader.unknown(at, what, known()));
             }
         }
         let is_learned = |bands: &&At<Vec<At<Scenario>>>| {

@@ -1,7 +1,7 @@
 //! The fault list: every fault of every class, in every actuator, at every
 //! intensity. For the paper's study it is Table 1: 28 components, 820 faults.
 
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use crate::format::At;
 use crate::toml_text::TextSpan;
 use servotwin_model::program::FaultAt;
@@ -92,7 +92,7 @@ impl Reader<'_> {
             }
             let all = self.system.all_faults();
             let known = all.iter().map(String::as_str);
-            self.unknown(OF_SYSTEM, &kind.at, ("fault in the system", id), known)
+            self.unknown(&kind.at, ("fault in the system", id), known)
         })
     }
 }

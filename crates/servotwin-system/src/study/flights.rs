@@ -1,17 +1,5 @@
 //! Flights in varying environments, for training and evaluating the diagnosis in operation.
 //!
-//! ```toml
-//! [flights]
-//! duration_s = 20
-//! onset_s = [5, 9]                   # range of a fault's onset
-//! windows_s = [0.5, 2]               # lengths of the sliding windows
-//! commands = ["noise:rms={1..5}deg,bandwidth={0.3..2}Hz,seed={n}", "step:size={2..9}deg,at=2s"]
-//! inputs.load_factor = [0, 1]        # drawn for each environment
-//! unit_inputs.supply_pressure = [19.6e6, 21.4e6]
-//! unit_parameters."supply.temperature_k" = [253, 343]
-//! other_plant = { ... }              # `other_plant.rs`
-//! ```
-//!
 //! An *environment* is a command with values for everything else that varies. Faults and specimens are
 //! flown in it beside one virtual twin. The twin knows the environment, because its boundary values are
 //! measured, but not the specimen. How many flights there are, and for what, is said by suites ([`super::suites`]).
@@ -22,7 +10,7 @@ use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
 use super::reader::{Noted, Reader};
 use super::seed::{Seed, Stream};
 use super::training::{check_pattern, count_ranges, filled_at, halton_in};
-use crate::format::{At, Names, Read, Value, section};
+use crate::format::{At, Names, Value, section, usual};
 use crate::signal::bus::as_sent;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::MAX_ACTUATORS;
@@ -48,7 +36,7 @@ section! {
             "ranges from which each specimen with tolerances draws further parameters";
         may pub(super) other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
-        may pub(super) limits: Limits => Read::stand_in(Limits::VALUE), "targets of the diagnosis";
+        may pub(super) limits: Limits => usual(), "targets of the diagnosis";
     }
 }
 

@@ -1,15 +1,5 @@
 //! The test on the ground: one command from rest, one window, one decision.
 //!
-//! ```toml
-//! [ground_test]
-//! command = "sweep:amplitude=1deg,from=0.5Hz,to=20Hz,length=10s + sine:amplitude=9deg,frequency=0.4Hz,at=10s"
-//! duration_s = 20
-//! inputs.air_speed = [0, 0]
-//! wear = [{ parameters = ["cylinder.coulomb_friction_n"], times = [0.8, 1.25] }]
-//! suites.learn = { environments = 160, repeats = 4, healthy = 6 }
-//! suites.judge = { environments = 24, repeats = 1, healthy = 3 }
-//! ```
-//!
 //! The twin of an actuator is fitted to its first test, so that the residuals of a later one show changes alone. `wear`
 //! declares the changes between two tests of a healthy actuator.
 //!
@@ -20,9 +10,10 @@
 use super::keys::FLIGHT_S;
 use super::other_plant::DrawText;
 use super::reader::Reader;
-use super::{Study, StudyError, flights, suites};
+use super::{Study, flights, suites};
 use crate::format::{At, Names, section};
 use crate::system::System;
+use crate::toml_text::TomlError;
 use std::cell::RefCell;
 
 section! {
@@ -104,11 +95,11 @@ impl Study {
     ///
     /// # Errors
     /// Mistakes in the section `[ground_test]`.
-    pub fn on_ground(&self) -> Result<Option<Self>, StudyError> {
+    pub fn on_ground(&self) -> Result<Option<Self>, TomlError> {
         if self.parsed.ground_test.is_none() {
             return Ok(None);
         }
-        let system = System::parse(&self.system.text, &self.path).map_err(StudyError::System)?;
+        let system = System::parse(&self.system.text, &self.path)?;
         let text = super::quick::with_flag(&self.text, "on_ground");
         Self::parse_for(&text, &self.path, system).map(Some)
     }

@@ -35,15 +35,14 @@ pub use suites::{Purpose, Suite};
 pub use training::Training;
 
 use crate::built_in;
-use crate::files::FileError;
 use crate::format::{self, At, Names, Value, section};
 use crate::kind::{FileType, named_system};
 use crate::signal::Signal;
+use crate::system::System;
 use crate::system::imperfection::Imperfection;
-use crate::system::{System, SystemError};
-use crate::toml_text::{Collector, Diagnostic, TextSpan, TomlText, write_mistakes};
+use crate::toml_text::{Collector, Diagnostic, TextSpan, TomlError, TomlText};
 use keys::{RUN_S, some};
-use reader::{Noted, OF_SENSORS, OF_SYSTEM, Reader};
+use reader::{Noted, Reader};
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
 use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Sensor, Sensors};
 use servotwin_model::signal::Piecewise;
@@ -194,67 +193,25 @@ pub struct Study {
     parsed: Box<Text>,
 }
 
-/// The reason why a study cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The file cannot be read.
-    #[error(transparent)]
-    File(FileError),
-    /// The system has mistakes.
-    #[error(transparent)]
-    System(SystemError),
-    /// The file has mistakes.
-    #[error(fmt = write_mistakes)]
-    Mistakes {
-        /// The path of the file as the caller gave it.
-        path: String,
-        /// All mistakes, in the order of the file.
-        mistakes: Vec<Diagnostic>,
-    },
-}
-
 impl Study {
     /// Parses a study. `path` appears in errors, and the file of its system is resolved relative to
     /// it.
     ///
     /// # Errors
     /// All mistakes in the text.
-    pub fn parse(text: &str, path: &str) -> Result<Self, StudyError> {
+    pub fn parse(text: &str, path: &str) -> Result<Self, TomlError> {
         let (parsed, mut mistakes) = read_text(text, path)?;
         match find_system(&parsed.system, path, &mut mistakes) {
-            Some(system) => {
-                let system = system.map_err(StudyError::System)?;
-                Self::build(text, (parsed, mistakes), path, system)
-            }
-            None => {
-                Err(StudyError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) })
-            }
+            Some(system) => Self::build(text, (parsed, mistakes), path, system?),
+            None => Err(mistakes.refuse(path, text)),
         }
-    }
-
-    /// Parses a study and reads its system from a separate file, as stored beside results.
-    ///
-    /// # Errors
-    /// All mistakes in the text.
-    pub fn parse_with_system(text: &str, path: &Path, system: &Path) -> Result<Self, StudyError> {
-        let system = System::read(system).map_err(StudyError::System)?;
-        Self::parse_for(text, &path.display().to_string(), system)
-    }
-
-    /// Reads a study file or a built-in study by name, with the system from a separate file.
-    ///
-    /// # Errors
-    /// A file cannot be read, or all mistakes in it.
-    pub fn read_with_system(path: &Path, system: &Path) -> Result<Self, StudyError> {
-        let (text, _) = FileType::Study.read(path).map_err(StudyError::File)?;
-        Self::parse_with_system(&text, path, system)
     }
 
     /// Parses a study for an existing system.
     ///
     /// # Errors
     /// All mistakes in the text.
-    pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, StudyError> {
+    pub fn parse_for(text: &str, path: &str, system: System) -> Result<Self, TomlError> {
         Self::build(text, read_text(text, path)?, path, system)
     }
 
@@ -263,9 +220,9 @@ impl Study {
         (parsed, mistakes): (Text, Collector),
         path: &str,
         system: System,
-    ) -> Result<Self, StudyError> {
-        let (text, mistakes) = (&parsed, RefCell::new(mistakes));
-        let reader = Reader { path, source, text, system: &system, mistakes };
+    ) -> Result<Self, TomlError> {
+        let mistakes = RefCell::new(mistakes);
+        let reader = Reader { path, source, text: &parsed, system: &system, mistakes };
         let study = Self::of_parts(&reader);
         Ok(reader.finish(study)?(parsed, system))
     }
@@ -344,7 +301,7 @@ impl Study {
     pub fn chosen_environments(
         &self,
         chosen: &[ChosenEnvironment],
-    ) -> Result<Option<Vec<Environment>>, StudyError> {
+    ) -> Result<Option<Vec<Environment>>, TomlError> {
         let Some(Flights { varied, duration_s, .. }) = &self.flights else { return Ok(None) };
         let reader = self.reader();
         let drawn = |(place, chosen): (usize, &ChosenEnvironment)| {
@@ -365,8 +322,8 @@ impl Study {
     ///
     /// # Errors
     /// The file cannot be read, or all mistakes in it.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, StudyError> {
-        let (text, name) = FileType::Study.read(path.as_ref()).map_err(StudyError::File)?;
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, TomlError> {
+        let (text, name) = FileType::Study.read(path.as_ref())?;
         Self::parse(&text, &name)
     }
 
@@ -472,41 +429,45 @@ impl Default for Study {
     }
 }
 
+/// The JSON Schema of study files, as [`crate::system::schema`].
+pub fn schema() -> serde_json::Value {
+    format::schema("servotwin study file", Text::KEYS, serde_json::Map::new())
+}
+
 /// The keys of a study file.
 pub fn keys() -> &'static [format::Key] {
     Text::KEYS
 }
 
-/// Reads a text and collects its mistakes of form, with substitutes for unreadable values. If nothing else can be
-/// checked, those mistakes are the error.
-fn read_text(text: &str, path: &str) -> Result<(Text, Collector), StudyError> {
-    let refused = |mistakes| Err(StudyError::Mistakes { path: path.into(), mistakes });
+/// Reads a text, with the mistakes on which nothing else depends. Others are the error: without a value, what depends on
+/// it cannot be checked.
+fn read_text(text: &str, path: &str) -> Result<(Text, Collector), TomlError> {
     if let Some(mistakes) = FileType::Study.wanted(text) {
-        return refused(mistakes);
+        return Err(mistakes.refuse(path, text));
     }
     let mut mistakes = Collector::default();
     let Some(document) = TomlText::parse(text, FORMAT, &mut mistakes) else {
-        return refused(mistakes.locate(text));
+        return Err(mistakes.refuse(path, text));
     };
     let parsed = Text::of(&document.root(), (&(0..0), "the file"), &mut mistakes);
-    // Without the name of a system, no other name can be looked up.
-    if mistakes.doubtful.contains(&"system") {
-        return refused(mistakes.locate(text));
+    match parsed.filter(|parsed| parsed.check_lists(&mut mistakes)) {
+        Some(parsed) => {
+            let parsed = parsed.in_its_size();
+            Ok((if parsed.on_ground { parsed.on_ground() } else { parsed }, mistakes))
+        }
+        None => Err(mistakes.refuse(path, text)),
     }
-    parsed.check_lists(&mut mistakes);
-    let parsed = parsed.in_its_size();
-    Ok((if parsed.on_ground { parsed.on_ground() } else { parsed }, mistakes))
 }
 
 impl Text {
-    /// Notes duplicates in lists whose elements must be unique, and too many units.
-    fn check_lists(&self, mistakes: &mut Collector) {
+    /// Notes duplicates in lists whose elements must be unique, and impossible units; `false` for the latter.
+    fn check_lists(&self, mistakes: &mut Collector) -> bool {
         let mut once = |what: &str, elements: Vec<(String, &TextSpan)>| {
             let mut seen: Vec<String> = vec![];
             for (name, at) in elements {
                 if seen.contains(&name) {
                     let mistake = format!("the {what} '{name}' stands twice");
-                    mistakes.note_harmless(at, Diagnostic::new(mistake));
+                    mistakes.note(at, Diagnostic::new(mistake));
                 }
                 seen.push(name);
             }
@@ -521,17 +482,18 @@ impl Text {
         let tolerances = self.realistic.iter().flat_map(|realistic| &realistic.tolerances);
         let parameters = tolerances.flat_map(|tolerance| &tolerance.parameters);
         once("tolerance of", parameters.map(|own| (names(own), &own.at)).collect());
-        mistakes.section = Some("units");
-        if let Some(whole) = self.units.iter().find(|u| u.is_empty() && self.units.len() > 1) {
+        let whole = self.units.iter().find(|unit| unit.is_empty() && self.units.len() > 1);
+        if let Some(whole) = whole {
             let message = "the unit '' is the whole system, which has no other units";
             mistakes.note(&whole.at, Diagnostic::new(message));
         }
-        if let Some(surplus) = self.units.get(MAX_ACTUATORS) {
+        let surplus = self.units.get(MAX_ACTUATORS);
+        if let Some(surplus) = surplus {
             let (count, allowed) = (self.units.len(), format!("at most {MAX_ACTUATORS}"));
             let mistake = Diagnostic::not_allowed("number of units", count, allowed);
             mistakes.note(&surplus.at, mistake);
         }
-        mistakes.section = None;
+        whole.is_none() && surplus.is_none()
     }
 }
 
@@ -540,7 +502,7 @@ fn find_system(
     name: &At<String>,
     study: &str,
     mistakes: &mut Collector,
-) -> Option<Result<System, SystemError>> {
+) -> Option<Result<System, TomlError>> {
     if let Some(text) = built_in::find(&built_in::SYSTEMS, name) {
         return Some(System::parse(text, &format!("systems/{}.toml", **name)));
     }
@@ -590,7 +552,7 @@ impl Reader<'_> {
         let mut seen = Vec::new();
         for id in self.text.sensors.keys() {
             if !ids().any(|known| known == id.as_str()) {
-                self.unknown(OF_SYSTEM, &id.at, ("sensor in the system", id), ids());
+                self.unknown(&id.at, ("sensor in the system", id), ids());
             }
         }
         for (position, sensor) in list.iter().enumerate() {
@@ -603,7 +565,7 @@ impl Reader<'_> {
         if let Some(extra) = &self.text.extra_sensor {
             let position = ids().position(|id| id == extra.id.as_str());
             let what = ("sensor in the system", extra.id.as_str());
-            let unknown = || self.unknown(OF_SYSTEM, &extra.id.at, what, ids());
+            let unknown = || self.unknown(&extra.id.at, what, ids());
             let position = position.ok_or_else(unknown)?;
             let sensor = self.seen(position, Quantity::Surface, None);
             if measured.contains(&position) {
@@ -685,7 +647,7 @@ impl Reader<'_> {
         let known = || others().map(|other| sensor(other).id.as_str());
         let other = others().find(|&other| sensor(other).id == followed.value);
         let what = ("other sensor", followed.as_str());
-        let other = other.ok_or_else(|| self.unknown(OF_SENSORS, &followed.at, what, known()))?;
+        let other = other.ok_or_else(|| self.unknown(&followed.at, what, known()))?;
         Ok(self.in_scales(measured, place, &[(other, weight)])[0])
     }
 

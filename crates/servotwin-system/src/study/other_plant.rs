@@ -1,16 +1,6 @@
 //! Plants that differ from their twin in more than the tolerances: other kinds of component, and parameters far from
 //! those of the twin. A diagnosis is judged on them and never learns from them.
 //!
-//! ```toml
-//! [flights.other_plant]
-//! kinds = { "cylinder" = "bristle_cylinder" }     # another friction law
-//! latency_s = [0, 0.01]                           # of each sensor
-//! draws = [
-//!     { parameters = ["servo_valve.discharge_coefficient"], times = [0.85, 1.15] },
-//!     { parameters = ["supply.temperature_k"], plus = [-10, 10] },
-//! ]
-//! ```
-//!
 //! Every specimen draws its values anew, on top of its tolerances and of its environment. A factor is drawn evenly in its
 //! logarithm, an offset evenly. A name without its channel stands for one of every channel, each with its own draw. A kind
 //! that stands for another has its ports and the faults of the study, so a new structural difference is one line.
@@ -20,7 +10,7 @@
 
 use super::faults::full_name;
 use super::keys::some;
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use crate::format::{At, Names, section};
 use crate::signal::random::NormalDeviates;
 use crate::toml_text::{Diagnostic, NumberWithUnit};
@@ -153,11 +143,11 @@ fn kinds(
     let found = named(reader, name);
     if found.is_empty() {
         let all = reader.system.network().components.iter().map(|part| part.id.as_str());
-        return Err(reader.unknown(OF_SYSTEM, &name.at, ("component in the system", name), all));
+        return Err(reader.unknown(&name.at, ("component in the system", name), all));
     }
     let component = components::find(kind).ok_or_else(|| {
         let all = components::ALL.iter().map(|component| component.kind);
-        reader.unknown(OF_SYSTEM, &kind.at, ("kind of component", kind), all)
+        reader.unknown(&kind.at, ("kind of component", kind), all)
     })?;
     let own = reader.system.network().components[found[0]].component;
     let Some((what, missing)) = lacking(own, component) else {
@@ -170,7 +160,6 @@ fn kinds(
 
 /// The first port or fault of a component that another lacks.
 fn lacking(own: &Component, other: &Component) -> Option<(&'static str, &'static str)> {
-    let (own, other) = (own, other);
     let same_port = |name: &str| other.port(name).map(|port| other.ports[port].kind.family());
     let port = own.ports.iter().find(|port| same_port(port.name) != Some(port.kind.family()));
     let fault = own.faults.iter().find(|fault| other.fault(fault.name).is_none());
@@ -232,7 +221,7 @@ fn parameters(
         };
         let known = of_part.iter().map(String::as_str);
         let what = ("parameter in these plants", name.as_str());
-        return Err(reader.unknown(OF_SYSTEM, &name.at, what, known));
+        return Err(reader.unknown(&name.at, what, known));
     }
     Ok(found.into_iter().map(|place| (place, parameter.to_owned())).collect())
 }

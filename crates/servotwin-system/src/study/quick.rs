@@ -1,20 +1,13 @@
 //! The two sizes of a study: as its file declares it, and smaller for a first result.
 //!
-//! ```toml
-//! [quick]
-//! duration_s = 30
-//! draws = 4
-//! healthy = 20
-//! ```
-//!
-//! A study with this section runs in the smaller size unless `full = true` stands at the top of its file.
+//! A study with the section `[quick]` runs in the smaller size unless `full = true` stands at the top of its file.
 //! [`Study::full`] adds that line, so the text beside the results states their size.
 
 use super::keys::{RUN_S, SPECIMENS};
-use super::{FORMAT, Study, StudyError};
+use super::{FORMAT, Study};
 use crate::format::section;
 use crate::system::System;
-use crate::toml_text::{Collector, TomlText, get};
+use crate::toml_text::{Collector, TomlError, TomlText, get};
 
 section! {
     /// The section of a study file.
@@ -60,8 +53,8 @@ impl Study {
     ///
     /// # Errors
     /// Mistakes that show only in the full size.
-    pub fn full(&self) -> Result<Self, StudyError> {
-        let system = System::parse(&self.system.text, &self.path).map_err(StudyError::System)?;
+    pub fn full(&self) -> Result<Self, TomlError> {
+        let system = System::parse(&self.system.text, &self.path)?;
         Self::parse_for(&self.full_text(), &self.path, system)
     }
 

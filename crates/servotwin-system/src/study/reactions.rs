@@ -1,16 +1,10 @@
 //! The reactions of the flight control computer to raised actions.
 //!
-//! ```toml
-//! [reactions]
-//! shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
-//! "change_mode/displacement_sensor" = { unit_parameters = { "position_selector.select" = 1 }, takes_out = ["x_p_1", "x_p_2"] }
-//! ```
-//!
 //! A reaction belongs to an action, or to an action for one fault class, which takes precedence. Keys with `unit_`
 //! refer to the faulty actuator.
 
 use super::faults::full_name;
-use super::reader::{Noted, OF_SENSORS, Reader};
+use super::reader::{Noted, Reader};
 use crate::format::{At, Names, section};
 use serde::{Deserialize, Serialize};
 
@@ -64,7 +58,7 @@ impl Reactions {
             if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
                 let what = "command, or command/detail, of a class";
-                reader.unknown(&["classes"], &name.at, (what, name), known);
+                reader.unknown(&name.at, (what, name), known);
                 continue;
             }
             let units = 0..reader.text.units.len();
@@ -114,7 +108,7 @@ impl Text {
         let ids = || measured.iter().map(|&place| reader.system.sensors[place].id.as_str());
         for id in &self.takes_out {
             let found = ids().position(|known| known == **id);
-            let unknown = || reader.unknown(OF_SENSORS, &id.at, ("sensor of the study", id), ids());
+            let unknown = || reader.unknown(&id.at, ("sensor of the study", id), ids());
             let place = found.ok_or_else(unknown)?;
             if sensors.0[place].actuator.is_none_or(|own| own == unit) {
                 reaction.takes_out.push(place);

@@ -1,11 +1,11 @@
 //! The state of a parser that reads one study. It looks names up in the system and collects mistakes
 //! with their places.
 
-use super::{StudyError, Text};
+use super::Text;
 use crate::format::At;
 use crate::signal::{Signal, SignalError};
 use crate::system::System;
-use crate::toml_text::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan};
+use crate::toml_text::{Collector, Diagnostic, NumberWithUnit, Quantities, TextSpan, TomlError};
 use servotwin_model::signal::Piecewise;
 use std::cell::RefCell;
 
@@ -23,46 +23,19 @@ pub(super) struct Reader<'a> {
     pub mistakes: RefCell<Collector>,
 }
 
-/// The keys on which a name in the system depends.
-pub(super) const OF_SYSTEM: &[&str] = &["units"];
-/// The keys on which the names of sensors depend.
-pub(super) const OF_SENSORS: &[&str] = &["sensors"];
-/// The keys on which it depends whether a signal stays in the range of its input.
-const OF_SIGNALS: &[&str] = &[
-    "duration_s",
-    "sample_hz",
-    "command",
-    "fitted",
-    "training",
-    "flights",
-    "suites",
-    "ground_test",
-];
-
 impl<'a> Reader<'a> {
-    /// Notes a mistake, at most one for each place. It is dropped if it may come from a substitute for a value that
-    /// could not be read.
+    /// Notes a mistake, at most one for each place.
     pub(crate) fn note(&self, at: &TextSpan, mistake: Diagnostic) -> Noted {
-        if self.mistakes.borrow().doubtful.is_empty() {
-            return self.note_given(&[], at, mistake);
-        }
-        Noted
-    }
-
-    /// Notes a mistake that stands if these keys could be read.
-    pub(crate) fn note_given(&self, keys: &[&str], at: &TextSpan, mistake: Diagnostic) -> Noted {
         let mut mistakes = self.mistakes.borrow_mut();
-        let is_sound = keys.iter().all(|key| !mistakes.doubtful.contains(key));
-        if is_sound && !mistakes.knows(at) {
+        if !mistakes.knows(at) {
             mistakes.note(at, mistake);
         }
         Noted
     }
 
-    /// Notes an unknown name; `keys` are those on which the known names depend.
+    /// Notes an unknown name.
     pub(crate) fn unknown<'n>(
         &self,
-        keys: &[&str],
         at: &TextSpan,
         (what, name): (&str, &str),
         known: impl IntoIterator<Item = &'n str>,
@@ -71,11 +44,7 @@ impl<'a> Reader<'a> {
         if self.mistakes.borrow().is_full() {
             return Noted;
         }
-        let mistake = Diagnostic::unknown(format!("there is no {what} '{name}'"), name, known);
-        match name {
-            "" => self.note(at, mistake),
-            _ => self.note_given(keys, at, mistake),
-        }
+        self.note(at, Diagnostic::unknown(format!("there is no {what} '{name}'"), name, known))
     }
 
     /// Notes a name of something that all actuators share, where each actuator needs its own.
@@ -87,7 +56,7 @@ impl<'a> Reader<'a> {
         );
         let help = "a diagnosis says which unit is at fault, and of what units share it is none: leave it out, or \
                     write a second study with units = [\"\"], in which the whole system is one unit";
-        self.note_given(OF_SYSTEM, &name.at, Diagnostic::new(message).with_help(help))
+        self.note(&name.at, Diagnostic::new(message).with_help(help))
     }
 
     /// Checks that a number lies within its range.
@@ -130,7 +99,7 @@ impl<'a> Reader<'a> {
         let inputs = &self.system.network().inputs;
         let position = inputs.iter().position(|i| i.id == id);
         let known = inputs.iter().map(|i| i.id.as_str());
-        position.ok_or_else(|| self.unknown(OF_SYSTEM, at, ("input of the system", id), known))
+        position.ok_or_else(|| self.unknown(at, ("input of the system", id), known))
     }
 
     /// The index of the input that the commands drive.
@@ -162,12 +131,7 @@ impl<'a> Reader<'a> {
         duration_s: f64,
     ) -> Result<Piecewise, Noted> {
         let built = signal.and_then(|signal| self.system.driven(input, &signal, duration_s));
-        built.map_err(|error| {
-            // A wrong unit is wrong for any duration.
-            let is_certain = matches!(error, SignalError::WrongUnit(_));
-            let keys = if is_certain { &[] } else { OF_SIGNALS };
-            self.note_given(keys, at, Diagnostic::new(format!("signal '{name}': {error}")))
-        })
+        built.map_err(|error| self.note(at, Diagnostic::new(format!("signal '{name}': {error}"))))
     }
 
     /// Keeps the successful results. The mistakes of the others are already noted.
@@ -176,14 +140,11 @@ impl<'a> Reader<'a> {
     }
 
     /// Returns the result if no mistake was noted.
-    pub(crate) fn finish<T>(self, result: Result<T, Noted>) -> Result<T, StudyError> {
+    pub(crate) fn finish<T>(self, result: Result<T, Noted>) -> Result<T, TomlError> {
         let mistakes = self.mistakes.into_inner();
         match result {
             Ok(result) if mistakes.is_empty() => Ok(result),
-            _ => {
-                let mistakes = mistakes.locate(self.source);
-                Err(StudyError::Mistakes { path: self.path.into(), mistakes })
-            }
+            _ => Err(mistakes.refuse(self.path, self.source)),
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::faults::full_name;
 use super::keys::{SPECIMENS, some};
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use super::{Seed, Stream, Study};
 use crate::format::{At, Value, section, words};
 use servotwin_model::hash::{Canonical, Fingerprint};
@@ -176,15 +176,11 @@ impl Realism {
     pub fn specimen(&self, study: &Study, seed: Seed, scatter: f64) -> Vec<(usize, usize, f64)> {
         let mut random = seed.stream(Stream::Tolerances);
         let deviations: Vec<f64> = self.tolerances.iter().map(|_| random.normal()).collect();
-        self.deviating(study, &deviations, scatter)
+        self.specimen_with(study, &deviations, scatter)
     }
 
     /// The parameters of a specimen with these deviations, one for each tolerance, in standard deviations.
-    pub fn specimen_with(&self, study: &Study, deviations: &[f64]) -> Vec<(usize, usize, f64)> {
-        self.deviating(study, deviations, 1.0)
-    }
-
-    fn deviating(
+    pub fn specimen_with(
         &self,
         study: &Study,
         deviations: &[f64],
@@ -246,6 +242,6 @@ pub(super) fn find(
         }
         let all = reader.system.all_parameters();
         let known = all.iter().map(String::as_str);
-        reader.unknown(OF_SYSTEM, &name.at, ("parameter in the system", &id), known)
+        reader.unknown(&name.at, ("parameter in the system", &id), known)
     })
 }

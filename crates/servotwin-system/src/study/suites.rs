@@ -1,24 +1,6 @@
 //! Suites: experiments as data. A suite says how many runs there are, of what, in which environments and for what
 //! purpose.
 //!
-//! ```toml
-//! [suites.learn]                     # from which the diagnosis learns
-//! environments = 48
-//! repeats = 4                        # flights of every fault at every intensity
-//! healthy = 20                       # healthy flights in each environment
-//!
-//! [suites.judge]                     # in which it is judged
-//! environments = 24
-//! repeats = 1
-//! healthy = 3
-//!
-//! [suites.cold]                      # a suite of one's own is judged, too
-//! environments = 4
-//! repeats = 1
-//! scenarios = ["realistic"]
-//! unit_parameters."supply.temperature_k" = [253.15, 253.15]
-//! ```
-//!
 //! Some names are known ([`KNOWN`]), with a purpose and usual values. A suite of another name is for judging only. A
 //! suite that is `like` another has its environments, numbers, specimens and noise, so the two differ only by what the
 //! suite itself says.
@@ -26,11 +8,11 @@
 use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
 pub use super::keys::MAX_ENVIRONMENTS;
 use super::keys::{FLIGHT_COUNT, FLIGHT_S};
-use super::reader::{Noted, OF_SYSTEM, Reader};
+use super::reader::{Noted, Reader};
 use super::seed::Seed;
-use super::{Scenario, Study, StudyError};
+use super::{Scenario, Study};
 use crate::format::{At, Key, Read, Value, section};
-use crate::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText, get};
+use crate::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlError, TomlText, get};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -92,7 +74,7 @@ pub(super) struct NamedText(pub Text);
 
 impl NamedText {
     /// Reads a suite by its name and its own entries.
-    fn of((name, at): (&str, &TextSpan), own: &[Entry], mistakes: &mut Collector) -> Self {
+    fn of((name, at): (&str, &TextSpan), own: &[Entry], mistakes: &mut Collector) -> Option<Self> {
         let known = KNOWN.iter().find(|(known, ..)| *known == name);
         let usual = known.map_or("", |(.., usual)| usual);
         let usual = TomlText::parse(usual, 0, &mut Collector::default()).expect("TOML");
@@ -109,11 +91,11 @@ impl NamedText {
             let message = format!("a suite in closed loop has no '{}'", entry.key);
             mistakes.note(&entry.place(), Diagnostic::new(message));
         }
-        let mut text = Text::of(&all, (at, &format!("'{name}'")), mistakes);
+        let mut text = Text::of(&all, (at, &format!("'{name}'")), mistakes)?;
         if let Some(like) = text.like.as_mut().filter(|_| get(own, "like").is_none()) {
             like.at = at.clone();
         }
-        NamedText(text)
+        Some(NamedText(text))
     }
 }
 
@@ -128,11 +110,7 @@ impl Read for NamedText {
 
     fn read(entry: &Entry, _key: Key, mistakes: &mut Collector) -> Option<Self> {
         let own = mistakes.table(entry)?;
-        Some(Self::of((entry.key, &entry.at), &own, mistakes))
-    }
-
-    fn stand_in(_value: Value) -> Self {
-        NamedText::default()
+        Self::of((entry.key, &entry.at), &own, mistakes)
     }
 }
 
@@ -144,10 +122,11 @@ fn plants() -> Vec<&'static str> {
 }
 
 /// Why a run exists. Only runs for training change what is learned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Purpose {
     /// Judging; of records those of the study's operating cases.
+    #[default]
     Test,
     /// Training of trees, committee and bands; of records those of the training commands.
     Train,
@@ -230,7 +209,7 @@ pub const KNOWN: [(&str, Purpose, &str); 11] = [
 ];
 
 /// A suite of a study, in one size.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Suite {
     /// Its name.
     pub name: String,
@@ -402,6 +381,7 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
         let own = reader.text.suites.get_key_value(name);
         let own = own.map(|(name, own)| (name.clone(), own.clone()));
         let usual = NamedText::of((name, &(0..0)), &[], &mut Collector::default());
+        let usual = usual.expect("the usual values are right");
         if is_possible(reader, flights, name, &usual.0) || own.is_some() {
             let (name, text) = own.unwrap_or((At::new(name.into(), 0..0), usual));
             texts.insert(name, (purpose, text));
@@ -431,7 +411,7 @@ pub(super) fn suites(reader: &Reader, flights: &Flights) -> Result<Suites, Noted
             if like.is_none() {
                 let known = suites.keys().map(String::as_str);
                 let what = ("suite that is like no other", other.as_str());
-                reader.unknown(OF_SYSTEM, &other.at, what, known);
+                reader.unknown(&other.at, what, known);
                 has_failed = true;
                 continue;
             }
@@ -479,22 +459,14 @@ impl Study {
             purpose,
             seed: self.seed,
             draws: name.into(),
-            scenarios: vec![],
             environments: cases,
             repeats: cases,
-            is_unseen: false,
             healthy: training.map_or(healthy, |training| training.healthy),
             duration_s: training.map_or(self.duration_s, |training| training.duration_s),
             healthy_duration_s: self.duration_s,
-            onset_s: None,
-            has_other_plants: false,
-            is_fitted: false,
             scatter: 1.0,
-            misses_sensors: false,
-            is_closed_loop: false,
-            is_on_request: false,
             is_records: true,
-            varied: Varied::default(),
+            ..Suite::default()
         }
     }
 
@@ -518,7 +490,7 @@ impl Study {
         &self,
         suite: &Suite,
         numbers: Range<usize>,
-    ) -> Result<Vec<Environment>, StudyError> {
+    ) -> Result<Vec<Environment>, TomlError> {
         if suite.is_records || suite.is_closed_loop {
             let cases = self.cases_of(suite.purpose);
             return Ok(numbers.map(|number| cases[number % cases.len()].clone()).collect());

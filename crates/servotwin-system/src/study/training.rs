@@ -1,16 +1,7 @@
 //! The training commands. None of them is used in the evaluation.
 //!
-//! A study file draws some of them from a pattern and names others:
-//!
-//! ```toml
-//! [training]
-//! duration_s = 30
-//! healthy = 30
-//! load = [0.4, 1.1]
-//! intensity_spread = 0.05
-//! draws = [{ count = 10, signal = "noise:rms={2..6}deg,bandwidth={0.3..1.1}Hz,seed=10{n}" }]
-//! signals.sweep = "sweep:amplitude=4deg,from=0.1Hz,to=3Hz"
-//! ```
+//! A study file draws some of them from patterns, such as
+//! `noise:rms={2..6}deg,bandwidth={0.3..1.1}Hz,seed=10{n}`, and names others.
 //!
 //! Every `{a..b}` of a pattern becomes a number between a and b, and `{n}` the number of the draw,
 //! starting at one. The numbers are points of Halton's sequence (Numerische Mathematik 2, 1960). They fill
@@ -178,7 +169,7 @@ pub(super) fn check_pattern(
     let ranges = ranges(pattern);
     if let Some(&(low, high)) = ranges.iter().find(|(low, high)| low > high) {
         let mistake = not_in_order(&format!("{{{low}..{high}}}"), low, high);
-        return Err(reader.note_given(&[], at, mistake));
+        return Err(reader.note(at, mistake));
     }
     let ends = (0..ranges.len()).flat_map(|range| [(range, 0.0), (range, 1.0)]);
     ends.into_iter().try_for_each(|(range, end)| {

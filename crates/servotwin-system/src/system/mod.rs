@@ -24,7 +24,7 @@
 //!     "leaking_volume.toml",
 //! )?;
 //! assert_eq!(system.program.states()[0].name, "chamber.pressure_pa");
-//! # Ok::<(), servotwin_system::system::SystemError>(())
+//! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
 mod check;
@@ -37,18 +37,17 @@ mod rewrite;
 mod schema;
 mod scope;
 
-pub(crate) use fluid::{FLUID, OF_ALL, POINT, WITH_MODULUS};
+pub(crate) use fluid::{POINT, keys_of};
 pub use listing::ListedFault;
 pub use reservoir::Reservoir;
 pub use rewrite::{NewValue, RewriteError};
-pub(crate) use schema::of_file as schema;
+pub use schema::of_file as schema;
 
 use crate::built_in;
 use crate::compiled::Compiled;
-use crate::files::FileError;
 use crate::kind::FileType;
 use crate::signal::{Signal, SignalError};
-use crate::toml_text::{Diagnostic, NumberWithUnit, Quantities, write_mistakes};
+use crate::toml_text::{NumberWithUnit, Quantities, TomlError};
 use servotwin_model::components::MeasuringSpan;
 use servotwin_model::network::{self, Network};
 use servotwin_model::program::{Program, Slot};
@@ -102,22 +101,6 @@ pub struct System {
     pub compiled: Compiled,
 }
 
-/// Why a system cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum SystemError {
-    /// The file cannot be read.
-    #[error("{0}")]
-    File(#[source] FileError),
-    /// The file has mistakes.
-    #[error(fmt = write_mistakes)]
-    Mistakes {
-        /// The file name as given.
-        path: String,
-        /// All mistakes, in the order of the file.
-        mistakes: Vec<Diagnostic>,
-    },
-}
-
 impl System {
     /// The unit of an input or a parameter by its full name; none for other names.
     pub fn unit_of(&self, name: &str) -> Unit {
@@ -136,9 +119,9 @@ impl System {
     ///
     /// # Errors
     /// All mistakes in the text.
-    pub fn parse(text: &str, path: &str) -> Result<Self, SystemError> {
+    pub fn parse(text: &str, path: &str) -> Result<Self, TomlError> {
         if let Some(mistakes) = FileType::System.wanted(text) {
-            return Err(SystemError::Mistakes { path: path.into(), mistakes });
+            return Err(mistakes.refuse(path, text));
         }
         let mut reader = read::Reader::default();
         reader.read(text);
@@ -155,10 +138,7 @@ impl System {
                 reservoirs: reader.reservoirs,
                 text: text.into(),
             }),
-            None => {
-                let mistakes = reader.mistakes.locate(text);
-                Err(SystemError::Mistakes { path: path.into(), mistakes })
-            }
+            None => Err(reader.mistakes.refuse(path, text)),
         }
     }
 
@@ -166,8 +146,8 @@ impl System {
     ///
     /// # Errors
     /// The file cannot be read, or has mistakes.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, SystemError> {
-        let (text, name) = FileType::System.read(path.as_ref()).map_err(SystemError::File)?;
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, TomlError> {
+        let (text, name) = FileType::System.read(path.as_ref())?;
         Self::parse(&text, &name)
     }
 

@@ -1,19 +1,18 @@
 //! Reads TOML into a [`Scope`]: sections, components, connections, inputs and sensors. Mistakes are collected, and
 //! reading continues.
 
-use super::fluid::{FLUID, MODULUS, OF_ALL, POINT, WITH_MODULUS, WITH_SLOPE, allowed, set_fluid};
+use super::fluid::FluidText;
 use super::reservoir::Reservoir;
 use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor, schema};
-use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, section};
+use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, may, section};
 use crate::nearest::nearest;
 use crate::system::imperfection::Imperfection;
 use crate::toml_text::{Collector, Diagnostic, Entry, NumberWithUnit, TextSpan, TomlText, get};
 use crate::units;
 use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, find};
-use servotwin_model::fluid::table::{Point, Table};
-use servotwin_model::fluid::{Fluid, FluidKind, own, table};
+use servotwin_model::fluid::Fluid;
 use servotwin_model::network::PortOf;
 use servotwin_model::spec::{Law, Parameter, PortKind, Unit};
 
@@ -25,8 +24,7 @@ section! {
         must name: String = Value::Id, "name in files and commands";
         may title: Option<String>, "title of the system, one line";
         #[expect(dead_code, reason = "fluids have keys by their kind")]
-        may fluids: Raw = Value::Ids(&Value::Other(schema::fluid, "the numbers of a fluid")),
-            "fluids of the hydraulic circuits";
+        may fluids: Raw = Value::Ids(&FluidText::VALUE), "fluids of the hydraulic circuits";
         #[expect(dead_code, reason = "they have components")]
         may assemblies: Raw = Value::Ids(&Value::Table(AssemblyText::KEYS)),
             "groups of components that occur several times";
@@ -63,16 +61,16 @@ section! {
 
 section! {
     struct InputText {
-        must unit: Option<At<Unit>>, "unit of its values";
-        must default: Option<f64>, "value where a run gives no signal, in SI";
+        must unit: At<Unit>, "unit of its values";
+        must default: f64, "value where a run gives no signal, in SI";
         may to: Vec<At<String>>, "signal inputs (component.port) that it feeds";
     }
 }
 
 section! {
     struct SensorText {
-        must signal: Option<At<String>>, "signal output (component.port), such as the reading of a sensor";
-        must scale: Option<At<f64>> = Value::Number(1e-9, 1e12, ""),
+        must signal: At<String>, "signal output (component.port), such as the reading of a sensor";
+        must scale: At<f64> = Value::Number(1e-9, 1e12, ""),
             "the size that residuals are divided by, in the signal's unit";
         may label: Option<String>, "name in figures; default: its id";
     }
@@ -80,10 +78,10 @@ section! {
 
 section! {
     struct ReservoirText {
-        must volume_m3: Option<f64> = Value::Number(1e-6, 10.0, "m³"),
+        must volume_m3: f64 = Value::Number(1e-6, 10.0, "m³"),
             "fluid that can leak before the pump has none";
-        must supply: Option<At<String>>, "pressure source that it feeds, whose pressure is an input";
-        must r#return: Option<At<String>>, "tank that leads the fluid back";
+        must supply: At<String>, "pressure source that it feeds, whose pressure is an input";
+        must r#return: At<String>, "tank that leads the fluid back";
     }
 }
 
@@ -101,11 +99,8 @@ impl Read for Connection {
             mistakes.note(&entry.value_at(), mistake);
         }
         let end = |end: &Entry| Some(At::new(mistakes.text(end)?.to_owned(), end.value_at()));
-        Some(Connection(ends.iter().filter_map(end).collect()))
-    }
-
-    fn stand_in(_value: Value) -> Self {
-        Connection(vec![])
+        let ends: Vec<Option<At<String>>> = ends.iter().map(end).collect();
+        ends.into_iter().collect::<Option<_>>().map(Connection)
     }
 }
 
@@ -153,7 +148,7 @@ impl Reader {
         let root = document.root();
         let text = Text::of(&root, (&(0..0), "the file"), &mut self.mistakes);
         // What a wrong key was meant for may be missing elsewhere.
-        let mut scope = Scope::new(self.mistakes.is_empty());
+        let mut scope = Scope::new(text.is_some() && self.mistakes.is_empty());
         for entry in members(&root, "fluids") {
             self.fluid(&entry);
         }
@@ -163,18 +158,18 @@ impl Reader {
         for entry in members(&root, "components") {
             self.component(&mut scope, &entry);
         }
-        scope.broken.extend(members(&root, "inputs").iter().map(|input| input.key.to_owned()));
-        self.inputs(&mut scope, text.inputs);
-        self.connections(&mut scope, &text.system.connections);
-        for (id, sensor) in text.sensors.0 {
-            self.sensor(&scope, id.value, sensor);
-        }
-        for (id, reservoir) in text.reservoirs.0 {
-            self.reservoir(&scope, id.value, reservoir);
+        if let Some(text) = text {
+            self.signals(&mut scope, text.inputs, &text.system.connections);
+            for (id, sensor) in text.sensors.0 {
+                self.sensor(&scope, id.value, sensor);
+            }
+            for (id, reservoir) in text.reservoirs.0 {
+                self.reservoir(&scope, id.value, reservoir);
+            }
+            self.title = text.title.unwrap_or_else(|| text.name.clone());
+            self.name = text.name;
         }
         self.scope = scope;
-        self.title = text.title.unwrap_or_else(|| text.name.clone());
-        self.name = text.name;
     }
 
     /// Reads a number within a range.
@@ -203,154 +198,10 @@ impl Reader {
 
     fn fluid(&mut self, entry: &Entry) {
         check_id(entry.key, &entry.at, &mut self.mistakes);
-        let all = self.mistakes.table(entry);
-        let value = all.and_then(|all| self.fluid_values(entry, &all));
+        let key = may("fluids", FluidText::VALUE, "");
+        let value = FluidText::read(entry, key, &mut self.mistakes).map(|fluid| fluid.0);
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
         self.fluids.push(Named { name, at, used: false, value });
-    }
-
-    fn fluid_values(&mut self, fluid: &Entry, all: &[Entry]) -> Option<Fluid> {
-        let place = format!("fluid '{}'", fluid.key);
-        let mut value = Fluid::default();
-        let mut sound = true;
-        let word = get(all, "kind").and_then(Entry::text);
-        let points = get(all, "points").filter(|_| word == Some(table::NAME));
-        let (known, further): (&[Parameter], &[&str]) = match word {
-            Some(own::NAME) => (&FLUID, &["kind"]),
-            Some(table::NAME) if gives_modulus(points) => {
-                (&FLUID[..WITH_SLOPE], &["kind", "points"])
-            }
-            Some(table::NAME) => (&FLUID[..WITH_MODULUS], &["kind", "points"]),
-            _ => (&FLUID[..OF_ALL], &["kind"]),
-        };
-        for entry in all.iter().filter(|entry| !further.contains(&entry.key)) {
-            let Some(index) = known.iter().position(|p| p.name == entry.key) else {
-                self.unknown_number(entry, &place, known, further);
-                sound = false;
-                continue;
-            };
-            match self.declared(entry, &FLUID[index]) {
-                Some(number) => set_fluid(&mut value, index, number),
-                None => sound = false,
-            }
-        }
-        value.kind = self.liquid((&fluid.at, &place), get(all, "kind"))?;
-        if value.kind == FluidKind::Table {
-            value.table = self.points((&fluid.at, &place), points, &value.own)?;
-        }
-        if value.own.viscosity_100_m2_s >= value.own.viscosity_40_m2_s {
-            let message = format!("the {place} is no thinner at 100 °C than at 40 °C");
-            let help = "give both viscosity_40_m2_s and viscosity_100_m2_s (1 cSt = 1e-6 m²/s)";
-            self.mistakes.note(&fluid.at, Diagnostic::new(message).with_help(help));
-            sound = false;
-        }
-        sound.then_some(value)
-    }
-
-    /// Reads the points of a fluid table.
-    fn points(
-        &mut self,
-        (at, place): (&TextSpan, &str),
-        points: Option<&Entry>,
-        own: &own::OwnLiquid,
-    ) -> Option<Table> {
-        let Some(entry) = points else {
-            let write = "points = [{ temperature_k = 313.15, density_kg_m3 = 865, viscosity_m2_s = 46e-6 }, …]";
-            self.mistakes.note(at, Diagnostic::missing(place, "points", write));
-            return None;
-        };
-        let list = self.mistakes.list(entry)?;
-        if list.len() < 2 {
-            let mistake = Diagnostic::new("'points' needs at least 2 entries");
-            self.mistakes.note(&entry.value_at(), mistake);
-            return None;
-        }
-        let place = format!("a point of {place}");
-        let own = (!gives_modulus(points)).then_some(own);
-        let mut before = [None; 4];
-        let point = |element: &Entry| {
-            self.point(&Entry { key: "a point", ..element.clone() }, &place, own, &mut before)
-        };
-        let points: Vec<Option<Point>> = list.iter().map(point).collect();
-        Table::new(points.into_iter().collect::<Option<_>>()?)
-    }
-
-    /// Reads a point and updates `before`, the previous point's numbers. If no point gives a bulk modulus, that of
-    /// `own` is used.
-    fn point(
-        &mut self,
-        entry: &Entry,
-        place: &str,
-        own: Option<&own::OwnLiquid>,
-        before: &mut [Option<f64>; 4],
-    ) -> Option<Point> {
-        let all = self.mistakes.table(entry)?;
-        let others = all.iter().filter(|entry| POINT.iter().all(|p| p.name != entry.key));
-        let meant: Vec<Option<&str>> =
-            others.map(|other| self.unknown_number(other, place, &POINT, &[])).collect();
-        let mut values = [None; 4];
-        for (index, declared) in POINT.iter().enumerate() {
-            values[index] = match (get(&all, declared.name), own) {
-                (Some(number), _) => {
-                    // A misplaced point is reported by its temperature alone.
-                    let ordered = index == 0 || values[0].is_some();
-                    let last = before[index].filter(|_| ordered);
-                    // The next point is compared with a possible number even if it contradicts the point before, so
-                    // that one mistake is reported once.
-                    let (min, max) = allowed(index, None);
-                    let possible = number.number().filter(|number| (min..=max).contains(number));
-                    before[index] = possible.or(last);
-                    self.within(number, allowed(index, last), (declared.unit, declared.summary))
-                }
-                (None, Some(own)) if index == MODULUS => values[0]
-                    .and_then(|kelvin| self.modulus(&entry.at, own.bulk_modulus_at(kelvin))),
-                (None, _) if meant.contains(&Some(declared.name)) => None,
-                (None, _) => {
-                    let write = format!("{} = …", declared.name);
-                    let mistake = Diagnostic::missing(place, declared.name, write);
-                    self.mistakes.note(&entry.at, mistake);
-                    None
-                }
-            };
-        }
-        let [temperature_k, density_kg_m3, viscosity_m2_s, bulk_modulus_pa] = values;
-        meant.is_empty().then_some(Point {
-            temperature_k: temperature_k?,
-            density_kg_m3: density_kg_m3?,
-            viscosity_m2_s: viscosity_m2_s?,
-            bulk_modulus_pa: bulk_modulus_pa?,
-        })
-    }
-
-    /// Checks a bulk modulus that a law gives for a point.
-    fn modulus(&mut self, at: &TextSpan, pa: f64) -> Option<f64> {
-        let Parameter { name, min, max, unit, .. } = POINT[MODULUS];
-        if (min..=max).contains(&pa) {
-            return Some(pa);
-        }
-        let summary = "of the liquid here, by its value at 40 °C and bulk_modulus_change";
-        let mistake = Diagnostic::out_of_range(name, pa, (min, max), unit.symbol(), summary);
-        self.mistakes.note(at, mistake);
-        None
-    }
-
-    fn liquid(
-        &mut self,
-        (at, place): (&TextSpan, &str),
-        kind: Option<&Entry>,
-    ) -> Option<FluidKind> {
-        let known: Vec<&str> = FluidKind::ALL.iter().map(|kind| kind.name()).collect();
-        let Some(entry) = kind else {
-            let write = format!("kind = \"{}\"", known.join("\" or \""));
-            self.mistakes.note(at, Diagnostic::missing(place, "kind", write));
-            return None;
-        };
-        let word = self.mistakes.text(entry)?;
-        let found = FluidKind::ALL.iter().copied().find(|kind| kind.name() == word);
-        if found.is_none() {
-            self.mistakes.note(&entry.value_at(), unknown("liquid", word, known));
-        }
-        found
     }
 
     /// The index of a declared fluid.
@@ -372,17 +223,17 @@ impl Reader {
     fn assembly(&mut self, entry: &Entry) {
         check_id(entry.key, &entry.at, &mut self.mistakes);
         let all = self.mistakes.table(entry);
-        let is_table = all.is_some();
         let (before, all) = (self.mistakes.count(), all.unwrap_or_default());
         let place = format!("assembly '{}'", entry.key);
         let text = AssemblyText::of(&all, (&entry.at, &place), &mut self.mistakes);
-        let mut scope = Scope::new(is_table && self.mistakes.count() == before);
+        let is_read = text.is_some() && self.mistakes.count() == before;
+        let mut scope = Scope::new(is_read && entry.table().is_some());
         for member in members(&all, "components") {
             self.part(&mut scope, &member);
         }
-        scope.broken.extend(members(&all, "inputs").iter().map(|input| input.key.to_owned()));
-        self.inputs(&mut scope, text.inputs);
-        self.connections(&mut scope, &text.connections);
+        if let Some(text) = text {
+            self.signals(&mut scope, text.inputs, &text.connections);
+        }
         let (name, at) = (entry.key.to_owned(), entry.at.clone());
         self.assemblies.push(Named { name, at, used: false, value: scope });
     }
@@ -563,13 +414,10 @@ impl Reader {
         parameters: &'static [Parameter],
         extra: &[&str],
     ) -> Option<&'static str> {
-        let finite = entry.number().filter(|number| number.is_finite());
-        if let Some(units::Slip { parameter, si }) = units::slip(entry.key, finite, parameters) {
-            let name = parameter.name;
-            let value = si.map_or("…".into(), |si| NumberWithUnit(si, "").to_string());
-            let mistake = Diagnostic::new(wrong_suffix(entry.key, name, parameter.unit));
-            self.mistakes.note(&entry.at, mistake.with_help(format!("write: {name} = {value}")));
-            return Some(name);
+        let measured = parameters.iter().map(|p| (p.name, p.unit));
+        if let Some(slip) = units::slip(entry, measured) {
+            self.mistakes.note(&entry.at, slip.mistake(entry.key));
+            return Some(slip.name);
         }
         let known = || parameters.iter().map(|p| p.name).chain(extra.iter().copied());
         self.mistakes.note(&entry.at, Diagnostic::unknown_key(entry.key, place, known()));
@@ -579,10 +427,10 @@ impl Reader {
 
     // Connections and signals.
 
-    fn connections(&mut self, scope: &mut Scope, all: &[At<Connection>]) {
-        for connection in all {
-            self.connection(scope, connection);
-        }
+    /// Adds the inputs and connections of a system or an assembly.
+    fn signals(&mut self, scope: &mut Scope, inputs: Ids<InputText>, joined: &[At<Connection>]) {
+        inputs.0.into_iter().for_each(|input| self.input(scope, input));
+        joined.iter().for_each(|connection| self.connection(scope, connection));
     }
 
     fn connection(&mut self, scope: &mut Scope, connection: &At<Connection>) {
@@ -657,54 +505,38 @@ impl Reader {
         scope.complete = false;
     }
 
-    /// Adds the inputs of a system or an assembly.
-    fn inputs(&mut self, scope: &mut Scope, inputs: Ids<InputText>) {
-        for (id, text) in inputs.0 {
-            scope.broken.retain(|broken| *broken != *id);
-            if scope.has(&id) {
-                let mistake = Diagnostic::new(format!("there are two things called '{}'", *id));
-                self.mistakes.note(&id.at, mistake.with_help("every id stands for one thing"));
-            }
-            let Some(unit) = text.unit else {
-                scope.breaks(&id);
-                continue;
-            };
-            let input = scope.inputs.len();
-            let default = text.default.unwrap_or(f64::NAN);
-            scope.inputs.push(Input {
-                id: id.value,
-                at: id.at,
-                unit: unit.value,
-                unit_at: unit.at,
-                default,
-                targets: vec![],
-            });
-            for word in &text.to {
-                match self.resolve(scope, word) {
-                    Some(Resolved::Port(port)) => {
-                        self.feed(scope, input, End { port, at: word.at.clone() });
-                    }
-                    Some(Resolved::Input(other)) => {
-                        self.mistakes.note(&word.at, scope.two_inputs(input, other));
-                        scope.complete = false;
-                    }
-                    None => scope.complete = false,
+    fn input(&mut self, scope: &mut Scope, (id, text): (At<String>, InputText)) {
+        if scope.has(&id) {
+            let mistake = Diagnostic::new(format!("there are two things called '{}'", *id));
+            self.mistakes.note(&id.at, mistake.with_help("every id stands for one thing"));
+        }
+        let InputText { unit: At { value: unit, at: unit_at }, default, to } = text;
+        let (input, targets) = (scope.inputs.len(), vec![]);
+        scope.inputs.push(Input { id: id.value, at: id.at, unit, unit_at, default, targets });
+        for word in &to {
+            match self.resolve(scope, word) {
+                Some(Resolved::Port(port)) => {
+                    self.feed(scope, input, End { port, at: word.at.clone() });
                 }
+                Some(Resolved::Input(other)) => {
+                    self.mistakes.note(&word.at, scope.two_inputs(input, other));
+                    scope.complete = false;
+                }
+                None => scope.complete = false,
             }
         }
     }
 
     fn sensor(&mut self, scope: &Scope, id: String, text: SensorText) {
-        let port = text.signal.and_then(|signal| self.output(scope, &signal));
-        let (Some((port, unit)), Some(scale)) = (port, text.scale) else { return };
-        self.above_noise(&scope.parts[port.component], (&id, unit), &scale);
+        let Some((port, unit)) = self.output(scope, &text.signal) else { return };
+        self.above_noise(&scope.parts[port.component], (&id, unit), &text.scale);
         self.sensors.push(Sensor {
             label: text.label.unwrap_or_else(|| id.clone()),
             id,
             signal: scope.port_id(port),
             component: port.component,
             unit,
-            scale: scale.value,
+            scale: text.scale.value,
         });
     }
 
@@ -755,18 +587,18 @@ impl Reader {
     }
 
     fn reservoir(&mut self, scope: &Scope, id: String, text: ReservoirText) {
-        // A component that could not be read is reported where it stands.
-        let readable = |word: &At<String>| !scope.is_broken(word);
-        let source = text.supply.filter(readable).and_then(|word| self.source(scope, &word));
-        let tank = text.r#return.filter(readable).and_then(|word| self.tank(scope, &word));
-        if let (Some(volume_m3), Some((supply, input)), Some(tank)) = (text.volume_m3, source, tank)
-        {
+        let (source, tank) = (self.source(scope, &text.supply), self.tank(scope, &text.r#return));
+        if let (Some((supply, input)), Some(tank)) = (source, tank) {
+            let volume_m3 = text.volume_m3;
             self.reservoirs.push(Reservoir { id, volume_m3, supply, input, tank });
         }
     }
 
     /// A pressure source that no other reservoir feeds, with the input that gives its pressure.
     fn source(&mut self, scope: &Scope, word: &At<String>) -> Option<(usize, usize)> {
+        if scope.is_broken(word) {
+            return None;
+        }
         let driven_by = |component: usize| {
             let port = scope.parts[component].component.port("pressure")?;
             let port = PortOf { component, port };
@@ -795,28 +627,10 @@ impl Reader {
     fn tank(&mut self, scope: &Scope, word: &At<String>) -> Option<usize> {
         let id = |tank: usize| scope.parts[tank].id.as_str();
         let found = scope.of_kind("tank").find(|tank| id(*tank) == **word);
-        if found.is_none() {
+        if found.is_none() && !scope.is_broken(word) {
             self.mistakes.note(&word.at, unknown("tank", word, scope.of_kind("tank").map(id)));
         }
         found
-    }
-}
-
-/// Whether any point gives a bulk modulus.
-fn gives_modulus(points: Option<&Entry>) -> bool {
-    let list = points.and_then(Entry::list).unwrap_or_default();
-    list.iter().filter_map(Entry::table).any(|all| get(&all, POINT[MODULUS].name).is_some())
-}
-
-/// Describes the wrong name of a parameter with this unit.
-fn wrong_suffix(key: &str, right: &str, unit: Unit) -> String {
-    let symbol = unit.symbol();
-    match right.strip_suffix(unit.suffix()) {
-        _ if unit == Unit::None => format!("'{key}' has a unit, but {right} is a pure number"),
-        Some(bare) if bare == key => {
-            format!("'{key}' lacks its unit: the parameter is {right}, in {symbol}")
-        }
-        _ => format!("'{key}' is not in SI: the parameter is {right}, in {symbol}"),
     }
 }
 

@@ -4,8 +4,8 @@
 //! component, or of the assembly's instance. The temperature, bulk modulus and air content of a circuit are written at
 //! all its sources and tanks. The result is parsed again; if it differs from the intended system, an error is returned.
 
-use super::{FORMAT, System, SystemError};
-use crate::toml_text::{Collector, Entry, TomlText, get};
+use super::{FORMAT, System};
+use crate::toml_text::{Collector, Entry, TomlError, TomlText, get};
 use servotwin_model::network::{FLUID_PARAMETERS, Network};
 
 /// A parameter with its new value.
@@ -37,7 +37,7 @@ pub enum RewriteError {
     },
     /// The rewritten file has mistakes.
     #[error("the system file cannot have the new values:\n{0}")]
-    Mistakes(#[source] SystemError),
+    Mistakes(#[source] TomlError),
 }
 
 /// A replacement of a range of text.

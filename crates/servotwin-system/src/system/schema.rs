@@ -1,16 +1,15 @@
 //! What of the JSON Schema of a system file depends on the catalog: the keys of components and of fluids.
 
-use super::fluid::{FLUID, POINT};
 use super::read::Text;
 use crate::format::{self, ID, number};
 use serde_json::{Map, Value, json};
 use servotwin_model::component::Component;
 use servotwin_model::components::ALL;
-use servotwin_model::fluid::FluidKind;
 use servotwin_model::spec::{Law, Parameter};
 
-/// The schema of system files.
-pub(crate) fn of_file() -> Value {
+/// The JSON Schema (draft 2020-12) of system files. Editors use it for completion and checks; only `servotwin check`
+/// reports mistakes that need the whole file, such as open ports and unknown names.
+pub fn of_file() -> Value {
     let specs = || ALL.iter().copied();
     let mut definitions: Map<String, Value> =
         specs().map(|spec| (spec.kind.into(), of_kind(spec))).collect();
@@ -85,28 +84,6 @@ fn of_kind(spec: &Component) -> Value {
     // None is required, because an assembly may leave an obligatory parameter to its instances.
     json!({
         "type": "object", "description": spec.summary, "properties": properties,
-        "additionalProperties": false,
-    })
-}
-
-/// A fluid of any kind.
-pub(super) fn fluid() -> Value {
-    let kinds: Vec<&str> = FluidKind::ALL.iter().map(|kind| kind.name()).collect();
-    let mut properties = parameters(&FLUID);
-    properties.insert("kind".into(), json!({ "enum": kinds, "description": "kind of fluid" }));
-    properties.insert(
-        "points".into(),
-        json!({
-            "type": "array", "minItems": 2,
-            "description": "numbers of a fluid of kind table at several temperatures, from cold to hot",
-            "items": {
-                "type": "object", "properties": parameters(&POINT), "additionalProperties": false,
-                "required": ["temperature_k", "density_kg_m3", "viscosity_m2_s"],
-            },
-        }),
-    );
-    json!({
-        "type": "object", "required": ["kind"], "properties": properties,
         "additionalProperties": false,
     })
 }

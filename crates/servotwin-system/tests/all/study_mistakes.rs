@@ -3,8 +3,9 @@
 //! `UPDATE=1 cargo test -p servotwin-system study_mistakes` writes the expected files anew.
 
 use crate::golden;
+use servotwin_io::toml_text::TomlError;
 use servotwin_system::built_in;
-use servotwin_system::study::{Study, StudyError};
+use servotwin_system::study::Study;
 use servotwin_system::system::System;
 use servotwin_system::template::{Like, Template};
 
@@ -27,7 +28,7 @@ fn a_misspelt_fault_of_a_template_is_marked_where_it_stands() {
         let lines = text.lines().zip(1..);
         let (column, line) =
             lines.filter_map(|(text, n)| Some((text.find(wrong)?, n))).next().unwrap();
-        let Err(StudyError::Mistakes { mistakes, .. }) =
+        let Err(TomlError::Mistakes { mistakes, .. }) =
             Study::parse_for(&text, "trial_study.toml", system)
         else {
             panic!("{like:?}: no mistake")
@@ -55,7 +56,7 @@ fn a_temperature_at_which_a_liquid_would_be_too_soft_is_refused_where_it_is_vari
         Study::parse_for(&text, "hot.toml", soft()).err()
     };
     assert!(study("338.15").is_none());
-    let Some(StudyError::Mistakes { mistakes, .. }) = study("345.65") else { panic!() };
+    let Some(TomlError::Mistakes { mistakes, .. }) = study("345.65") else { panic!() };
     let told: Vec<String> = mistakes.iter().map(|mistake| mistake.message.clone()).collect();
     let field = "supply.temperature_k = 345.65 is out of range: allowed are";
     assert!(told[0].starts_with(field) && told[0].ends_with(would_be), "{told:?}");
@@ -85,7 +86,7 @@ fn damaged_studies_are_no_reason_to_panic() {
         let rest = lines.iter().enumerate().filter(|&(i, _)| i != skipped).map(|(_, line)| *line);
         if let Err(error) = Study::parse(&rest.collect::<Vec<_>>().join("\n"), "skipped.toml") {
             told += 1;
-            let StudyError::Mistakes { mistakes, .. } = error else { panic!("{error}") };
+            let TomlError::Mistakes { mistakes, .. } = error else { panic!("{error}") };
             assert!(mistakes.iter().all(|mistake| mistake.line >= 1));
         }
     }
@@ -93,7 +94,7 @@ fn damaged_studies_are_no_reason_to_panic() {
 }
 
 /// A readable study of one actuator: three signals by name, and whatever a test is about.
-fn spring(intensities: &str, rest: &str) -> Result<Study, StudyError> {
+fn spring(intensities: &str, rest: &str) -> Result<Study, TomlError> {
     let text = format!(
         "format = 1\nname = \"tiny\"\ntitle = \"tiny\"\nsystem = \"spring_actuator\"\nduration_s = 4\nsample_hz = 100\n\
          intensities = {intensities}\nunits = [\"\"]\n\

@@ -4,10 +4,11 @@
 //! `UPDATE=1 cargo test -p servotwin-system system` writes the expected files anew.
 
 use crate::golden;
+use servotwin_io::toml_text::TomlError;
 use servotwin_model::fluid::Fluid;
 use servotwin_model::network::Instance;
 use servotwin_model::spec::Unit;
-use servotwin_system::system::{System, SystemError};
+use servotwin_system::system::System;
 use std::path::{Path, PathBuf};
 
 fn folder(name: &str) -> PathBuf {
@@ -294,7 +295,7 @@ area_m2 = 1e-7
 #[test]
 fn several_mistakes_are_told_in_the_order_of_the_file() {
     let text = small(&FILLING.replace("1e-7", "7.0").replace("1e-4", "nan"));
-    let Err(SystemError::Mistakes { mistakes, .. }) = System::parse(&text, "small.toml") else {
+    let Err(TomlError::Mistakes { mistakes, .. }) = System::parse(&text, "small.toml") else {
         panic!("mistakes expected");
     };
     let lines: Vec<usize> = mistakes.iter().map(|m| m.line).collect();

@@ -17,8 +17,8 @@ use servotwin::beside::InputMistake;
 use servotwin::format::Key;
 use servotwin::system::System;
 use servotwin::units::NamedUnit;
-use servotwin_io::files::{self, FileError};
-use servotwin_io::toml_text::{Collector, Diagnostic, TextSpan, write_mistakes};
+use servotwin_io::files;
+use servotwin_io::toml_text::{Collector, TextSpan, TomlError};
 use std::path::Path;
 
 /// The format of map files that this version reads.
@@ -79,22 +79,6 @@ enum Origin {
     Nothing,
 }
 
-/// Why a map cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum MapError {
-    /// The file cannot be read.
-    #[error(transparent)]
-    File(FileError),
-    /// The file has mistakes.
-    #[error(fmt = write_mistakes)]
-    Mistakes {
-        /// The file name as given.
-        path: String,
-        /// All mistakes, in the order of the file.
-        mistakes: Vec<Diagnostic>,
-    },
-}
-
 /// Converts a number of the log to SI.
 fn in_si(value: f64, factor: f64, offset: f64) -> f64 {
     let scaled = value * factor;
@@ -107,9 +91,9 @@ impl Map {
     ///
     /// # Errors
     /// The file cannot be read, or has mistakes.
-    pub fn read(path: impl AsRef<Path>, system: &System) -> Result<Self, MapError> {
+    pub fn read(path: impl AsRef<Path>, system: &System) -> Result<Self, TomlError> {
         let path = path.as_ref();
-        let text = files::read_toml(path).map_err(MapError::File)?;
+        let text = files::read_toml(path)?;
         Self::parse(&text, &path.display().to_string(), system)
     }
 
@@ -117,7 +101,7 @@ impl Map {
     ///
     /// # Errors
     /// All mistakes in the text.
-    pub fn parse(text: &str, path: &str, system: &System) -> Result<Self, MapError> {
+    pub fn parse(text: &str, path: &str, system: &System) -> Result<Self, TomlError> {
         read::read(text, path, system)
     }
 
@@ -266,7 +250,7 @@ impl Map {
     ///
     /// # Errors
     /// Returns every other error unchanged.
-    pub fn explain(&self, error: SourceError) -> Result<MapError, SourceError> {
+    pub fn explain(&self, error: SourceError) -> Result<TomlError, SourceError> {
         let SourceError::Lacking { address, columns, known } = error else { return Err(error) };
         let mut mistakes = Collector::default();
         for column in columns {
@@ -274,6 +258,6 @@ impl Map {
             let span = place.map_or(0..0, |place| self.places[place].clone());
             mistakes.note(&span, read::no_column(&address, &column, &known));
         }
-        Ok(MapError::Mistakes { path: self.path.clone(), mistakes: mistakes.locate(&self.text) })
+        Ok(mistakes.refuse(&self.path, &self.text))
     }
 }

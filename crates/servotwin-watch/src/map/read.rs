@@ -1,12 +1,12 @@
 //! Reads TOML into a [`Map`]. Mistakes are collected, and reading continues.
 
-use super::{Channel, FORMAT, Map, MapError, Origin, Time};
+use super::{Channel, FORMAT, Map, Origin, Time};
 use crate::sequencer::SequencerRules;
 use crate::source::frame::numbered;
 use crate::source::{DATE, Wanted};
-use servotwin::format::{At, Key, Read, Value, section};
+use servotwin::format::{At, Key, Read, Value, section, usual};
 use servotwin::system::System;
-use servotwin::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText};
+use servotwin::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlError, TomlText};
 use servotwin::units::{self, NamedUnit};
 use servotwin_io::moment;
 use servotwin_model::spec::Unit;
@@ -21,7 +21,7 @@ section! {
         must time: At<TimeText>, "where the times of rows come from";
         may inputs: At<Channels>, "columns or values of the system's inputs";
         may sensors: At<Channels>, "columns of its sensors";
-        may samples: SamplesText => SamplesText::stand_in(SamplesText::VALUE),
+        may samples: SamplesText => usual(),
             "columns of a log without a header, and when samples are reordered or dropped";
     }
 }
@@ -73,10 +73,6 @@ impl Read for Channels {
         channels.add("", mistakes.table(entry)?, key, mistakes);
         Some(channels)
     }
-
-    fn stand_in(_value: Value) -> Self {
-        Self::default()
-    }
 }
 
 impl Channels {
@@ -94,16 +90,16 @@ impl Channels {
 }
 
 /// Reads the text of a map file.
-pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, MapError> {
+pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, TomlError> {
     let mut reader = Reader::new(system);
     if let Some(document) = TomlText::parse(text, FORMAT, &mut reader.mistakes) {
         let text = Text::of(&document.root(), (&(0..0), "the file"), &mut reader.mistakes);
-        reader.file(text);
+        text.into_iter().for_each(|text| reader.file(text));
     }
     reader.mark_flags();
     let Reader { mistakes, time, channels, inputs, rules, wanted, places, .. } = reader;
     if !mistakes.is_empty() {
-        return Err(MapError::Mistakes { path: path.into(), mistakes: mistakes.locate(text) });
+        return Err(mistakes.refuse(path, text));
     }
     let (path, text) = (path.to_owned(), text.to_owned());
     Ok(Map { path, text, time, channels, inputs, rules, wanted, places })
@@ -188,7 +184,6 @@ impl<'s> Reader<'s> {
                 self.time = Time::Column { place, unit_s, zero_s };
             }
             (None, Some(rate_hz)) => self.time = Time::Rate { rate_hz },
-            (None, None) if self.mistakes.doubtful.contains(&"time") => {}
             _ => self.one_of(&at, "[time]", ["column", "rate_hz"]),
         }
     }
@@ -243,7 +238,6 @@ impl<'s> Reader<'s> {
         };
         let named = self.unit(text.unit, id, unit);
         let (si, zero) = named.to(unit).unwrap_or((1.0, 0.0));
-        let section = if index < self.inputs { "inputs" } else { "sensors" };
         let ChannelText { factor, offset, hold_s, .. } = text;
         (self.channels[index].unit, self.channels[index].hold_s) = (named, hold_s);
         match (text.column, text.value) {
@@ -265,7 +259,6 @@ impl<'s> Reader<'s> {
             (None, Some(value)) => {
                 self.channels[index].from = Origin::Value((value * factor + offset) * si + zero);
             }
-            (None, None) if self.mistakes.doubtful.contains(&section) => {}
             _ => self.one_of(&id.at, &format!("'{}'", **id), ["column", "value"]),
         }
     }

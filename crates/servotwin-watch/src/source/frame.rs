@@ -15,7 +15,6 @@ use servotwin_io::sanitize;
 use servotwin_io::table::csv::dialect::separator_of;
 use servotwin_io::table::csv::encoding;
 use servotwin_io::table::csv::growing::{Numbers, is_missing};
-use servotwin_io::table::json_lines;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
@@ -262,10 +261,21 @@ pub(crate) fn object(line: &[u8]) -> Option<&[u8]> {
 
 /// The keys of an object including nested ones; `None` if it is not an object.
 fn leaves(object: &[u8]) -> Option<Vec<String>> {
-    let value: Value = serde_json::from_slice(object).ok()?;
     let mut found = vec![];
-    json_lines::leaves(value, String::new(), &mut found);
-    Some(found.into_iter().map(|(key, _)| key).collect())
+    add_leaves(&serde_json::from_slice(object).ok()?, String::new(), &mut found);
+    Some(found)
+}
+
+fn add_leaves(value: &Value, path: String, found: &mut Vec<String>) {
+    let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+    match value {
+        Value::Object(map) => map.iter().for_each(|(key, own)| add_leaves(own, below(key), found)),
+        Value::Array(list) => list
+            .iter()
+            .enumerate()
+            .for_each(|(place, own)| add_leaves(own, below(&place.to_string()), found)),
+        _ => found.push(path),
+    }
 }
 
 /// The separator of a header, and its names.

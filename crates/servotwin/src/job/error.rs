@@ -5,8 +5,8 @@ use crate::evaluation::EvaluationError;
 use crate::files::FileError;
 use crate::flight::runtime::RuntimeError;
 use crate::parallel::Cancelled;
-use crate::study::StudyError;
 use crate::table::TableError;
+use crate::toml_text::TomlError;
 use crate::toml_text::counted;
 use servotwin_diagnosis::diagnoser::HealthyEvidence;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ pub enum JobError {
     File(#[from] FileError),
     /// The study stored in the folder has mistakes.
     #[error(transparent)]
-    Study(Box<StudyError>),
+    Study(Box<TomlError>),
     /// A campaign, or an example of the report, cannot be simulated.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
@@ -113,8 +113,8 @@ fn names_its_file(error: &EvaluationError) -> bool {
     }
 }
 
-impl From<StudyError> for JobError {
-    fn from(error: StudyError) -> Self {
+impl From<TomlError> for JobError {
+    fn from(error: TomlError) -> Self {
         JobError::Study(Box::new(error))
     }
 }

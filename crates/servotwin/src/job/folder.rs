@@ -29,10 +29,10 @@ use super::manifest::Manifest;
 use super::{JobError, Subject};
 use crate::campaign::calibration_file;
 use crate::files::{self, FileError, create_folder, write_atomically};
-use crate::leftovers::remove_abandoned_files;
 use crate::manifest;
 use crate::run::part::PARTS;
 use crate::study::{Purpose, Scenario, Study};
+use crate::system::System;
 use std::path::{Path, PathBuf};
 
 /// The prefix of the figures' names in the manifest.
@@ -225,7 +225,7 @@ impl Folder {
                 return Err(JobError::OtherResults { folder, there, count });
             }
         }
-        self.remove_leftovers()?;
+        self.remove_leftovers();
         dropped.iter().try_for_each(|file| remove(file))?;
         write_text(&self.study(), &study.text)?;
         write_text(&self.system(), &study.system.text)?;
@@ -257,8 +257,6 @@ impl Folder {
     pub fn join_study(&self, study: &Study) -> Result<Hold, JobError> {
         study.complete()?;
         let hold = self.hold(Among::Parts)?;
-        // Other machines may be writing their parts, so remove only files that are known to be abandoned.
-        self.written_folders().iter().for_each(|folder| remove_abandoned_files(folder));
         if self.holds(study) {
             return Ok(hold);
         }
@@ -303,13 +301,13 @@ impl Folder {
     pub fn open(&self) -> Result<(Study, Hold), JobError> {
         self.has_study()?;
         let hold = self.hold(Among::Nobody)?;
-        self.remove_leftovers()?;
+        self.remove_leftovers();
         Ok((self.read_study()?, hold))
     }
 
     /// Removes files that killed writers left behind. The caller must hold the folder exclusively.
-    fn remove_leftovers(&self) -> Result<(), JobError> {
-        Ok(self.written_folders().iter().try_for_each(files::remove_leftovers)?)
+    fn remove_leftovers(&self) {
+        self.written_folders().iter().for_each(files::remove_leftovers);
     }
 
     /// The folders into which stages write.
@@ -326,7 +324,8 @@ impl Folder {
         manifest::check(&self.study())?;
         manifest::check(&self.system())?;
         let text = files::read_text(self.study())?;
-        Ok(Study::parse_with_system(&text, &self.study(), &self.system())?)
+        let path = self.study().display().to_string();
+        Ok(Study::parse_for(&text, &path, System::read(self.system())?)?)
     }
 
     fn has_study(&self) -> Result<(), JobError> {

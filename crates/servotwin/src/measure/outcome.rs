@@ -271,9 +271,8 @@ pub fn from_table(table: &Table) -> Result<Vec<RunOutcome>, TableError> {
         }
     }
     let read = |(place, row): (usize, _)| {
-        let wrong = |error: serde_json::Error| TableError::BadRow {
-            row: place + 1,
-            reason: error.to_string(),
+        let wrong = |error: serde_json::Error| {
+            TableError::Unsuitable(format!("row {}: {error}", place + 1))
         };
         serde_json::from_value(Value::Object(row)).map_err(wrong)
     };

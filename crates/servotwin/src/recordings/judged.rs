@@ -261,7 +261,7 @@ impl RecordingStudy {
         let mut texts: [Vec<String>; 6] = Default::default();
         for target in &self.targets {
             let labels = Labels::new(target, windows)?;
-            for classifier in self.classifiers()? {
+            for classifier in self.classifiers() {
                 let judge = |&fold: &usize| judge_fold(prepared, &labels, &classifier, fold);
                 let judged = parallel::map(&folds, workers, judge)?;
                 let judged = judged.into_iter().collect::<Result<Vec<_>, RecordingError>>()?;
@@ -289,16 +289,12 @@ impl RecordingStudy {
     }
 
     /// The classifiers with their usual settings; a tree has those of the trees of a simulated study.
-    fn classifiers(&self) -> Result<Vec<Settings>, RecordingError> {
-        let one = |word: &String| {
-            let known = ALL.iter().find(|kind| kind.id() == *word);
-            let words = ALL.iter().map(|kind| kind.id());
-            match known.ok_or_else(|| super::unknown("classifier", word, words))? {
-                ClassifierKind::Cart => Ok(HierarchySettings::default().actuator),
-                kind => Ok(Settings::default_of(*kind)),
-            }
-        };
-        self.classifiers.iter().map(one).collect()
+    fn classifiers(&self) -> impl Iterator<Item = Settings> {
+        let known = |word: &String| ALL.iter().find(|kind| kind.id() == *word);
+        self.classifiers.iter().filter_map(known).map(|kind| match kind {
+            ClassifierKind::Cart => HierarchySettings::default().actuator,
+            kind => Settings::default_of(*kind),
+        })
     }
 }
 
@@ -416,7 +412,7 @@ mod tests {
         let text = "format = 1\nwindow_rows = 2\ngroups = [\"tank\"]\nfamilies = [\"moments\"]\n\
             [[targets]]\ncolumn = \"state\"\nhealthy = \"none\"\n\
             [[sensors]]\nname = \"y\"\nmeasured = \"y\"\nnominal_from = []\nscale = 1.0\n";
-        let study = RecordingStudy::parse(text).unwrap();
+        let study = RecordingStudy::parse(text, "study.toml").unwrap();
         let texts = |a: &str, b: &str| [a, a, b, b].map(str::to_owned).to_vec();
         let records = Table::from_columns(vec![
             Column::new("y", "", vec![0.0, 0.0, 10.0, 10.0]),

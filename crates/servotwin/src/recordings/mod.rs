@@ -1,45 +1,6 @@
 //! A study of recordings: measured signals with labels, instead of a simulated plant.
 //!
-//! A small file in TOML names the records and assigns their columns (`docs/own-data.md` has worked examples):
-//! ```toml
-//! format = 1
-//! records = "logs"                     # a folder of logs, each a record named like its file; or one table
-//! record = "run"                       # the column that names the record, in one table and in the labels
-//! labels = "labels.csv"                # a table with a row for each record; its columns join the records'
-//! groups = ["session"]                 # columns: windows that share their values are on one side of every split
-//! families = ["moments", "deviation"]  # all if not given
-//! window_rows = 10                     # rows in a window; a shorter remainder is counted and not used
-//! segments = 2                         # parts of a window, each with its own features
-//! keep = ["note"]                      # copied to the windows; a window ends where one changes
-//! conditions = ["load"]                # columns: each combination of their values has nominal values of its own
-//! residuals = ["r1", "r2"]             # columns that are used as they are
-//! folds = 5                            # how often windows are held out
-//! classifiers = ["cart", "random_forest"]
-//!
-//! [healthy]                            # rows to learn nominal values from: all conditions hold
-//! mode = "none"
-//!
-//! [[sensors]]                          # or measured and nominal separately
-//! name = "p_a_1"
-//! measured = "pressure_a_pa"
-//! nominal = "twin_pressure_a_pa"       # a column, or twin.<sensor>; or, to be learned from the healthy rows,
-//! # nominal_from = ["command_m"]       # a regression on these columns, [] for the mean
-//! scale = 206.84e5                     # where learned, 100 deviations of healthy rows if not given
-//! quantity = "pressure_a"              # `other` where not given
-//! unit = 1                             # 1 where not given
-//!
-//! [[targets]]                          # what to learn from the windows
-//! column = "mode"
-//! healthy = "none"                     # its value without a fault, if it has one
-//!
-//! [twin]                               # gives every sensor of a system as a column twin.<sensor>
-//! system = "axis.toml"                 # beside this file, or the name of a built-in system
-//! period_s = 0.01                      # the time between two rows
-//! inputs = { command = "command_m" }   # the column of each driven input, SI
-//!
-//! [novelty]                            # what is unlike the first healthy groups
-//! healthy_groups = 3
-//! ```
+//! A small file in TOML names the records and assigns their columns (`docs/own-data.md` has worked examples).
 //!
 //! The windows and features are those of simulated runs. A missing number does not stop a study: see `windows`.
 
@@ -55,13 +16,12 @@ pub use nominal::Nominal;
 pub use windows::{NominalFit, NominalSource, Nominals, Windows};
 
 use crate::evaluation::EvaluationError;
-use crate::nearest::nearest;
+use crate::format::{At, Names, Value, section};
 use crate::simulate::SimulationError;
-use crate::system::SystemError;
-use serde::Deserialize;
+use crate::toml_text::{Collector, Diagnostic, TomlError, TomlText};
+use servotwin_diagnosis::classifiers;
 use servotwin_diagnosis::features::{ALL, Family, Quantity, Sensor, Sensors, find};
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use twin::TwinChoice;
 
 /// The supported format of these study files.
@@ -70,83 +30,73 @@ const FORMAT: u32 = 1;
 /// The largest residual, in scales: products of four residuals, used in features, remain finite.
 const FARTHEST: f64 = 1e50;
 
-/// The study file of recordings.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RecordingStudy {
-    format: u32,
-    records: Option<PathBuf>,
-    record: Option<String>,
-    labels: Option<PathBuf>,
-    #[serde(default)]
-    groups: Vec<String>,
-    #[serde(default)]
-    families: Vec<String>,
-    window_rows: usize,
-    #[serde(default = "first")]
-    segments: usize,
-    #[serde(default)]
-    keep: Vec<String>,
-    #[serde(default)]
-    conditions: Vec<String>,
-    #[serde(default)]
-    residuals: Vec<String>,
-    #[serde(default)]
-    healthy: BTreeMap<String, String>,
-    #[serde(default)]
-    sensors: Vec<SensorText>,
-    #[serde(default)]
-    targets: Vec<Target>,
-    #[serde(default = "five")]
-    folds: usize,
-    #[serde(default = "tree_and_forest")]
-    classifiers: Vec<String>,
-    novelty: Option<NoveltyChoice>,
-    twin: Option<TwinChoice>,
+const COUNT: Value = Value::Whole(1.0, 1e9);
+
+section! {
+    /// The study file of recordings.
+    pub struct RecordingStudy {
+        must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
+        may records: Option<String>, "a folder of logs, each a record named like its file; or one table";
+        may record: Option<String>, "column that names the record, in one table and in the labels";
+        may labels: Option<At<String>>, "table with a row for each record; its columns join the records'";
+        may groups: Vec<String>, "columns: windows that share their values are on one side of every split";
+        may families: Vec<String> = Value::List(0, &Value::Word(families)),
+            "families of features; default: all";
+        must window_rows: usize = COUNT,
+            "rows in a window; a shorter remainder is counted and not used";
+        may segments: At<usize> = COUNT => At::new(1, 0..0),
+            "parts of a window, each with its own features; default 1";
+        may keep: Vec<String>, "columns copied to the windows; a window ends where one changes";
+        may conditions: Vec<String>,
+            "columns: each combination of their values has nominal values of its own";
+        may residuals: Vec<String>, "columns that are used as they are";
+        may healthy: Names<String>,
+            "rows to learn nominal values from: the value of each column; default: as the only target says";
+        may sensors: Vec<At<SensorText>>, "measured values beside their nominal ones";
+        may targets: Vec<Target>, "what to learn from the windows";
+        may folds: usize = Value::Whole(2.0, 1e6) => 5, "how often windows are held out; default 5";
+        may classifiers: Vec<String> = Value::List(0, &Value::Word(classifiers)) => tree_and_forest(),
+            "classifiers to compare; default: cart and random_forest";
+        may novelty: Option<At<NoveltyChoice>>, "what is unlike the first healthy groups";
+        may twin: Option<TwinChoice>, "gives every sensor of a system as a column twin.SENSOR";
+    }
 }
 
-/// A column that is learned from the windows.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Target {
-    /// The column.
-    pub column: String,
-    /// Its value without a fault, if it has one.
-    pub healthy: Option<String>,
+section! {
+    /// A column that is learned from the windows.
+    pub(crate) struct Target {
+        must pub column: String, "the column";
+        may pub healthy: Option<String>, "its value without a fault, if it has one";
+    }
 }
 
-/// The windows from which novelty is learned.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NoveltyChoice {
-    /// The number of groups to learn from: the first healthy ones.
-    healthy_groups: usize,
+section! {
+    /// The windows from which novelty is learned.
+    struct NoveltyChoice {
+        must healthy_groups: usize = COUNT, "number of healthy groups to learn from: the first ones";
+    }
 }
 
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SensorText {
-    name: String,
-    measured: String,
-    nominal: Option<String>,
-    nominal_from: Option<Vec<String>>,
-    scale: Option<f64>,
-    #[serde(default = "other")]
-    quantity: String,
-    #[serde(default = "first")]
-    unit: usize,
+section! {
+    struct SensorText {
+        must name: String, "name in features";
+        must measured: String, "column with the measured values";
+        may nominal: Option<String>, "column with the nominal values, or twin.SENSOR";
+        may nominal_from: Option<Vec<String>>,
+            "columns from which nominal values are learned in healthy rows; none: their mean";
+        may scale: Option<f64> = Value::Number(f64::MIN_POSITIVE, 1e300, ""),
+            "what residuals are divided by; default where they are learned: 100 deviations of healthy rows";
+        may quantity: Quantity => Quantity::Other, "role of the sensor in the diagnosis; default other";
+        may unit: usize = COUNT => 1, "number of its channel; default 1";
+    }
 }
 
-fn other() -> String {
-    "other".into()
+fn families() -> Vec<&'static str> {
+    ALL.iter().map(|family| family.name).collect()
 }
 
-fn first() -> usize {
-    1
-}
-
-fn five() -> usize {
-    5
+fn classifiers() -> Vec<&'static str> {
+    classifiers::ALL.iter().map(|kind| kind.id()).collect()
 }
 
 /// One readable tree, and the ensemble that learns from missing values.
@@ -158,24 +108,15 @@ fn tree_and_forest() -> Vec<String> {
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum RecordingError {
-    /// The text is not valid; the message has line and column.
+    /// The study file has mistakes.
     #[error(transparent)]
-    Syntax(Box<toml::de::Error>),
-    /// An unsupported format.
-    #[error("format {0} is not known, this version reads {FORMAT}")]
-    Format(u32),
-    /// An unknown word.
-    #[error("no {what} is named '{word}'{}", did_you_mean(.nearest))]
-    Unknown { what: &'static str, word: String, nearest: Option<String> },
+    Study(#[from] TomlError),
     /// A number is out of range.
     #[error("{what} must be {allowed}")]
     OutOfRange { what: String, allowed: &'static str },
-    /// The file names no sensor and no residual.
-    #[error("there is nothing to measure: name 'residuals' or add [[sensors]]")]
-    NoSensors,
-    /// The file lacks a key that it needs.
-    #[error("the study needs '{key}': {reason}")]
-    Lacks { key: &'static str, reason: &'static str },
+    /// The file names no records.
+    #[error("the study needs 'records': a table, or a folder of logs, relative to the study file")]
+    NoNames,
     /// No window is complete.
     #[error("no window of {window_rows} rows fits: the longest run of rows has {longest}")]
     NoWindow { window_rows: usize, longest: usize },
@@ -185,10 +126,9 @@ pub enum RecordingError {
          healthy traces"
     )]
     NoHealthyRows { sensor: String },
-    /// A sensor has both a nominal column and a learned nominal value, or a learned scale without a learned nominal
-    /// value.
-    #[error("sensor '{sensor}': {problem}")]
-    Nominal { sensor: String, problem: &'static str },
+    /// The nominal value of a sensor cannot be learned without a scale.
+    #[error("sensor '{sensor}': it never varies in healthy rows, so it needs a scale")]
+    NoScale { sensor: String },
     /// A number is so large that squares of residuals would overflow.
     #[error(
         "{place}, column '{column}': {value:e} is too far from its nominal value {nominal:e}; allowed is \
@@ -196,24 +136,20 @@ pub enum RecordingError {
     )]
     TooFar { column: String, place: String, value: f64, nominal: f64, scale: f64 },
     /// The folder of records has none.
-    #[error("{}: the folder has no logs (.csv, .parquet or .jsonl)", .0.display())]
+    #[error("{}: the folder has no logs (.csv or .parquet)", .0.display())]
     NoRecords(PathBuf),
     /// A record has no row in the table of labels, or several.
     #[error("the labels have {count} rows for the record '{record}'")]
     Labels { record: String, count: usize },
     /// The system of the twin cannot be read.
     #[error("the twin's system: {0}")]
-    System(Box<SystemError>),
+    System(Box<TomlError>),
     /// The twin of a record cannot be simulated.
     #[error("the twin of the record '{record}': {error}")]
     Twin { record: String, error: Box<SimulationError> },
     /// The table does not match the study file, or training fails.
     #[error(transparent)]
     Evaluation(EvaluationError),
-}
-
-fn did_you_mean(nearest: &Option<String>) -> String {
-    nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
 }
 
 impl<E: Into<EvaluationError>> From<E> for RecordingError {
@@ -223,33 +159,41 @@ impl<E: Into<EvaluationError>> From<E> for RecordingError {
 }
 
 impl RecordingStudy {
-    /// Parses a study file.
+    /// Parses a study file; `path` appears only in messages.
     ///
     /// # Errors
-    /// [`RecordingError`], except errors about a table.
-    pub fn parse(text: &str) -> Result<Self, RecordingError> {
-        let mut study: RecordingStudy =
-            toml::from_str(text).map_err(|error| RecordingError::Syntax(Box::new(error)))?;
-        if study.format != FORMAT {
-            return Err(RecordingError::Format(study.format));
+    /// All mistakes in the text.
+    pub fn parse(text: &str, path: &str) -> Result<Self, TomlError> {
+        let mut mistakes = Collector::default();
+        let document = TomlText::parse(text, FORMAT, &mut mistakes);
+        let root = document.as_ref().map(TomlText::root).unwrap_or_default();
+        let study =
+            document.as_ref().and_then(|_| Self::of(&root, (&(0..0), "the file"), &mut mistakes));
+        match study.map(Self::complete).inspect(|study| study.check(&mut mistakes)) {
+            Some(study) if mistakes.is_empty() => Ok(study),
+            _ => Err(mistakes.refuse(path, text)),
         }
-        let residual = |name: &String| SensorText {
+    }
+
+    /// With a sensor for each residual, and the healthy rows of the only target.
+    fn complete(mut self) -> Self {
+        let residual = |name: String| SensorText {
             name: name.clone(),
-            measured: name.clone(),
+            measured: name,
             nominal: None,
             nominal_from: None,
             scale: Some(1.0),
-            quantity: other(),
-            unit: first(),
+            quantity: Quantity::Other,
+            unit: 1,
         };
-        let residuals: Vec<SensorText> = study.residuals.drain(..).map(|r| residual(&r)).collect();
-        study.sensors.extend(residuals);
-        if let ([target], true) = (study.targets.as_slice(), study.healthy.is_empty()) {
-            let healthy = target.healthy.iter().map(|value| (target.column.clone(), value.clone()));
-            study.healthy.extend(healthy);
+        let residuals = self.residuals.drain(..).map(|name| At::new(residual(name), 0..0));
+        self.sensors.extend(residuals);
+        if let ([target], true) = (self.targets.as_slice(), self.healthy.is_empty())
+            && let Some(healthy) = &target.healthy
+        {
+            self.healthy.insert(At::new(target.column.clone(), 0..0), healthy.clone());
         }
-        study.check()?;
-        Ok(study)
+        self
     }
 
     /// Number of rows in a window.
@@ -258,83 +202,58 @@ impl RecordingStudy {
     }
 
     /// The tables that the study reads, relative to its file; a folder of logs is one.
-    pub fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.records.iter().chain(&self.labels)
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let labels = self.labels.iter().map(|labels| &labels.value);
+        self.records.iter().chain(labels).map(Path::new)
     }
 
-    fn check(&self) -> Result<(), RecordingError> {
-        let range = |holds: bool, what: &str, allowed| match holds {
-            true => Ok(()),
-            false => Err(RecordingError::OutOfRange { what: what.into(), allowed }),
-        };
+    fn check(&self, mistakes: &mut Collector) {
+        let mut note = |at, message: String| mistakes.note(at, Diagnostic::new(message));
         if self.sensors.is_empty() {
-            return Err(RecordingError::NoSensors);
+            let nothing = "there is nothing to measure: name 'residuals' or add [[sensors]]";
+            note(&(0..0), nothing.into());
         }
-        range(self.window_rows >= 1, "window_rows", "at least 1")?;
-        let whole = self.segments >= 1 && self.window_rows.is_multiple_of(self.segments);
-        range(whole, "segments", "at least 1 and divide window_rows")?;
-        for sensor in &self.sensors {
-            let positive = sensor.scale.is_none_or(|scale| scale > 0.0 && scale.is_finite());
-            range(positive, &format!("the scale of {}", sensor.name), "above 0")?;
-            let problem = match (&sensor.nominal, &sensor.nominal_from, sensor.scale) {
-                (Some(_), Some(_), _) => Some("either nominal or nominal_from"),
-                (_, None, None) => Some("a scale is needed unless the nominal value is learned"),
-                _ => None,
-            };
-            if let Some(problem) = problem {
-                return Err(RecordingError::Nominal { sensor: sensor.name.clone(), problem });
+        if !self.window_rows.is_multiple_of(self.segments.value) {
+            note(&self.segments.at, "segments must divide window_rows".into());
+        }
+        for At { value: sensor, at } in &self.sensors {
+            match (&sensor.nominal, &sensor.nominal_from, sensor.scale) {
+                (Some(_), Some(_), _) => note(at, "either nominal or nominal_from".into()),
+                (_, None, None) => {
+                    note(at, "a scale is needed unless the nominal value is learned".into());
+                }
+                _ => {}
             }
-            range(sensor.unit >= 1, &format!("the unit of {}", sensor.name), "at least 1")?;
         }
-        range(self.folds >= 2, "folds", "at least 2")?;
-        if self.novelty.is_some() && (self.groups.is_empty() || self.healthy.is_empty()) {
-            let reason = "novelty is learned from the first healthy groups";
-            return Err(RecordingError::Lacks { key: "groups and [healthy]", reason });
+        let has_groups = !self.groups.is_empty() && !self.healthy.is_empty();
+        if let Some(novelty) = self.novelty.as_ref().filter(|_| !has_groups) {
+            let needed =
+                "novelty is learned from the first healthy groups: name 'groups' and 'healthy'";
+            note(&novelty.at, needed.into());
         }
-        let is_period = |twin: &TwinChoice| twin.period_s > 0.0 && twin.period_s.is_finite();
-        range(self.twin.as_ref().is_none_or(is_period), "period_s", "above 0")?;
-        if self.labels.is_some() && self.record.is_none() {
-            let reason = "the column of the labels that names the record";
-            return Err(RecordingError::Lacks { key: "record", reason });
+        if let Some(labels) = self.labels.as_ref().filter(|_| self.record.is_none()) {
+            note(&labels.at, "labels need 'record', the column that names the record".into());
         }
-        self.sensors().map(drop)?;
-        self.chosen().map(drop)
     }
 
     /// The sensors in the form that feature families use.
-    ///
-    /// # Errors
-    /// An unknown quantity.
-    pub fn sensors(&self) -> Result<Sensors, RecordingError> {
-        let one = |sensor: &SensorText| {
-            let known = Quantity::ALL.iter().find(|(_, word)| *word == sensor.quantity);
-            let (quantity, _) = known.ok_or_else(|| {
-                let words = Quantity::ALL.iter().map(|(_, word)| *word);
-                unknown("quantity", &sensor.quantity, words)
-            })?;
-            let unit = Some(sensor.unit - 1).filter(|_| *quantity != Quantity::Surface);
-            let name = sensor.name.clone();
-            Ok(Sensor {
-                name,
-                quantity: *quantity,
-                actuator: unit,
-                noise: 0.0,
-                is_noisy: false,
-                follows: vec![],
-            })
+    pub fn sensors(&self) -> Sensors {
+        let one = |sensor: &At<SensorText>| Sensor {
+            name: sensor.name.clone(),
+            quantity: sensor.quantity,
+            actuator: Some(sensor.unit - 1).filter(|_| sensor.quantity != Quantity::Surface),
+            noise: 0.0,
+            is_noisy: false,
+            follows: vec![],
         };
-        Ok(Sensors(self.sensors.iter().map(one).collect::<Result<_, RecordingError>>()?))
+        Sensors(self.sensors.iter().map(one).collect())
     }
 
-    fn chosen(&self) -> Result<Vec<&'static Family>, RecordingError> {
-        if self.families.is_empty() {
-            return Ok(ALL.iter().collect());
+    fn chosen(&self) -> Vec<&'static Family> {
+        match self.families.is_empty() {
+            true => ALL.iter().collect(),
+            false => self.families.iter().filter_map(|name| find(name)).collect(),
         }
-        let one = |name: &String| {
-            let words = ALL.iter().map(|family| family.name);
-            find(name).ok_or_else(|| unknown("family of features", name, words))
-        };
-        self.families.iter().map(one).collect()
     }
 
     /// The columns that are copied to the windows. A window ends where one changes.
@@ -349,13 +268,4 @@ impl RecordingStudy {
         }
         kept
     }
-}
-
-fn unknown<'a>(
-    what: &'static str,
-    word: &str,
-    known: impl IntoIterator<Item = &'a str>,
-) -> RecordingError {
-    let nearest = nearest(word, known).map(str::to_owned);
-    RecordingError::Unknown { what, word: word.into(), nearest }
 }

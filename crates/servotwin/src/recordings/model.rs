@@ -84,7 +84,7 @@ impl RecordingModel {
 
     /// The study, which copies nothing of a record whose labels are not known.
     fn new_record(&self) -> Result<RecordingStudy, RecordingError> {
-        let known = RecordingStudy::parse(&self.study)?;
+        let known = RecordingStudy::parse(&self.study, "the study of the model")?;
         let (record, novelty) = (None, None);
         Ok(RecordingStudy {
             record,

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 const RECORD: &str = "record";
 
 /// The formats that a folder of logs may have.
-const LOGS: [&str; 4] = ["csv", "parquet", "jsonl", "ndjson"];
+const LOGS: [&str; 2] = ["csv", "parquet"];
 
 impl RecordingStudy {
     /// Reads the records that the study names, with the columns of their labels and of their twin. `folder` is that of the
@@ -23,11 +23,8 @@ impl RecordingStudy {
     /// The study names no records; a file cannot be read; a column is missing; a record has no labels, or its twin
     /// cannot be simulated.
     pub fn read(&self, folder: &Path) -> Result<Table, RecordingError> {
-        let Some(records) = &self.records else {
-            let reason = "a table, or a folder of logs, relative to the study file";
-            return Err(RecordingError::Lacks { key: "records", reason });
-        };
-        let labels = self.labels.as_ref().map(|path| table::read_usable(folder.join(path)));
+        let Some(records) = &self.records else { return Err(RecordingError::NoNames) };
+        let labels = self.labels.as_ref().map(|path| table::read_usable(folder.join(&path.value)));
         let labels = labels.transpose()?;
         let record = self.record.as_deref();
         let of_labels: BTreeSet<&str> =
@@ -61,7 +58,10 @@ impl RecordingStudy {
             [&sensor.measured].into_iter().chain(&sensor.nominal).chain(inputs)
         });
         let driven = self.twin.iter().flat_map(|twin| twin.inputs.values());
-        let names = sensors.chain(driven).chain(self.healthy.keys()).chain(self.kept());
+        let names = sensors
+            .chain(driven)
+            .chain(self.healthy.keys().map(|name| &name.value))
+            .chain(self.kept());
         let is_of_twin = |name: &&str| self.twin.is_some() && name.starts_with(TWIN);
         names.map(String::as_str).filter(|name| !is_of_twin(name)).collect()
     }

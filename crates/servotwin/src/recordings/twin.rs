@@ -5,27 +5,23 @@
 
 use super::windows::joined;
 use super::{RecordingError, RecordingStudy};
+use crate::format::{Names, Value, section};
 use crate::simulate::Simulation;
 use crate::system::System;
 use crate::table::{Column, Table};
-use serde::Deserialize;
-use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What the names of the twin's columns begin with.
 pub(super) const TWIN: &str = "twin.";
 
-/// The twin of every record.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct TwinChoice {
-    /// The file of the system beside the study, or the name of a built-in one.
-    system: PathBuf,
-    /// The time between two rows, s.
-    pub period_s: f64,
-    /// The column of each driven input, SI; the other inputs keep their defaults.
-    pub inputs: BTreeMap<String, String>,
+section! {
+    /// The twin of every record.
+    pub(super) struct TwinChoice {
+        must system: String, "file of the system beside the study, or a built-in one";
+        must period_s: f64 = Value::Number(1e-6, 1e6, "s"), "time between two rows";
+        must pub inputs: Names<String>, "column of each driven input, SI; the others keep their defaults";
+    }
 }
 
 impl RecordingStudy {
@@ -36,7 +32,7 @@ impl RecordingStudy {
     pub fn system(&self, folder: &Path) -> Result<Option<System>, RecordingError> {
         let Some(twin) = &self.twin else { return Ok(None) };
         let beside = folder.join(&twin.system);
-        let system = System::read(if beside.exists() { &beside } else { &twin.system });
+        let system = System::read(if beside.exists() { &beside } else { Path::new(&twin.system) });
         system.map(Some).map_err(|error| RecordingError::System(Box::new(error)))
     }
 
@@ -56,7 +52,7 @@ impl RecordingStudy {
         for record in names.chunk_by(|a, b| a == b) {
             let rows = start..start + record.len();
             start = rows.end;
-            let driven = twin.inputs.keys().map(String::as_str).zip(&inputs);
+            let driven = twin.inputs.keys().map(|name| name.as_str()).zip(&inputs);
             let values = simulated(system, twin.period_s, &ids, driven, rows);
             let values = values.map_err(|error| RecordingError::Twin {
                 record: record[0].clone(),

@@ -6,6 +6,7 @@
 
 use super::nominal::Nominal;
 use super::{FARTHEST, RecordingError, RecordingStudy, SensorText};
+use crate::format::At;
 use crate::table::{Column, Table, TableError, Values};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::{Family, Sensors};
@@ -152,7 +153,7 @@ impl RecordingStudy {
         let conditions = joined(records, &self.conditions)?;
         let mut rows: BTreeMap<&String, Vec<usize>> = BTreeMap::new();
         healthy.iter().for_each(|&row| rows.entry(&conditions[row]).or_default().push(row));
-        let one = |sensor: &SensorText| {
+        let one = |sensor: &At<SensorText>| {
             let Some(inputs) = &sensor.nominal_from else { return Ok(None) };
             let measured = records.f64(&sensor.measured)?;
             let inputs = inputs.iter().map(|name| records.f64(name));
@@ -170,10 +171,7 @@ impl RecordingStudy {
             match (learned.is_empty(), healthy.is_empty()) {
                 (false, _) => Ok(Some(learned)),
                 (true, true) => Err(RecordingError::NoHealthyRows { sensor: sensor.name.clone() }),
-                (true, false) => {
-                    let problem = "it never varies in healthy rows, so it needs a scale";
-                    Err(RecordingError::Nominal { sensor: sensor.name.clone(), problem })
-                }
+                (true, false) => Err(RecordingError::NoScale { sensor: sensor.name.clone() }),
             }
         };
         Ok(Nominals { sensors: self.sensors.iter().map(one).collect::<Result<_, _>>()? })
@@ -240,12 +238,12 @@ impl RecordingStudy {
         let kept = names.iter().map(|name| records.column(name).map(texts));
         let kept = kept.collect::<Result<Vec<_>, _>>()?;
         let starts = self.starts(records.row_count(), &kept)?;
-        let (sensors, families) = (self.sensors()?, self.chosen()?);
-        let length = self.window_rows / self.segments;
+        let (sensors, families) = (self.sensors(), self.chosen());
+        let length = self.window_rows / self.segments.value;
         let of_window = |start: &usize| -> Vec<f64> {
             let segment = |k: usize| start + k * length..start + (k + 1) * length;
             let features = |k: usize| features(&families, &sensors, &columns, segment(k));
-            (0..self.segments).flat_map(features).collect()
+            (0..self.segments.value).flat_map(features).collect()
         };
         let rows: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
         let mut table = Table::new();
@@ -254,9 +252,9 @@ impl RecordingStudy {
             table.push(Column::new(name, "", first))?;
         }
         let mut place = 0;
-        for segment in 1..=self.segments {
+        for segment in 1..=self.segments.value {
             for feature in families.iter().flat_map(|family| family.features(&sensors)) {
-                let name = match self.segments {
+                let name = match self.segments.value {
                     1 => feature.name,
                     _ => format!("{}_part{segment}", feature.name),
                 };
@@ -285,7 +283,7 @@ impl RecordingStudy {
     ) -> Result<Vec<SensorColumns<'t>>, RecordingError> {
         let conditions = joined(records, &self.conditions)?;
         let count = records.row_count();
-        let one = |(sensor, learned): (&SensorText, &Option<BTreeMap<String, Nominal>>)| {
+        let one = |(sensor, learned): (&At<SensorText>, &Option<BTreeMap<String, Nominal>>)| {
             let measured = records.f64(&sensor.measured)?;
             let fixed = vec![sensor.scale.unwrap_or(1.0); count];
             let (nominal, scale) = match (&sensor.nominal, learned) {

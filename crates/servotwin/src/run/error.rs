@@ -1,8 +1,9 @@
 //! Errors of campaigns and flights.
 
 use crate::files::FileError;
-use crate::study::{Scenario, Section, Study, StudyError};
+use crate::study::{Scenario, Section, Study};
 use crate::table::TableError;
+use crate::toml_text::TomlError;
 use std::path::{Path, PathBuf};
 
 /// Why a campaign failed or stopped.
@@ -29,7 +30,7 @@ pub enum CampaignError {
     Unfinished { missing: usize, damaged: Option<PathBuf> },
     /// A command of a suite cannot be flown.
     #[error(transparent)]
-    Study(Box<StudyError>),
+    Study(Box<TomlError>),
     /// The run was stopped.
     #[error("cancelled")]
     Cancelled,
@@ -41,8 +42,8 @@ pub enum CampaignError {
     Twin { case: String, reason: String },
 }
 
-impl From<StudyError> for CampaignError {
-    fn from(error: StudyError) -> Self {
+impl From<TomlError> for CampaignError {
+    fn from(error: TomlError) -> Self {
         CampaignError::Study(Box::new(error))
     }
 }

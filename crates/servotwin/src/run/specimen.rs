@@ -51,7 +51,7 @@ impl<'s> SpecimenDraw<'s> {
 
     /// The same for chosen deviations, one for each tolerance, in standard deviations.
     pub(crate) fn parameters_with(self, deviations: &[f64]) -> Overrides {
-        self.tolerant().map(|r| r.specimen_with(self.study, deviations)).unwrap_or_default()
+        self.tolerant().map(|r| r.specimen_with(self.study, deviations, 1.0)).unwrap_or_default()
     }
 
     /// The random numbers of its sensors in a stream; `None` if these are perfect.

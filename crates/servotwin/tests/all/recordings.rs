@@ -59,7 +59,7 @@ const LEAK: &str = "format = 1\nwindow_rows = 10\nsegments = 2\nkeep = [\"mode\"
 #[test]
 fn the_nominal_is_learned_from_healthy_rows() {
     let table = leaking();
-    let study = RecordingStudy::parse(LEAK).unwrap();
+    let study = RecordingStudy::parse(LEAK, "study.toml").unwrap();
     let features = windows(&study, &table).unwrap().table;
     assert_eq!(features.names().nth(1), Some("mean_y_part1"));
     let mean = features.f64("mean_y_part2").unwrap();
@@ -67,12 +67,14 @@ fn the_nominal_is_learned_from_healthy_rows() {
     let far = changed(&table, "y", |y| y[30] = 1e300);
     let error = windows(&study, &far).unwrap_err().to_string();
     assert!(error.starts_with("row 31, column 'y': 1e300 is too far"), "{error}");
-    let apart = RecordingStudy::parse(&LEAK.replace("[healthy]\nmode = \"none\"\n", "")).unwrap();
+    let apart =
+        RecordingStudy::parse(&LEAK.replace("[healthy]\nmode = \"none\"\n", ""), "study.toml")
+            .unwrap();
     assert!(matches!(windows(&apart, &table), Err(RecordingError::NoHealthyRows { .. })));
     let all: Vec<usize> = (0..40).collect();
     let of_all = apart.windows(&table, &apart.learn(&table, &all).unwrap()).unwrap();
     assert!(of_all.table.f64("mean_y_part2").unwrap()[3] < -0.1);
-    let refused = |text: &str| RecordingStudy::parse(text).unwrap_err().to_string();
+    let refused = |text: &str| RecordingStudy::parse(text, "study.toml").unwrap_err().to_string();
     assert!(refused(&LEAK.replace("segments = 2", "segments = 3")).contains("divide window_rows"));
     assert!(
         refused(&LEAK.replace("nominal_from = [\"u\"]\nscale = 1.0\n", ""))
@@ -82,7 +84,7 @@ fn the_nominal_is_learned_from_healthy_rows() {
 
 #[test]
 fn the_fit_of_a_nominal_is_reported() {
-    let study = RecordingStudy::parse(LEAK).unwrap();
+    let study = RecordingStudy::parse(LEAK, "study.toml").unwrap();
     let fits = |table: &Table| {
         let rows = study.healthy_rows(table).unwrap();
         study.fits(table, &study.learn(table, &rows).unwrap(), &rows).unwrap()
@@ -94,7 +96,7 @@ fn the_fit_of_a_nominal_is_reported() {
     let [noisy] = fits(&noisy).try_into().unwrap();
     assert!(noisy.r2.unwrap() < 0.999 && (noisy.deviation - 0.5).abs() < 0.05, "{noisy:?}");
     let column = LEAK.replace("nominal_from = [\"u\"]", "nominal = \"u\"");
-    let study = RecordingStudy::parse(&column).unwrap();
+    let study = RecordingStudy::parse(&column, "study.toml").unwrap();
     let (table, rows) = (leaking(), [0, 1]);
     let [of_column] = study
         .fits(&table, &study.learn(&table, &rows).unwrap(), &rows)
@@ -112,7 +114,7 @@ fn each_condition_has_a_nominal_of_its_own() {
     let text = LEAK
         .replace("keep = [\"mode\"]", "conditions = [\"load\"]")
         .replace("nominal_from = [\"u\"]", "nominal_from = []");
-    let study = RecordingStudy::parse(&text).unwrap();
+    let study = RecordingStudy::parse(&text, "study.toml").unwrap();
     let load = |k: u32| if k < 10 { "low" } else { "high" }.to_owned();
     let mut table = leaking();
     let y: Vec<f64> = (0..40).map(|k| if k < 10 { 1.0 } else { 5.0 }).collect();
@@ -131,18 +133,19 @@ fn each_condition_has_a_nominal_of_its_own() {
 fn traces_become_windows_of_features() {
     let study = "format = 1\nwindow_rows = 5\nkeep = [\"class\"]\nfamilies = [\"moments\"]\n\
         [[sensors]]\nname = \"s\"\nmeasured = \"x\"\nnominal = \"always\"\nscale = 2.0\n";
-    let features = windows(&RecordingStudy::parse(study).unwrap(), &small()).unwrap().table;
+    let features =
+        windows(&RecordingStudy::parse(study, "study.toml").unwrap(), &small()).unwrap().table;
     assert_eq!(features.row_count(), 8);
     assert_eq!(features.names().collect::<Vec<_>>(), ["class", "mean_s", "var_s", "no_dev_s"]);
     // (0 + 1 + 2 + 3 + 4)/5 = 2; less 3; over 2.
     assert!((features.f64("mean_s").unwrap()[0] + 0.5).abs() < 1e-12);
-    let refused = |text: &str| RecordingStudy::parse(text).unwrap_err().to_string();
-    assert!(refused(&study.replace("moments", "moment")).contains("did you mean 'moments'"));
-    assert!(refused(&study.replace("2.0", "0.0")).contains("above 0"));
+    let refused = |text: &str| RecordingStudy::parse(text, "study.toml").unwrap_err().to_string();
+    assert!(refused(&study.replace("moments", "moment")).contains("nearest: 'moments'"));
+    assert!(refused(&study.replace("2.0", "0.0")).contains("out of range"));
     assert!(refused("format = 1\nwindow_rows = 5").contains("nothing to measure"));
-    let long = RecordingStudy::parse(&study.replace("= 5", "= 21")).unwrap();
+    let long = RecordingStudy::parse(&study.replace("= 5", "= 21"), "study.toml").unwrap();
     assert!(matches!(windows(&long, &small()), Err(RecordingError::NoWindow { longest: 20, .. })));
-    let rest = RecordingStudy::parse(&study.replace("= 5", "= 6")).unwrap();
+    let rest = RecordingStudy::parse(&study.replace("= 5", "= 6"), "study.toml").unwrap();
     assert_eq!(windows(&rest, &small()).unwrap().left_over, 4, "3 windows in each run of 20 rows");
 }
 
@@ -150,7 +153,7 @@ fn traces_become_windows_of_features() {
 fn a_missing_number_does_not_stop_a_study() {
     let study = "format = 1\nwindow_rows = 5\nkeep = [\"class\"]\nresiduals = [\"x\", \"always\"]\n\
         families = [\"moments\", \"deviation\"]\n";
-    let study = RecordingStudy::parse(study).unwrap();
+    let study = RecordingStudy::parse(study, "study.toml").unwrap();
     let one = windows(&study, &changed(&small(), "x", |x| x[4] = f64::NAN)).unwrap();
     assert_eq!((one.incomplete, one.table.f64("mean_x").unwrap()[0]), (1, 1.5));
     assert_eq!(one.table.f64("mean_x").unwrap()[1], 7.0);
@@ -172,16 +175,16 @@ fn logs_of_a_folder_take_the_labels_of_their_record() {
     let write = |name: &str, text: &str| std::fs::write(folder.file(name), text).unwrap();
     std::fs::create_dir(folder.file("logs")).unwrap();
     write("logs/b.csv", "x,unused\n1,2\n2,3\n3,4\n");
-    write("logs/a.jsonl", "{\"x\": 0.5}\n{\"x\": null}\n");
+    write("logs/a.csv", "x\n0.5\nNA\n");
     write("logs/notes.txt", "no log");
     write("labels.csv", "run,state,tank\na,leak,7\nb,none,8\nc,none,8\n");
     let text = "format = 1\nrecords = \"logs\"\nrecord = \"run\"\nlabels = \"labels.csv\"\nwindow_rows = 2\n\
         groups = [\"tank\"]\nresiduals = [\"x\"]\nfamilies = [\"moments\"]\n[[targets]]\ncolumn = \"state\"\n";
-    let read = |text: &str| RecordingStudy::parse(text).unwrap().read(&folder.0);
+    let read = |text: &str| RecordingStudy::parse(text, "study.toml").unwrap().read(&folder.0);
     let records = read(text).unwrap();
     assert_eq!(records.text("run").unwrap(), ["a", "a", "b", "b", "b"]);
     assert_eq!(records.text("state").unwrap(), ["leak", "leak", "none", "none", "none"]);
-    let found = windows(&RecordingStudy::parse(text).unwrap(), &records).unwrap();
+    let found = windows(&RecordingStudy::parse(text, "study.toml").unwrap(), &records).unwrap();
     assert_eq!(found.table.names().take(3).collect::<Vec<_>>(), ["run", "tank", "state"]);
     assert_eq!(found.table.f64("mean_x").unwrap().as_ref(), [0.5, 1.5]);
     assert_eq!((found.left_over, found.incomplete), (1, 1));
@@ -199,8 +202,9 @@ fn logs_of_a_folder_take_the_labels_of_their_record() {
     assert_eq!(error, "the labels have 0 rows for the record 'a'");
     let error = read(&text.replace("\"logs\"", "\"log\"")).unwrap_err().to_string();
     assert!(error.contains("log"), "{error}");
-    let error = RecordingStudy::parse(&text.replace("record = \"run\"\n", "")).unwrap_err();
-    assert!(error.to_string().starts_with("the study needs 'record'"), "{error}");
+    let error =
+        RecordingStudy::parse(&text.replace("record = \"run\"\n", ""), "study.toml").unwrap_err();
+    assert!(error.to_string().contains("labels need 'record'"), "{error}");
 }
 
 /// A study of two tanks in six runs each: a leak lowers y by 1, and each run has an offset of its own.
@@ -223,7 +227,10 @@ fn runs(offset: impl Fn(usize) -> f64) -> Table {
 }
 
 fn judged(text: &str, records: &Table) -> JudgedRecordings {
-    RecordingStudy::parse(text).unwrap().judge(text, records, Workers::new(2)).unwrap()
+    RecordingStudy::parse(text, "study.toml")
+        .unwrap()
+        .judge(text, records, Workers::new(2))
+        .unwrap()
 }
 
 #[test]
@@ -294,7 +301,7 @@ fn a_group_unlike_the_first_healthy_ones_is_found_and_false_alarms_are_counted()
     assert_eq!(novelty.false_alarms.count, 0, "it taught that 5 is healthy");
     let late = judged(&text, &records(&|run| if run == 6 { 5.0 } else { 0.0 }));
     assert_eq!(late.results.novelty.unwrap().false_alarms.count, 10);
-    let study = RecordingStudy::parse(&text.replace("= 3", "= 9")).unwrap();
+    let study = RecordingStudy::parse(&text.replace("= 3", "= 9"), "study.toml").unwrap();
     let error = study.judge("", &records(&|_| 0.0), Workers::new(1)).unwrap_err().to_string();
     assert!(error.starts_with("healthy_groups (8 are healthy) must be"), "{error}");
 }
@@ -389,7 +396,7 @@ fn nominal_values_come_from_a_twin_of_every_record() {
         .to_owned()
         + &sensor("x_p", "x_p_m", "0.15")
         + &sensor("x_v", "x_v_m", "1e-3");
-    let study = RecordingStudy::parse(&text).unwrap();
+    let study = RecordingStudy::parse(&text, "study.toml").unwrap();
     let records = study.read(&folder.0).unwrap();
     let judged = study.judge(&text, &records, Workers::new(2)).unwrap();
     for fit in &judged.results.nominals {
@@ -402,7 +409,8 @@ fn nominal_values_come_from_a_twin_of_every_record() {
     new.push(Column::new("twin.x_p", "", vec![0.0; 400])).unwrap();
     let answers = judged.model.answer(&new).unwrap();
     assert_eq!(answers.targets[0].1, ["low"; 4], "its own twin runs beside a new record");
-    let unknown = RecordingStudy::parse(&text.replace("twin.x_v", "twin.x_y")).unwrap();
+    let unknown =
+        RecordingStudy::parse(&text.replace("twin.x_v", "twin.x_y"), "study.toml").unwrap();
     let error = unknown.read(&folder.0).unwrap_err().to_string();
     assert!(error.starts_with("the twin of the record '0':"), "{error}");
 }
@@ -423,7 +431,7 @@ fn data() -> Option<PathBuf> {
 fn public(name: &str, folder: &Path) -> JudgedRecordings {
     let path = format!("{}/../../studies/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(path).unwrap();
-    let study = RecordingStudy::parse(&text).unwrap();
+    let study = RecordingStudy::parse(&text, "study.toml").unwrap();
     study.judge(&text, &study.read(folder).unwrap(), Workers::all()).unwrap()
 }
 

@@ -132,7 +132,7 @@ impl Stop {
             Stop::Content(problem) => content(problem),
             Stop::File(error) => error.into(),
             Stop::Io(cause) => FileError::from_io(path, cause).into(),
-            Stop::Text(_) => content(ContentError::Unreadable),
+            Stop::Text(_) => content(ContentError::unreadable()),
         }
     }
 }
@@ -165,7 +165,7 @@ impl Rows {
         let separator = separator_of(reader.fill_buf()?);
         let mut records = Records::new(reader, separator);
         if !records.advance()? {
-            return Err(ContentError::Empty.into());
+            return Err(ContentError::empty().into());
         }
         let names = column_names(texts_of(&records)?)?;
         let is_latin = records.cells().any(|(cell, _)| std::str::from_utf8(cell).is_err());
@@ -177,10 +177,11 @@ impl Rows {
         let is_row = self.records.advance()?;
         let (line, found, expected) =
             (self.records.line(), self.records.cells().count(), self.names.len());
-        match is_row && found != expected {
-            true => Err(ContentError::RaggedRow { line, found, expected }.into()),
-            false => Ok(is_row),
+        if is_row && found != expected {
+            let problem = format!(" has {found} cells, the header has {expected}");
+            return Err(ContentError::line(line, problem).into());
         }
+        Ok(is_row)
     }
 
     /// A description of the text if it differs from this toolkit's.
@@ -205,7 +206,9 @@ impl Rows {
 /// The text of a cell on a line, without the apostrophe of [`write_quoted`].
 fn text_of(cell: &[u8], line: usize) -> Result<Cow<'_, str>, ContentError> {
     match encoding::text(cell) {
-        text if text.contains('\0') => Err(ContentError::ZeroByte { line }),
+        text if text.contains('\0') => {
+            Err(ContentError::line(line, " holds a byte zero: this is no text"))
+        }
         text => Ok(unguarded(text)),
     }
 }
@@ -236,9 +239,13 @@ fn attempt(path: &Path, texts: &BTreeSet<usize>) -> Result<Table, Stop> {
             if quoted || no_flag {
                 return Err(Stop::Text(place));
             }
-            let column = file.names[place].clone().unwrap_or_default();
-            let text = text.into_owned();
-            return Err(ContentError::BadCell { line, column, text, expected }.into());
+            let column = file.names[place].as_deref().unwrap_or_default();
+            let problem = format!(
+                ", column '{column}': '{text}' among {} (text between numbers is understood only in quotes, or in a \
+                 class or group)",
+                expected.name()
+            );
+            return Err(ContentError::line(line, problem).into());
         }
         origin.push_line(rows, line);
         rows += 1;
@@ -260,7 +267,7 @@ fn table_of(
             if is_empty(&values) {
                 continue;
             }
-            return Err(ContentError::UnnamedColumn { place: place + 1 }.into());
+            return Err(unnamed(place).into());
         };
         // Names are unique and lengths are equal, so this cannot fail.
         let _ = table.push(Column::new(name, "", values));
@@ -276,12 +283,17 @@ fn is_empty(values: &Values) -> bool {
     }
 }
 
+/// The error for a column without a name.
+fn unnamed(place: usize) -> ContentError {
+    ContentError::line(1, format!(": column {} has no name", place + 1))
+}
+
 /// The names of the columns. The first one may be unnamed, like the index of a data frame. So may the last one if it is
 /// empty; it is `None` until that is known.
 fn column_names(heads: Vec<String>) -> Result<Vec<Option<String>>, ContentError> {
     let count = heads.len();
     if count == 1 && heads[0].trim().is_empty() {
-        return Err(ContentError::Empty);
+        return Err(ContentError::empty());
     }
     let mut seen = BTreeSet::new();
     let mut names = Vec::with_capacity(count);
@@ -292,11 +304,11 @@ fn column_names(heads: Vec<String>) -> Result<Vec<Option<String>>, ContentError>
                 names.push(None);
                 continue;
             }
-            true => return Err(ContentError::UnnamedColumn { place: place + 1 }),
+            true => return Err(unnamed(place)),
             false => head,
         };
         if !seen.insert(name.clone()) {
-            return Err(ContentError::DuplicateColumn { column: name });
+            return Err(ContentError::duplicate(&name));
         }
         names.push(Some(name));
     }

@@ -73,18 +73,12 @@ impl<R: BufRead> Records<R> {
                             state = State::Begin;
                         } else if byte == b'\n' {
                             self.next_line += 1;
-                            let cell = self.ends.last().map_or(0, |(end, _)| *end);
-                            while self.bytes.len() > cell && self.bytes.last() == Some(&b'\r') {
-                                self.bytes.pop();
+                            if end_plain(&mut self.bytes, &mut self.ends) {
+                                self.reader.consume(place);
+                                return Ok(true);
                             }
-                            if self.ends.is_empty() && self.bytes.is_empty() {
-                                self.line = self.next_line;
-                                state = State::Begin;
-                                continue;
-                            }
-                            self.ends.push((self.bytes.len(), false));
-                            self.reader.consume(place);
-                            return Ok(true);
+                            self.line = self.next_line;
+                            state = State::Begin;
                         } else if byte == b'"' && state == State::Begin {
                             state = State::Quoted(self.next_line);
                         } else {
@@ -115,10 +109,7 @@ impl<R: BufRead> Records<R> {
                             self.ends.push((self.bytes.len(), true));
                             state = State::Begin;
                         }
-                        _ => {
-                            let line = self.next_line;
-                            return Err(ContentError::TextAfterQuote { line }.into());
-                        }
+                        _ => return Err(text_after_quote(self.next_line)),
                     },
                 }
             }
@@ -128,23 +119,32 @@ impl<R: BufRead> Records<R> {
 
     fn end_of_file(&mut self, state: State) -> Result<bool, Stop> {
         match state {
-            State::Quoted(line) => return Err(ContentError::OpenQuote { line }.into()),
-            State::ClosedReturn => {
-                return Err(ContentError::TextAfterQuote { line: self.next_line }.into());
+            State::Quoted(line) => {
+                Err(ContentError::line(line, ": a quote is opened and never closed").into())
             }
-            State::Begin if self.ends.is_empty() => return Ok(false),
-            State::Closed(_) => self.ends.push((self.bytes.len(), true)),
-            State::Begin | State::Plain => {
-                let cell = self.ends.last().map_or(0, |(end, _)| *end);
-                while self.bytes.len() > cell && self.bytes.last() == Some(&b'\r') {
-                    self.bytes.pop();
-                }
-                if self.ends.is_empty() && self.bytes.is_empty() {
-                    return Ok(false);
-                }
-                self.ends.push((self.bytes.len(), false));
+            State::ClosedReturn => Err(text_after_quote(self.next_line)),
+            State::Closed(_) => {
+                self.ends.push((self.bytes.len(), true));
+                Ok(true)
             }
+            State::Begin | State::Plain => Ok(end_plain(&mut self.bytes, &mut self.ends)),
         }
-        Ok(true)
     }
+}
+
+/// Ends the last cell of a record, which is not quoted; `false` if the record is a blank line.
+fn end_plain(bytes: &mut Vec<u8>, ends: &mut Vec<(usize, bool)>) -> bool {
+    let cell = ends.last().map_or(0, |(end, _)| *end);
+    while bytes.len() > cell && bytes.last() == Some(&b'\r') {
+        bytes.pop();
+    }
+    let is_blank = ends.is_empty() && bytes.is_empty();
+    if !is_blank {
+        ends.push((bytes.len(), false));
+    }
+    !is_blank
+}
+
+fn text_after_quote(line: usize) -> Stop {
+    ContentError::line(line, ": a separator is needed after the closing quote").into()
 }

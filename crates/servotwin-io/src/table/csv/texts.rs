@@ -1,7 +1,7 @@
 //! A CSV file as texts: every cell as it is written, with its line. Sheets that people fill in need that: a column may
 //! hold numbers, words and empty cells, and nothing may change on the way.
 
-use super::{ContentError, Rows, Stop, TableError, texts_of};
+use super::{Rows, Stop, TableError, texts_of, unnamed};
 use std::path::Path;
 
 /// The cells of a CSV file.
@@ -47,7 +47,7 @@ fn all(path: &Path) -> Result<Texts, Stop> {
         let mut cells = texts_of(&file.records)?;
         // Only the last column may be without a name, and only if it is empty.
         if cells.len() > columns.len() && cells.pop().is_some_and(|cell| !cell.is_empty()) {
-            return Err(ContentError::UnnamedColumn { place: file.names.len() }.into());
+            return Err(unnamed(columns.len()).into());
         }
         rows.push(TextRow { line: file.records.line(), cells });
     }

@@ -57,30 +57,6 @@ pub(super) fn values_of(
     })
 }
 
-/// Memory of the next rows of a text column, in addition to `before` bytes. The stored texts share memory, so counting
-/// needs hardly any.
-///
-/// # Errors
-/// If the memory exceeds the budget, or the rows cannot be decoded.
-pub(super) fn bytes_of_texts(
-    reader: &mut ColumnReader,
-    source: &ColumnSource,
-    rows: usize,
-    before: u64,
-    budget: Budget,
-) -> Result<u64, ContentError> {
-    let ColumnReader::ByteArrayColumnReader(reader) = reader else { return Ok(0) };
-    let (mut bytes, mut left) = (0, rows);
-    while left > 0 {
-        let now = source.texts_at_once.min(left);
-        let (values, _) = stored(reader, now)?;
-        bytes += values.iter().map(|text| text_bytes(text.len())).sum::<u64>();
-        budget.allow(&source.name, before + bytes)?;
-        left -= now;
-    }
-    Ok(bytes)
-}
-
 /// Several rows of a column.
 #[derive(Clone, Copy)]
 struct Part<'s> {
@@ -143,10 +119,7 @@ impl Part<'_> {
     ) -> Result<Vec<T::T>, ContentError> {
         let (values, levels) = stored(reader, self.rows)?;
         match levels.iter().position(|level| *level == 0) {
-            Some(index) => {
-                let (column, row) = (self.source.name.clone(), self.first_row + index + 1);
-                Err(ContentError::Null { column, row })
-            }
+            Some(index) => Err(self.bad_value(index, "no value (null)")),
             None => Ok(values),
         }
     }
@@ -172,13 +145,17 @@ impl Part<'_> {
 
     fn require_63_bits(self, values: &[i64]) -> Result<(), ContentError> {
         match values.iter().position(|value| *value < 0) {
-            Some(index) => Err(ContentError::TooLarge {
-                column: self.source.name.clone(),
-                row: self.first_row + index + 1,
-                value: values[index].cast_unsigned(),
-            }),
+            Some(index) => {
+                let value = values[index].cast_unsigned();
+                Err(self.bad_value(index, &format!("{value} does not fit in 63 bits")))
+            }
             None => Ok(()),
         }
+    }
+
+    fn bad_value(self, index: usize, problem: &str) -> ContentError {
+        let (row, column) = (self.first_row + index + 1, &self.source.name);
+        ContentError::Unusable(format!("row {row}, column '{column}': {problem}"))
     }
 }
 
@@ -209,7 +186,7 @@ fn old_moment(moment: &Int96) -> f64 {
 fn half(bytes: &FixedLenByteArray) -> Result<f64, ContentError> {
     match *bytes.data() {
         [low, high] => Ok(f16::from_le_bytes([low, high]).to_f64()),
-        _ => Err(ContentError::Unreadable),
+        _ => Err(ContentError::unreadable()),
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::ContentError;
 
 /// The environment variable that sets the limits.
-pub const VARIABLE: &str = "SERVOTWIN_TABLE_GB";
+const VARIABLE: &str = "SERVOTWIN_TABLE_GB";
 
 /// The default limit of a table, GB.
 const DEFAULT_GB: f64 = 8.0;
@@ -46,22 +46,38 @@ impl Limits {
 pub(super) struct Budget {
     limits: Limits,
     used_bytes: u64,
+    /// The bytes of the column that is being read.
+    begun_bytes: u64,
 }
 
 impl Budget {
     pub(super) fn new(limits: Limits) -> Self {
-        Budget { limits, used_bytes: 0 }
+        Budget { limits, used_bytes: 0, begun_bytes: 0 }
     }
 
-    /// Checks that a column may take this many bytes.
+    /// The budget for the rest of a column that has this many bytes so far.
+    pub(super) fn begun(self, begun_bytes: u64) -> Self {
+        Budget { begun_bytes, ..self }
+    }
+
+    /// Checks that a column may take this many bytes more.
     pub(super) fn allow(self, column: &str, bytes: u64) -> Result<(), ContentError> {
         let Limits { table_bytes, column_bytes } = self.limits;
-        let column = || column.to_owned();
+        let bytes = bytes.saturating_add(self.begun_bytes);
         if bytes > column_bytes {
-            return Err(ContentError::LargeColumn { column: column(), limit_bytes: column_bytes });
+            return Err(ContentError::TooLarge(format!(
+                "column '{column}' takes more than {} GB in memory, the limit of a column; set the environment \
+                 variable {VARIABLE} (now {}) higher to read it",
+                gigabytes(column_bytes),
+                gigabytes(Limits::from_environment().table_bytes)
+            )));
         }
         if self.used_bytes.saturating_add(bytes) > table_bytes {
-            return Err(ContentError::LargeTable { column: column(), limit_bytes: table_bytes });
+            return Err(ContentError::TooLarge(format!(
+                "with column '{column}' the table takes more than {} GB in memory, its limit; set the environment \
+                 variable {VARIABLE} higher to read it",
+                gigabytes(table_bytes)
+            )));
         }
         Ok(())
     }
@@ -70,6 +86,10 @@ impl Budget {
     pub(super) fn spend(&mut self, bytes: u64) {
         self.used_bytes = self.used_bytes.saturating_add(bytes);
     }
+}
+
+fn gigabytes(bytes: u64) -> f64 {
+    (bytes as f64 / 1e6).round() / 1e3
 }
 
 /// Memory of a text with this length, bytes.

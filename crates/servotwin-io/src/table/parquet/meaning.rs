@@ -80,9 +80,12 @@ pub(super) fn kind_of(
     field: &Type,
     facts: Option<&Facts>,
 ) -> Result<(ColumnKind, Meaning), ContentError> {
-    let unsupported = || ContentError::UnsupportedType {
-        column: field.name().to_owned(),
-        found: type_name(field),
+    let unsupported = || {
+        let (column, found) = (field.name(), type_name(field));
+        ContentError::Unusable(format!(
+            "column '{column}' has the type {found}; known are whole and real numbers, booleans, text, dictionaries of \
+             these, moments, dates, times of day and durations"
+        ))
     };
     let info = field.get_basic_info();
     if !field.is_primitive() || info.repetition() == Repetition::REPEATED {
