@@ -4,7 +4,8 @@
 /// A symmetric matrix, stored in full.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Symmetric {
-    size: usize,
+    /// The number of rows.
+    pub(super) size: usize,
     values: Vec<f64>,
 }
 
@@ -71,9 +72,11 @@ impl Symmetric {
     /// The inverse; `None` if the matrix is not positive definite.
     pub(crate) fn inverse(&self) -> Option<Self> {
         let (l, n) = (self.factor()?, self.size);
-        let unit = |place: usize| (0..n).map(|i| f64::from(u8::from(i == place))).collect();
-        let columns: Vec<Vec<f64>> =
-            (0..n).map(|place| back_substituted(&l, n, &Vec::<f64>::clone(&unit(place)))).collect();
+        let column = |place: usize| {
+            let unit: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == place))).collect();
+            back_substituted(&l, n, &unit)
+        };
+        let columns: Vec<Vec<f64>> = (0..n).map(column).collect();
         Some(Self::new(n, |row, column| columns[column][row]))
     }
 
