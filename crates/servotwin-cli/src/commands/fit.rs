@@ -1,7 +1,7 @@
 //! `servotwin fit`: estimates the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::{SpanOptions, design, note, read_log};
+use super::{SpanOptions, design, note};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
@@ -15,6 +15,7 @@ use servotwin::study::{Study, StudyError};
 use servotwin::system::System;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};
 use servotwin_view::row;
+use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
@@ -101,16 +102,49 @@ impl FitOptions {
         }
     }
 
-    /// Reads the map of the logs, and the part of them that is read.
-    pub(crate) fn map_and_span(&self, study: &Study) -> Result<(Option<Map>, LogSpan), Failure> {
+    /// Reads how to read the logs of a study.
+    pub(crate) fn logs<'s>(&self, study: &'s Study, global: Global) -> Result<Logs<'s>, Failure> {
         let map = self.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
-        Ok((map, self.span.read()?))
+        Ok(Logs { study, map, span: self.span.read()?, global })
     }
 
     /// A fit that Ctrl-C stops.
     pub(crate) fn problem<'s>(&self, fit: Fit<'s>, progress: &'s (dyn Fn() + Sync)) -> Fit<'s> {
         let threads = self.threads.unwrap_or(fit.threads).max(1);
         Fit { threads, cancel: Some(stop::flag()), progress, ..fit }
+    }
+}
+
+/// How logs are read as records.
+pub(crate) struct Logs<'s> {
+    study: &'s Study,
+    map: Option<Map>,
+    span: LogSpan,
+    global: Global,
+}
+
+impl Logs<'_> {
+    /// Reads a log as a record with a name. Notes its irregularities, sensors that it lacks, and values that were left
+    /// out.
+    pub(crate) fn read(&self, path: &Path, name: &str) -> Result<FitRecord, Failure> {
+        let whole = intake::read(path, self.map.as_ref(), self.span, self.study);
+        let whole = whole.map_err(|error| Failure::of_intake(name, error))?;
+        let tell = |text: &str| note(self.global, &format!("{name}: {text}"));
+        whole.warnings.iter().for_each(|warning| tell(warning));
+        let (counts, met) = (&whole.counts, whole.counts.met_in_words().join("; "));
+        if !met.is_empty() {
+            let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
+            tell(&format!("{frames} {counted}s became {samples} samples: {met}"));
+        }
+        let record = FitRecord::from_table(name, &whole.table, &self.study.system)
+            .map_err(|error| FitError::Record { name: name.into(), error })?;
+        let lacking = record.lacking(&self.study.system);
+        if !lacking.is_empty() {
+            let lacking = lacking.join(", ");
+            note(self.global, &format!("{name} has no column for the sensors {lacking}"));
+        }
+        record.left_out.iter().for_each(|own| tell(&format!("{}: left out", own.sentence)));
+        Ok(record)
     }
 }
 
@@ -123,11 +157,6 @@ pub(crate) fn run_counter(stages: &Stages, usual: f64) -> impl Fn() + Sync {
     }
 }
 
-/// Estimates the number of runs in a fit with this many unknowns and suspects.
-fn usual_runs(unknowns: usize, suspects: usize) -> usize {
-    3 * (unknowns + 1) + 20 + suspects
-}
-
 impl Run for Options {
     fn paths(&self) -> Paths {
         let paths = Paths::default().read("LOG", self.log.iter().chain(&self.more));
@@ -136,10 +165,9 @@ impl Run for Options {
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
         let study = self.fit.study()?;
-        let (map, span) = self.fit.map_and_span(&study)?;
-        let logs = self.log.iter().chain(&self.more);
-        let read = |path: &PathBuf| read_record(path, map.as_ref(), span, &study, global);
-        let records = logs.map(read).collect::<Result<_, _>>()?;
+        let logs = self.fit.logs(&study, global)?;
+        let read = |path: &PathBuf| logs.read(path, &path.display().to_string());
+        let records = self.log.iter().chain(&self.more).map(read).collect::<Result<_, _>>()?;
         stop::heed();
         let stages = Stages::new(global);
         let mut problem = Fit::of_study(&study, records);
@@ -149,9 +177,8 @@ impl Run for Options {
         if self.draws {
             problem.unknowns.extend(Unknown::of_draws(&study));
         }
-        let usual =
-            usual_runs(problem.unknowns.len(), problem.suspects.len()) * problem.records.len();
-        let progress = run_counter(&stages, usual as f64);
+        let usual = 3 * (problem.unknowns.len() + 1) + 20 + problem.suspects.len();
+        let progress = run_counter(&stages, (usual * problem.records.len()) as f64);
         let problem = self.fit.problem(problem, &progress);
         if self.design {
             return design::run(&self.limits, &problem, &study);
@@ -309,32 +336,6 @@ fn other_system(path: &Path) -> Result<Failure, Failure> {
         "tolerances and faults are a study's, and without --study those of '{USUAL}' are taken, to which the system \
          '{system}' does not belong: give --study {own}"
     )))
-}
-
-fn read_record(
-    path: &Path,
-    map: Option<&Map>,
-    span: LogSpan,
-    study: &Study,
-    global: Global,
-) -> Result<FitRecord, Failure> {
-    let table = read_log(path, map, span, study, global)?;
-    let name = path.display().to_string();
-    let record = FitRecord::from_table(&name, &table, &study.system)
-        .map_err(|error| FitError::Record { name: name.clone(), error })?;
-    tell(&name, &record, study, global);
-    Ok(record)
-}
-
-/// Notes the sensors that a record lacks, and the parts that were left out of it.
-pub(crate) fn tell(name: &str, record: &FitRecord, study: &Study, global: Global) {
-    let lacking = record.lacking(&study.system);
-    if !lacking.is_empty() {
-        note(global, &format!("{name} has no column for the sensors {}", lacking.join(", ")));
-    }
-    for left_out in &record.left_out {
-        note(global, &format!("{name}: {}: left out", left_out.sentence));
-    }
 }
 
 /// Finds the unknowns by their names: full names of their parameters, or ends of them.

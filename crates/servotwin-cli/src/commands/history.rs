@@ -1,26 +1,20 @@
 //! `servotwin history`: follows wear over the flights of one tail number.
 
-use super::fit::{FitOptions, chosen_faults, run_counter, tell};
+use super::fit::{FitOptions, chosen_faults, run_counter};
 use super::log_folder::LogFolder;
+use super::note;
 use super::progress::Stages;
-use super::{note, note_intake};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
 use servotwin::fit::history::{Drift, History, HistoryFlight, Log, Track};
 use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::{Point, Reached, Trend};
-use servotwin::fit::{Fit, FitError, FitRecord, RecordError, Unknown};
-use servotwin::moment;
+use servotwin::fit::{Fit, FitError, RecordError, Unknown};
 use servotwin::shown::number;
-use servotwin::study::Study;
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_view::document::{Document, Line, Table as Rows, Value, Verdict, line};
 use servotwin_view::row;
-use servotwin_watch::intake;
-use servotwin_watch::map::Map;
-use servotwin_watch::span::LogSpan;
-use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 /// Follow the wear of one tail number: each fault with its trend and the time to a threshold.
@@ -64,23 +58,19 @@ impl Run for Options {
             return Err(Failure::out_of_range("--threshold", self.threshold, range));
         }
         let study = self.fit.study()?;
-        let (map, span) = self.fit.map_and_span(&study)?;
+        let logs = self.fit.logs(&study, global)?;
         let folder = LogFolder::read(&self.folder)?;
         if let Some(skipped) = folder.sentence() {
             note(global, &skipped);
         }
         stop::heed();
         let stages = Stages::new(global);
-        let mut all: Vec<(Option<f64>, Log)> = Vec::new();
-        for path in &folder.paths {
+        let read = |path: &PathBuf| {
             let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into());
-            let (begin_s, record) = record(path, &name, (map.as_ref(), span), &study, global);
-            if let Ok(record) = &record {
-                tell(&name, record, &study, global);
-            }
-            all.push((begin_s, (name, record)));
-        }
-        let all = in_order(all, global);
+            let record = logs.read(path, &name).map_err(|failure| reason(&failure, path, &name));
+            (name, record)
+        };
+        let all = in_order(folder.paths.iter().map(read).collect(), global);
         if let [(name, Err(error)), ..] = &all[..]
             && all.iter().all(|(_, record)| record.is_err())
         {
@@ -106,14 +96,13 @@ impl Run for Options {
 }
 
 /// The logs in the order of the dates in them, or else of their names.
-fn in_order(mut all: Vec<(Option<f64>, Log)>, global: Global) -> Vec<Log> {
-    let days: Vec<f64> = all.iter().filter_map(|(begin_s, _)| *begin_s).collect();
-    let usable = all.iter().filter(|(_, (_, record))| record.is_ok()).count();
-    if !days.is_sorted() && days.len() == usable {
-        all.sort_by(|(one, _), (other, _)| one.partial_cmp(other).unwrap_or(Ordering::Equal));
-        let text = "the flights are in the order of the dates in their logs, which is not that of their names";
-        note(global, text);
-    } else if !days.is_sorted() {
+fn in_order(mut all: Vec<Log>, global: Global) -> Vec<Log> {
+    let usable = || all.iter().filter_map(|(_, record)| record.as_ref().ok());
+    let days: Vec<f64> = usable().filter_map(|record| record.begin_s).collect();
+    if days.is_sorted() {
+        return all;
+    }
+    if days.len() < usable().count() {
         let text = format!(
             "the flights are in the order of their names, which contradicts the dates in {} of {} logs: name them by \
              their dates (2026-11-21)",
@@ -121,35 +110,25 @@ fn in_order(mut all: Vec<(Option<f64>, Log)>, global: Global) -> Vec<Log> {
             all.len()
         );
         note(global, &text);
+        return all;
     }
-    all.into_iter().map(|(_, log)| log).collect()
+    // Unusable logs come last.
+    let day = |(_, record): &Log| record.as_ref().ok().and_then(|own| own.begin_s);
+    let day = |log: &Log| day(log).unwrap_or(f64::INFINITY);
+    all.sort_by(|one, other| day(one).total_cmp(&day(other)));
+    let text =
+        "the flights are in the order of the dates in their logs, which is not that of their names";
+    note(global, text);
+    all
 }
 
-/// Reads a log as a record, with its first time, if that is a date. An unreadable table and one without a usable signal
-/// both count as unusable, and do not end the history of the others.
-fn record(
-    path: &Path,
-    name: &str,
-    (map, span): (Option<&Map>, LogSpan),
-    study: &Study,
-    global: Global,
-) -> (Option<f64>, Result<FitRecord, RecordError>) {
-    match intake::read(path, map, span, study) {
-        Ok(whole) => {
-            note_intake(&path.display().to_string(), &whole, global);
-            let table = whole.table;
-            let begin_s = table.f64("time_s").ok().and_then(|times_s| times_s.first().copied());
-            let record = FitRecord::from_table(name, &table, &study.system);
-            (begin_s.filter(|begin_s| moment::is_date(*begin_s)), record)
-        }
-        Err(error) => {
-            let text = error.to_string();
-            let text = text.lines().next().unwrap_or_default();
-            // The caller names the log.
-            let text = text.strip_prefix(&format!("{}: ", path.display())).unwrap_or(text);
-            (None, Err(RecordError(text.into())))
-        }
-    }
+/// Why a log cannot be used, without its name: it does not end the history of the others.
+fn reason(failure: &Failure, path: &Path, name: &str) -> RecordError {
+    let text = failure.message.lines().next().unwrap_or_default();
+    let text = text.strip_prefix("error: ").unwrap_or(text);
+    let of_log = |log: &str| text.strip_prefix(&format!("{log}: "));
+    let text = of_log(name).or_else(|| of_log(&path.display().to_string())).unwrap_or(text);
+    RecordError(text.into())
 }
 
 /// The alarm sentence of a track, if it may reach its threshold.
@@ -213,14 +192,8 @@ fn when(trend: &Trend, threshold: f64) -> String {
 fn tracked(track: &Track, threshold: f64) -> Line {
     let each =
         |of: fn(&Point) -> f64| Value::of("", &track.points.iter().map(of).collect::<Vec<f64>>());
-    let optional =
-        |of: &dyn Fn(&Trend) -> Option<f64>| Value::of("", &track.trend.as_ref().and_then(of));
-    let rounded = |value: Value, digits: usize, factor: f64| match value.json.as_f64() {
-        Some(known) => Value::number(known, number(factor * known, digits)),
-        None => value,
-    };
-    let error = |trend: &Trend, place: usize| Some(trend.last.variance[place].sqrt());
-    let text = match &track.trend {
+    let trend = track.trend.as_ref();
+    let text = match trend {
         Some(trend) => format!(
             "{{fault}} ({{probability}}): {{level}} ± {{level_error}}, {{rate_per_flight}} a flight; {}",
             when(trend, threshold)
@@ -230,21 +203,26 @@ fn tracked(track: &Track, threshold: f64) -> Line {
         }
         None => "{fault}: too few flights for a trend".into(),
     };
-    let reached =
-        |of: fn(&Reached) -> Option<f64>| optional(&|trend| of(&trend.reaches(threshold)));
+    let shown = |value: Option<f64>, factor: f64, digits: usize| match value {
+        Some(value) => Value::number(value, number(factor * value, digits)),
+        None => Value::missing(),
+    };
+    let error = |place: usize| trend.map(|trend| trend.last.variance[place].sqrt());
+    let reached = trend.map(|trend| trend.reaches(threshold));
+    let flights = |of: fn(Reached) -> Option<f64>| Value::of("", &reached.and_then(of));
     let values = [
         ("fault", (&track.name).into()),
         ("probability", Value::percent(track.probability, 0)),
         ("flights", each(|point| point.at)),
         ("intensities", each(|point| point.level)),
         ("errors", each(|point| point.error)),
-        ("level", rounded(optional(&|trend| Some(trend.last.level)), 3, 1.0)),
-        ("level_error", rounded(optional(&|trend| error(trend, 0)), 2, 1.96)),
-        ("rate_per_flight", rounded(optional(&|trend| Some(trend.last.rate)), 2, 1.0)),
-        ("rate_error", optional(&|trend| error(trend, 2))),
-        ("flights_to_threshold", reached(|reached| reached.expected)),
-        ("earliest_flights", reached(|reached| reached.earliest)),
-        ("latest_flights", reached(|reached| reached.latest)),
+        ("level", shown(trend.map(|trend| trend.last.level), 1.0, 3)),
+        ("level_error", shown(error(0), 1.96, 2)),
+        ("rate_per_flight", shown(trend.map(|trend| trend.last.rate), 1.0, 2)),
+        ("rate_error", Value::of("", &error(2))),
+        ("flights_to_threshold", flights(|reached| reached.expected)),
+        ("earliest_flights", flights(|reached| reached.earliest)),
+        ("latest_flights", flights(|reached| reached.latest)),
     ];
     line(&text, values)
 }

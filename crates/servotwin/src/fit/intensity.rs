@@ -78,10 +78,9 @@ impl<'s> Fit<'s> {
             let is_worth =
                 |guess: &&Guess| guess.cause == Cause::Fault(one.fault) && guess.is_worth(one.cost);
             let Some(guess) = begun.iter().find(is_worth) else { continue };
-            let begun = self.begins(one.fault, guess, moments.reach_s())?;
-            if let Some(onset) = begun.onset(one.cost) {
-                let own = self.with_fault(one.fault);
-                *one = own.diagnosed(one.fault, &begun.minimum, &begun.alike, Some(onset))?;
+            let begun = self.begins(one.fault, guess, moments.reach_s(), one.cost)?;
+            if begun.onset.is_some() {
+                *one = begun;
             }
         }
         Ok(compared(all))
@@ -122,7 +121,7 @@ fn compared(mut all: Vec<Diagnosed>) -> Vec<Diagnosed> {
 /// A fit whose last unknown is the intensity of a fault.
 impl Fit<'_> {
     /// Evaluates a minimum.
-    fn diagnosed(
+    pub(super) fn diagnosed(
         &self,
         fault: (usize, usize),
         minimum: &Minimum,

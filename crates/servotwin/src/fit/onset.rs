@@ -14,7 +14,7 @@
 //! least 1. The fit must also have s < 2: a fault that leaves more is not the right one. The interval of t contains the
 //! moments with F(t) ≤ F + ½ χ²₁(95 %) s, with all other unknowns optimal for each.
 
-use super::intensity::{HALF_CHI_SQUARE_95, at, mean_square};
+use super::intensity::{Diagnosed, HALF_CHI_SQUARE_95, at, mean_square};
 use super::linear::dot;
 use super::response::Linear;
 use super::solve::Minimum;
@@ -49,33 +49,6 @@ pub struct FoundOnset {
     pub high_s: f64,
     /// Score (FO2) against the best fit with a fault from the first sample on.
     pub score: f64,
-}
-
-/// A fit of a fault with an onset.
-pub(super) struct Begun {
-    /// The fault: (component, fault).
-    pub fault: (usize, usize),
-    at_s: f64,
-    interval_s: (f64, f64),
-    pub minimum: Minimum,
-    /// Intensities that explain the record equally well.
-    pub alike: Vec<f64>,
-}
-
-impl Begun {
-    /// The onset with its score (FO2), if it is accepted.
-    pub(super) fn onset(&self, constant: f64) -> Option<FoundOnset> {
-        let gain = (constant - self.minimum.cost).max(0.0);
-        let left = mean_square(&self.minimum);
-        let score = (2.0 * gain / left).sqrt();
-        let (at_s, (low_s, high_s)) = (self.at_s, self.interval_s);
-        (score > SCORE_LIMIT && left < MOST_LEFT).then_some(FoundOnset {
-            at_s,
-            low_s,
-            high_s,
-            score,
-        })
-    }
 }
 
 /// The moments at which a fault may begin, with the healthy twin's residuals before each of them.
@@ -153,13 +126,15 @@ impl<'l> Moments<'l> {
 }
 
 impl Fit<'_> {
-    /// Fits a fault and its onset, from a guess whose moment may be wrong by `reach_s`.
+    /// Fits a fault and its onset, from a guess whose moment may be wrong by `reach_s`. The onset is accepted by its score
+    /// (FO2) against the cost of a fault from the first sample on.
     pub(super) fn begins(
         &self,
         fault: (usize, usize),
         guess: &Guess,
         mut reach_s: f64,
-    ) -> Result<Begun, FitError> {
+        constant: f64,
+    ) -> Result<Diagnosed, FitError> {
         let mut at_s = guess.at_s.unwrap_or(0.0);
         let mut own = Fit { onset_s: Some(at_s), ..self.with_fault(fault) };
         let mut minimum = own.minimum(&at(&own.nominal(), guess.size))?;
@@ -180,8 +155,12 @@ impl Fit<'_> {
         }
         own.onset_s = Some(at_s);
         let (minimum, alike) = own.least_of_all(&minimum.z)?;
-        let interval_s = own.moments_alike(&minimum, at_s)?;
-        Ok(Begun { fault, at_s, interval_s, minimum, alike })
+        let (low_s, high_s) = own.moments_alike(&minimum, at_s)?;
+        let left = mean_square(&minimum);
+        let score = (2.0 * (constant - minimum.cost).max(0.0) / left).sqrt();
+        let is_accepted = score > SCORE_LIMIT && left < MOST_LEFT;
+        let onset = is_accepted.then_some(FoundOnset { at_s, low_s, high_s, score });
+        own.diagnosed(fault, &minimum, &alike, onset)
     }
 
     /// The earliest and the latest moment that explain the record equally well.

@@ -28,8 +28,10 @@ const EXPLAINED: f64 = 0.8;
 struct ComparedRecord<'r> {
     record: &'r FitRecord,
     columns: Vec<SensorColumn<'r>>,
-    /// For each sensor the deviation of a sample, the sensor's values and those of its twin.
-    values: Vec<(f64, Vec<f64>, Vec<f64>)>,
+    /// The standard deviation of a sample of each sensor.
+    deviations: Vec<f64>,
+    /// The values of the sensors and of their twins, ordered by sample, then sensor.
+    values: [Vec<f64>; 2],
     /// Every sensor beside the twin of every sensor.
     beside: Comparisons,
     /// The first sample of a mistake that begins within the record, and the mistake.
@@ -69,7 +71,7 @@ impl Fit<'_> {
         let nominal = |_| self.variant(&self.nominal(), &record.inputs);
         let run = self.run(record, (1, 1.0), |_| &record.measured, nominal)?;
         let residuals = run.into_iter().next().expect("one run")?;
-        Ok(ComparedRecord::new(self.system, record, &self.deviations(record), &residuals))
+        Ok(ComparedRecord::new(self.system, record, self.deviations(record), &residuals))
     }
 
     /// A mistake of the column of an input that varies, as a sentence.
@@ -131,10 +133,10 @@ impl<'r> ComparedRecord<'r> {
     fn new(
         system: &'r System,
         record: &'r FitRecord,
-        deviations: &[f64],
+        deviations: Vec<f64>,
         residuals: &[f64],
     ) -> Self {
-        let (width, first) = (record.sensors.len(), record.first_sample());
+        let width = record.sensors.len();
         let inputs = system.network().inputs.len();
         let column = |(place, &sensor): (usize, &usize)| {
             let known = &system.sensors[sensor];
@@ -142,28 +144,25 @@ impl<'r> ComparedRecord<'r> {
             SensorColumn { name: with_suffix(&known.id, known.unit).into(), ..column }
         };
         let columns: Vec<SensorColumn> = record.sensors.iter().enumerate().map(column).collect();
-        let values = |(place, &deviation): (usize, &f64)| {
-            let own = |all: &[f64]| -> Vec<f64> {
-                all.iter().skip(place).step_by(width).copied().collect()
-            };
-            let mut measured = own(&record.measured[first * width..]);
-            let pairs = measured.iter().zip(own(residuals));
-            let mut twin: Vec<f64> = pairs.map(|(m, r)| m - r * deviation).collect();
-            hold(&mut measured);
-            hold(&mut twin);
-            (deviation, measured, twin)
-        };
-        let values: Vec<_> = deviations.iter().enumerate().map(values).collect();
+        let mut measured = record.measured[record.first_sample() * width..].to_vec();
+        let pairs = measured.iter().zip(residuals).zip(deviations.iter().cycle());
+        let mut twin: Vec<f64> = pairs.map(|((m, r), deviation)| m - r * deviation).collect();
+        hold(&mut measured, width);
+        hold(&mut twin, width);
         let (mut beside, mut panes) = (Comparisons::new(width), Panes::new(width, record.period_s));
         let mut late = None;
-        for sample in 0..values.first().map_or(0, |(_, measured, _)| measured.len()) {
-            let measured: Vec<f64> = values.iter().map(|own| own.1[sample]).collect();
-            let twin: Vec<f64> = values.iter().map(|own| own.2[sample]).collect();
-            beside.take(&measured, &twin);
-            let pane = panes.take(sample, &measured, &twin);
+        for (sample, (own, twin)) in measured.chunks(width).zip(twin.chunks(width)).enumerate() {
+            beside.take(own, twin);
+            let pane = panes.take(sample, own, twin);
             late = late.or(pane.and_then(|(_, pane)| panes.mistakes(&pane, &columns)));
         }
-        ComparedRecord { record, columns, values, beside, late }
+        ComparedRecord { record, columns, deviations, values: [measured, twin], beside, late }
+    }
+
+    /// The values of a sensor and of its twin.
+    fn of(&self, sensor: usize) -> [Vec<f64>; 2] {
+        let width = self.columns.len();
+        self.values.each_ref().map(|all| all.iter().skip(sensor).step_by(width).copied().collect())
     }
 
     /// The time of a compared sample, s.
@@ -198,13 +197,13 @@ impl<'r> ComparedRecord<'r> {
 
     /// How far a sensor and its twin leave their means, in deviations.
     fn spreads(&self, sensor: usize) -> [f64; 2] {
-        let (own, deviation) = (self.beside.of(sensor), self.values[sensor].0);
+        let (own, deviation) = (self.beside.of(sensor), self.deviations[sensor]);
         [&own.own, &own.twin].map(|values| values.variance().sqrt() / deviation)
     }
 
     /// Checks that a sensor does not hold the same value while its twin moves.
     fn check_motion(&self, sensor: usize) -> Result<(), RecordError> {
-        let (deviation, measured, twin) = &self.values[sensor];
+        let ([measured, twin], deviation) = (self.of(sensor), self.deviations[sensor]);
         let mut begin = 0;
         for same in measured.chunk_by(|value, next| value == next) {
             let (from_s, for_s) = (self.time_s(begin), same.len() as f64 * self.record.period_s);
@@ -231,7 +230,7 @@ impl<'r> ComparedRecord<'r> {
         moving.retain(|(spread, _)| *spread > MOVES);
         moving.sort_by(|a, b| b.0.total_cmp(&a.0));
         for (_, sensor) in moving {
-            let samples = self.values[sensor].1.len();
+            let samples = self.values[0].len() / self.columns.len();
             let window = ((LAG_WINDOW_S / self.record.period_s) as usize).min(samples / 3);
             let lags = [0..window, samples - window..samples].map(|part| self.lag(sensor, part));
             let [Some(early), Some(late)] = lags else { continue };
@@ -248,7 +247,7 @@ impl<'r> ComparedRecord<'r> {
 
     /// How many samples a sensor lags its twin in a part of the record; `None` if no shift explains the difference.
     fn lag(&self, sensor: usize, part: Range<usize>) -> Option<isize> {
-        let (deviation, measured, twin) = &self.values[sensor];
+        let ([measured, twin], deviation) = (self.of(sensor), self.deviations[sensor]);
         let longest = (LONGEST_LAG_S / self.record.period_s) as isize;
         let longest = longest.min(part.len() as isize / 2);
         let difference = |lag: isize| -> f64 {
@@ -289,13 +288,12 @@ impl RecordError {
     }
 }
 
-/// Replaces missing values by the last value, or by the first one at the beginning.
-fn hold(values: &mut [f64]) {
-    let mut last = values.iter().copied().find(|value| !value.is_nan()).unwrap_or(0.0);
-    for value in values {
-        if value.is_nan() {
-            *value = last;
+/// Replaces missing values of columns by the last value, or by the first one at the beginning.
+fn hold(values: &mut [f64], width: usize) {
+    for k in 0..values.len() {
+        if values[k].is_nan() {
+            let first = || values[k..].iter().step_by(width).copied().find(|value| !value.is_nan());
+            values[k] = if k < width { first().unwrap_or(0.0) } else { values[k - width] };
         }
-        last = *value;
     }
 }

@@ -54,6 +54,8 @@ const DAYLIGHT_SAVING_S: f64 = 3600.0;
 pub struct FitRecord {
     /// The name in messages.
     pub name: String,
+    /// The time of the first sample, s since 1970, if the log has dates.
+    pub begin_s: Option<f64>,
     /// Time between samples, s.
     pub period_s: f64,
     /// One signal per input of the system.
@@ -162,6 +164,7 @@ impl FitRecord {
     ) -> Self {
         FitRecord {
             name: name.into(),
+            begin_s: None,
             period_s,
             inputs,
             sensors,
@@ -177,7 +180,7 @@ impl FitRecord {
     /// # Errors
     /// The first problem that makes the table unusable.
     pub fn from_table(name: &str, table: &Table, system: &System) -> Result<Self, RecordError> {
-        let (samples, period_s) = times(table)?;
+        let (samples, period_s, begin_s) = times(table)?;
         let (mut sensors, mut columns) = (vec![], vec![]);
         let (mut left_out, mut impossible) = (vec![], None);
         for (place, sensor) in system.sensors.iter().enumerate() {
@@ -214,7 +217,7 @@ impl FitRecord {
         let duration_s = record.duration_s();
         match duration_s < LEAST_DURATION_S {
             true => Err(RecordError::too_short(duration_s, samples)),
-            false => Ok(Self { units, left_out, impossible, ..record }),
+            false => Ok(Self { begin_s, units, left_out, impossible, ..record }),
         }
     }
 
@@ -342,8 +345,8 @@ fn outside(
     Some(LeftOut { column: column.into(), count, first, value, sentence })
 }
 
-/// The number of samples and their period, s.
-fn times(table: &Table) -> Result<(usize, f64), RecordError> {
+/// The number of samples, their period, s, and the date of the first one, if it has one, s.
+fn times(table: &Table) -> Result<(usize, f64, Option<f64>), RecordError> {
     let time = recording::column(table, "time", Unit::Second).ok_or_else(RecordError::no_time)?;
     let mut times_s = finite(table, time)?;
     let begin_s = times_s.first().copied().unwrap_or(0.0);
@@ -372,7 +375,7 @@ fn times(table: &Table) -> Result<(usize, f64), RecordError> {
             )));
         }
     }
-    Ok((samples, period_s))
+    Ok((samples, period_s, is_dated.then_some(begin_s)))
 }
 
 /// Checks the usual step between samples, and that no step differs from the others, unless the times jitter.
@@ -434,27 +437,20 @@ fn leap(place: &str, step_s: f64, usual_s: f64, is_dated: bool) -> RecordError {
 
 /// The inputs: from their columns, otherwise at their defaults.
 fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise>, RecordError> {
-    let mut varies = false;
     let network = system.network();
-    let mut signals = Vec::new();
-    for (place, input) in network.inputs.iter().enumerate() {
-        let Some(name) = recording::column(table, &input.id, input.unit) else {
-            signals.push(Piecewise::constant(input.default).expect("a default is finite"));
-            continue;
-        };
+    let mut signals = system.default_inputs();
+    for (place, (input, signal)) in network.inputs.iter().zip(&mut signals).enumerate() {
+        let Some(name) = recording::column(table, &input.id, input.unit) else { continue };
         let values = finite(table, name)?;
         let declared = log_unit(table, name, input.unit);
         check_input(name, &values, declared, input.default, network.input_range(place))?;
-        varies |= values.iter().any(|value| *value != values[0]);
-        signals.push(smooth(period_s, &values));
+        *signal = smooth(period_s, &values);
     }
-    if !varies {
-        let names: Vec<String> =
-            network.inputs.iter().map(|i| with_suffix(&i.id, i.unit)).collect();
-        let what = format!("no input varies (columns {})", names.join(", "));
-        return Err(RecordError::no_motion(&what));
+    if signals.iter().any(|signal| signal.pieces().len() > 1) {
+        return Ok(signals);
     }
-    Ok(signals)
+    let names: Vec<String> = network.inputs.iter().map(|i| with_suffix(&i.id, i.unit)).collect();
+    Err(RecordError::no_motion(&format!("no input varies (columns {})", names.join(", "))))
 }
 
 fn check_input(

@@ -14,8 +14,9 @@
 //!
 //! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
 
+use super::intensity::Diagnosed;
 use super::linear::{Symmetric, dot};
-use super::onset::{Begun, FoundOnset, Moments};
+use super::onset::{FoundOnset, Moments};
 use super::record::FitRecord;
 use super::response::{DerivativeScheme, Linear, RunResiduals, append};
 use super::solve::Minimum;
@@ -219,12 +220,11 @@ impl Fit<'_> {
         let mut all: Vec<Suspect> =
             guesses.map(|own| self.suspect(own.cause, score(own.cost), own.size)).collect();
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
-        if let Some((begun, onset)) = self.begun(&constant, &begun, moments.as_ref())? {
-            let intensity = *begun.minimum.z.last().expect("the fault is an unknown");
+        if let Some(begun) = self.begun(&constant, &begun, moments.as_ref())? {
             let cause = Cause::Fault(begun.fault);
-            let named = self.suspect(cause, score(begun.minimum.cost), intensity);
+            let named = self.suspect(cause, score(begun.cost), begun.intensity);
             all.retain(|other| other.cause != cause);
-            all.insert(0, Suspect { onset: Some(onset), ..named });
+            all.insert(0, Suspect { onset: begun.onset, ..named });
         }
         Ok(all)
     }
@@ -236,7 +236,7 @@ impl Fit<'_> {
         constant: &[Guess],
         begun: &[Guess],
         moments: Option<&Moments>,
-    ) -> Result<Option<(Begun, FoundOnset)>, FitError> {
+    ) -> Result<Option<Diagnosed>, FitError> {
         let (Some(moments), Some(least)) = (moments, constant.first()) else { return Ok(None) };
         let worth: Vec<&Guess> = begun.iter().filter(|guess| guess.is_worth(least.cost)).collect();
         if worth.is_empty() {
@@ -246,16 +246,15 @@ impl Fit<'_> {
         for fault in constant.iter().take(FITTED).filter_map(|guess| guess.cause.fault()) {
             least = least.min(self.with_fault(fault).constant()?.0.cost);
         }
-        let mut best: Option<Begun> = None;
+        let mut best: Option<Diagnosed> = None;
         for guess in worth {
             let Cause::Fault(fault) = guess.cause else { continue };
-            let own = self.begins(fault, guess, moments.reach_s())?;
-            if best.as_ref().is_none_or(|best| own.minimum.cost < best.minimum.cost) {
+            let own = self.begins(fault, guess, moments.reach_s(), least)?;
+            if best.as_ref().is_none_or(|best| own.cost < best.cost) {
                 best = Some(own);
             }
         }
-        let onset = best.as_ref().and_then(|begun| begun.onset(least));
-        Ok(best.zip(onset))
+        Ok(best.filter(|best| best.onset.is_some()))
     }
 
     /// The likeliest faults, the likeliest first.
