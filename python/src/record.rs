@@ -98,7 +98,7 @@ impl Fitted {
 ///     The study with the tolerances and faults.
 /// log : Table
 ///     One row for each sample. Columns have the names of inputs and sensors, with or without the suffix of
-///     their unit, in SI.
+///     their unit, in SI; the time is in seconds.
 /// threads : int, optional
 ///     The number of threads; all processors by default. The result does not depend on it.
 ///

@@ -133,25 +133,22 @@ fn reason(failure: &Failure, path: &Path, name: &str) -> RecordError {
 
 /// The alarm sentence of a track, if it may reach its threshold.
 fn alarm(track: &Track, options: &Options) -> Option<String> {
+    let (name, threshold) = (&track.name, options.threshold);
+    let has_reached = || format!("{name} has reached {threshold}");
     let Some(trend) = &track.trend else {
         // Without a trend, the last level alone may prove that the threshold is reached.
         let last = track.points.last()?;
-        let is_reached = last.level - 1.96 * last.error >= options.threshold;
-        return is_reached.then(|| format!("{} has reached {}", track.name, options.threshold));
+        return (last.level - 1.96 * last.error >= threshold).then(has_reached);
     };
-    let reached = trend.reaches(options.threshold);
+    let reached = trend.reaches(threshold);
     let earliest = reached.earliest.filter(|flights| *flights <= f64::from(options.within))?;
+    if reached.expected == Some(0.0) {
+        return Some(has_reached());
+    }
     // A wide interval alone is no alarm. The wear must be growing significantly.
-    let is_growing = trend.significance() > 3.0 || reached.expected == Some(0.0);
-    is_growing.then(|| match reached.expected {
-        Some(0.0) => format!("{} has reached {}", track.name, options.threshold),
-        _ => format!(
-            "{} may reach {} in {} flights",
-            track.name,
-            options.threshold,
-            number(earliest.ceil(), 4)
-        ),
-    })
+    let flights = number(earliest.ceil(), 4);
+    (trend.significance() > 3.0)
+        .then(|| format!("{name} may reach {threshold} in {flights} flights"))
 }
 
 /// What a flight is, in words.

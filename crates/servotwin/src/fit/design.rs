@@ -143,8 +143,8 @@ impl Fit<'_> {
 
     /// Information gain (FD1).
     fn gain(&self, linear: &Linear) -> f64 {
-        let eigenvalues = linear.curvature.eigen().into_iter();
-        let after: f64 = eigenvalues.map(|(value, _)| value.max(f64::MIN_POSITIVE).ln()).sum();
+        let eigenvalues = linear.curvature.eigenvalues().into_iter();
+        let after: f64 = eigenvalues.map(|value| value.max(f64::MIN_POSITIVE).ln()).sum();
         let before: f64 = self.priors().iter().map(|prior| prior.ln()).sum();
         0.5 * (after - before) / std::f64::consts::LN_2
     }

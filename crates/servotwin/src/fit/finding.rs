@@ -32,9 +32,9 @@ pub struct FitResults {
     /// How well each of them is known.
     pub known: FitKnowledge,
     /// The parameters in the form of a variant: (component, parameter, value).
-    pub overrides: Vec<(usize, usize, f64)>,
+    pub(crate) overrides: Vec<(usize, usize, f64)>,
     /// Half of the sum of squared residuals and squared deviations from the priors (FS1).
-    pub cost: f64,
+    pub(super) cost: f64,
     /// The residuals of each sensor of each record, summarized.
     pub left: Vec<SensorFit>,
     /// Deviations that no tolerance explains, as sentences; if there are any, the parameters are not an update.

@@ -67,11 +67,11 @@ impl Fit<'_> {
         let record = &self.records[0];
         let before: Vec<(usize, Vec<f64>)> =
             all.iter().enumerate().filter_map(|(k, z)| Some((k, z.clone().ok()?))).collect();
-        let measured = |job: usize| &measured[before[job].0][..];
         let variant = |job: usize| self.variant(&before[job].1, &record.inputs);
-        let runs = self.run(record, (before.len(), 1.0), measured, variant)?;
-        for ((place, z), residuals) in before.iter().zip(runs) {
-            all[*place] = residuals.and_then(|residuals| {
+        let twins = self.twins(record, (before.len(), 1.0), variant)?;
+        for ((place, z), twin) in before.iter().zip(twins) {
+            all[*place] = twin.and_then(|twin| {
+                let residuals = self.residuals_beside(record, &measured[*place], &twin);
                 let (step, _) = self.step(linear, z, &linear.pull(&residuals), None)?;
                 let moved = z.iter().zip(&step).zip(&self.unknowns);
                 Ok(moved.map(|((z, step), u)| (z + step).clamp(u.range.0, u.range.1)).collect())

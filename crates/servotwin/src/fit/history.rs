@@ -7,10 +7,11 @@
 //! ([`super::trend`]) predicts when a threshold is reached. A repair ([`super::repair`]) ends one wear and begins
 //! another, so the trend uses the flights since the last repair.
 
+use super::knowledge::Knowledge;
 use super::repair::{Repair, repairs};
 use super::suspects::SCORE_LIMIT;
 use super::trend::{Point, Trend};
-use super::{Fit, FitError, FitRecord, FitResults, Knowledge, RecordError};
+use super::{Fit, FitError, FitRecord, FitResults, RecordError};
 
 /// How many of the latest flights with findings select the tracked faults.
 const LATEST: usize = 5;

@@ -40,14 +40,14 @@ const FIRST_GUESSES: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9];
 #[derive(Clone, Debug)]
 pub struct Diagnosed {
     /// The fault: (component, fault).
-    pub fault: (usize, usize),
+    pub(super) fault: (usize, usize),
     /// The fault's full name.
     pub name: String,
     /// The estimated intensity, 0 to 1.
     pub intensity: f64,
     /// Its standard error. If another intensity explains the record equally well, the error is as large as if that
     /// intensity were an end of the interval.
-    pub error: f64,
+    pub(super) error: f64,
     /// The 95 % interval.
     pub interval: (f64, f64),
     /// Log-likelihood of the record (FN1).
@@ -130,7 +130,7 @@ impl Fit<'_> {
     ) -> Result<Diagnosed, FitError> {
         let last = self.unknowns.len() - 1;
         let curvature = &minimum.linear.curvature;
-        let volume: f64 = curvature.eigen().iter().map(|(value, _)| value.max(1e-12).ln()).sum();
+        let volume: f64 = curvature.eigenvalues().iter().map(|value| value.max(1e-12).ln()).sum();
         let variance = curvature.inverse().ok_or(FitError::Undetermined)?.at(last, last);
         let intensity = minimum.z[last];
         let error = (variance.sqrt() * mean_square(minimum).sqrt()).max(LEAST_ERROR);

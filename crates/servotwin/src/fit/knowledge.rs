@@ -19,7 +19,7 @@ const TRADES: f64 = 0.5;
 
 /// How well an unknown is known.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Knowledge {
+pub(super) enum Knowledge {
     /// The record determines it.
     Known,
     /// The record narrows it by less than half.
@@ -43,13 +43,13 @@ pub struct FitKnowledge {
     /// The covariance of the unknowns.
     pub(super) covariance: Symmetric,
     /// The verdict for each unknown.
-    pub each: Vec<Knowledge>,
+    pub(super) each: Vec<Knowledge>,
 }
 
 impl FitKnowledge {
     /// From the information of the records and the values of the unknowns; `None` if an unknown without a prior is not
     /// determined at all.
-    pub(crate) fn new(unknowns: &[Unknown], z: &[f64], linear: &Linear) -> Option<Self> {
+    pub(super) fn new(unknowns: &[Unknown], z: &[f64], linear: &Linear) -> Option<Self> {
         let covariance = linear.curvature.inverse()?;
         let is_at_bound = |k: usize| {
             let (low, high) = unknowns[k].range;

@@ -1,7 +1,7 @@
 //! Fits a twin to its actuator: parameters inside their tolerances that explain a record, how well they are known, and
 //! what no tolerance explains.
 //!
-//! - [`unknown`]: what a fit may change, with priors and bounds
+//! - `unknown`: what a fit may change, with priors and bounds
 //! - `record`, `plausible`: tables of samples, and whether they can belong to this system
 //! - `response`: residuals and their derivatives, one unknown per lane
 //! - `solve`: the minimum, by Gauss–Newton steps within bounds
@@ -17,27 +17,27 @@
 //! A fit is a finding or an update, never both: parameters must not absorb the effect of a fault.
 
 pub mod design;
-pub(crate) mod finding;
+mod finding;
 pub(crate) mod fleet;
 pub mod history;
 pub mod intensity;
-pub(crate) mod knowledge;
-pub mod linear;
-pub(crate) mod onset;
+mod knowledge;
+mod linear;
+mod onset;
 mod plausible;
-pub(crate) mod record;
+mod record;
 pub mod repair;
 mod response;
 mod solve;
-pub(crate) mod suspects;
+mod suspects;
 #[cfg(test)]
 mod tests;
 pub mod trend;
-pub mod unknown;
+mod unknown;
 mod write;
 
 pub use finding::{FitResults, FitVerdict, SensorFit};
-pub use knowledge::{FitKnowledge, Knowledge};
+pub use knowledge::FitKnowledge;
 pub use onset::FoundOnset;
 pub use plausible::still_command;
 pub use record::{FitRecord, LeftOut, RecordError, TIME_UNIT, unit_key};

@@ -69,9 +69,8 @@ impl Fit<'_> {
     /// A record beside its nominal twin.
     fn beside_nominal<'r>(&'r self, record: &'r FitRecord) -> Result<ComparedRecord<'r>, FitError> {
         let nominal = |_| self.variant(&self.nominal(), &record.inputs);
-        let run = self.run(record, (1, 1.0), |_| &record.measured, nominal)?;
-        let residuals = run.into_iter().next().expect("one run")?;
-        Ok(ComparedRecord::new(self.system, record, self.deviations(record), &residuals))
+        let twin = self.twins(record, (1, 1.0), nominal)?.remove(0)?;
+        Ok(ComparedRecord::new(self.system, record, self.deviations(record), &twin))
     }
 
     /// A mistake of the column of an input that varies, as a sentence.
@@ -129,13 +128,8 @@ pub fn still_command(
 }
 
 impl<'r> ComparedRecord<'r> {
-    /// Compares a record with a twin, given the residuals of the compared samples.
-    fn new(
-        system: &'r System,
-        record: &'r FitRecord,
-        deviations: Vec<f64>,
-        residuals: &[f64],
-    ) -> Self {
+    /// Compares a record with the samples of a twin.
+    fn new(system: &'r System, record: &'r FitRecord, deviations: Vec<f64>, twin: &[f64]) -> Self {
         let width = record.sensors.len();
         let inputs = system.network().inputs.len();
         let column = |(place, &sensor): (usize, &usize)| {
@@ -144,11 +138,9 @@ impl<'r> ComparedRecord<'r> {
             SensorColumn { name: with_suffix(&known.id, known.unit).into(), ..column }
         };
         let columns: Vec<SensorColumn> = record.sensors.iter().enumerate().map(column).collect();
-        let mut measured = record.measured[record.first_sample() * width..].to_vec();
-        let pairs = measured.iter().zip(residuals).zip(deviations.iter().cycle());
-        let mut twin: Vec<f64> = pairs.map(|((m, r), deviation)| m - r * deviation).collect();
+        let compared = |all: &[f64]| all[record.first_sample() * width..].to_vec();
+        let (mut measured, twin) = (compared(&record.measured), compared(twin));
         hold(&mut measured, width);
-        hold(&mut twin, width);
         let (mut beside, mut panes) = (Comparisons::new(width), Panes::new(width, record.period_s));
         let mut late = None;
         for (sample, (own, twin)) in measured.chunks(width).zip(twin.chunks(width)).enumerate() {

@@ -283,7 +283,7 @@ impl FitRecord {
     }
 
     /// Number of samples.
-    pub(crate) fn samples(&self) -> usize {
+    pub(super) fn samples(&self) -> usize {
         self.measured.len() / self.sensors.len().max(1)
     }
 

@@ -11,7 +11,7 @@ use super::linear::{Symmetric, dot};
 use super::record::FitRecord;
 use super::unknown::Unknown;
 use super::{Fit, FitError};
-use crate::ensemble::{Ensemble, Later, Sink, Variant};
+use crate::ensemble::{Ensemble, Later, Variant};
 use crate::rest::Stopped;
 use crate::system::imperfection::Imperfection;
 use servotwin_model::signal::Piecewise;
@@ -24,7 +24,7 @@ const SOLVER_ERROR: f64 = 1e-4;
 
 /// How derivatives are approximated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum DerivativeScheme {
+pub(super) enum DerivativeScheme {
     /// One-sided difference.
     Forward,
     /// Two-sided difference.
@@ -32,13 +32,13 @@ pub(crate) enum DerivativeScheme {
 }
 
 /// Residuals (FR1), ordered by record, sample and sensor.
-pub(crate) type Residuals = Vec<f64>;
+pub(super) type Residuals = Vec<f64>;
 /// The residuals of a variant, or why it could not be simulated.
-pub(crate) type RunResiduals = Result<Residuals, FitError>;
+pub(super) type RunResiduals = Result<Residuals, FitError>;
 
 /// The residuals and their derivatives at a point.
 #[derive(Clone, Debug)]
-pub(crate) struct Linear {
+pub(super) struct Linear {
     /// The unknowns at the point.
     pub z: Vec<f64>,
     /// The residuals at `z`.
@@ -51,30 +51,8 @@ pub(crate) struct Linear {
 
 impl Linear {
     /// Computes Jᵀ r.
-    pub(crate) fn pull(&self, residuals: &[f64]) -> Vec<f64> {
+    pub(super) fn pull(&self, residuals: &[f64]) -> Vec<f64> {
         self.columns.iter().map(|column| dot(column, residuals)).collect()
-    }
-}
-
-/// Collects the residuals of a run; those of missing values are zero.
-struct Compare<'r> {
-    measured: &'r [f64],
-    deviations: &'r [f64],
-    first: usize,
-    residuals: Residuals,
-}
-
-impl Sink for Compare<'_> {
-    fn sample(&mut self, index: usize, values: &[f64]) {
-        if index < self.first || index * values.len() >= self.measured.len() {
-            return;
-        }
-        let measured = &self.measured[index * values.len()..][..values.len()];
-        let residual = |((measured, twin), deviation): ((&f64, &f64), &f64)| match measured {
-            missing if missing.is_nan() => 0.0,
-            measured => (measured - twin) / deviation,
-        };
-        self.residuals.extend(measured.iter().zip(values).zip(self.deviations).map(residual));
     }
 }
 
@@ -147,22 +125,45 @@ impl Fit<'_> {
     ) -> Result<Vec<RunResiduals>, FitError> {
         let mut all: Vec<RunResiduals> = vec![Ok(Vec::new()); count];
         for record in &self.records {
-            let measured = |_| &record.measured[..];
-            let own = self.run(record, (count, 1.0), measured, |job| variant(job, record))?;
+            let own = self.residuals_in(record, (count, 1.0), |job| variant(job, record))?;
             all.iter_mut().zip(own).for_each(|(all, own)| append(all, own));
         }
         Ok(all)
     }
 
-    /// The residuals of a number of variants of one record against measured values, while `stretch` times the recorded
-    /// time passes.
-    pub(super) fn run<'v, 'm>(
+    /// The residuals of a number of variants in one record, while `stretch` times the recorded time passes.
+    pub(super) fn residuals_in<'v>(
         &self,
         record: &FitRecord,
         (count, stretch): (usize, f64),
-        measured: impl Fn(usize) -> &'m [f64] + Sync,
         variant: impl Fn(usize) -> Variant<'v> + Sync,
     ) -> Result<Vec<RunResiduals>, FitError> {
+        let twins = self.twins(record, (count, stretch), variant)?.into_iter();
+        let residuals = |twin: Vec<f64>| self.residuals_beside(record, &record.measured, &twin);
+        Ok(twins.map(|twin| twin.map(residuals)).collect())
+    }
+
+    /// The residuals (FR1) of measured values in a record beside a twin; those of missing values are zero.
+    pub(super) fn residuals_beside(
+        &self,
+        record: &FitRecord,
+        measured: &[f64],
+        twin: &[f64],
+    ) -> Residuals {
+        let residual = |((measured, twin), deviation): ((&f64, &f64), &f64)| {
+            if measured.is_nan() { 0.0 } else { (measured - twin) / deviation }
+        };
+        let pairs = measured.iter().zip(twin).skip(record.first_sample() * record.sensors.len());
+        pairs.zip(self.deviations(record).iter().cycle()).map(residual).collect()
+    }
+
+    /// The sensors of a number of variants at the samples of a record, ordered as in the record.
+    pub(super) fn twins<'v>(
+        &self,
+        record: &FitRecord,
+        (count, stretch): (usize, f64),
+        variant: impl Fn(usize) -> Variant<'v> + Sync,
+    ) -> Result<Vec<Result<Vec<f64>, FitError>>, FitError> {
         let ensemble = Ensemble {
             settings: self.solver,
             threads: self.threads,
@@ -172,19 +173,11 @@ impl Fit<'_> {
             sample_period_s: record.period_s * stretch,
             ..Ensemble::of(self.system)
         };
-        let deviations = self.deviations(record);
-        let mut found: Vec<Option<RunResiduals>> = vec![None; count];
-        let sink = |job| Compare {
-            measured: measured(job),
-            deviations: &deviations,
-            first: record.first_sample(),
-            residuals: Vec::with_capacity(record.measured.len()),
-        };
-        ensemble.run(count, variant, sink, |job, compare, outcome| {
-            found[job] = Some(match outcome {
-                Ok(_) => Ok(compare.residuals),
-                Err(failure) => Err(FitError::Run(Stopped::new(self.system, failure))),
-            });
+        let mut found = vec![None; count];
+        let sink = |_| Vec::with_capacity(record.measured.len());
+        ensemble.run(count, variant, sink, |job, twin, outcome| {
+            let stopped = |failure| FitError::Run(Stopped::new(self.system, failure));
+            found[job] = Some(outcome.map(|_| twin).map_err(stopped));
             (self.progress)();
         });
         if self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {

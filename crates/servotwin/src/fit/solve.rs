@@ -32,7 +32,7 @@ const LEAST_PROGRESS: f64 = 0.05;
 
 /// The result of a fit.
 #[derive(Clone, Debug)]
-pub(crate) struct Minimum {
+pub(super) struct Minimum {
     /// The linearization used last.
     pub linear: Linear,
     /// The unknowns at the minimum.

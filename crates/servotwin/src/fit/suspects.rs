@@ -27,7 +27,7 @@ use servotwin_model::signal::Piecewise;
 use std::cmp::Ordering;
 
 /// Largest score that is attributed to chance among a hundred suspects, in standard deviations.
-pub(crate) const SCORE_LIMIT: f64 = 5.0;
+pub(super) const SCORE_LIMIT: f64 = 5.0;
 /// The intensity whose effect is compared.
 const INTENSITY: f64 = 0.2;
 /// The fraction by which a clock runs fast in the comparison: less time has passed than it shows.
@@ -356,8 +356,7 @@ impl Fit<'_> {
         let mut all = Ok(Vec::new());
         for record in &self.records {
             let (inputs, stretch) = cause.retimed(record, size);
-            let measured = |_| &record.measured[..];
-            let own = self.run(record, (1, stretch), measured, |_| self.variant(z, &inputs))?;
+            let own = self.residuals_in(record, (1, stretch), |_| self.variant(z, &inputs))?;
             own.into_iter().for_each(|own| append(&mut all, own));
         }
         Ok(all)

@@ -40,7 +40,7 @@ pub struct Unknown {
     /// The fault whose intensity it is: (component, fault).
     fault: Option<(usize, usize)>,
     /// The prior information: 1/variance of z.
-    pub prior: f64,
+    pub(super) prior: f64,
     /// The range of z.
     pub range: (f64, f64),
     /// The step of finite differences, in z.
@@ -106,7 +106,7 @@ impl Unknown {
     }
 
     /// The intensity of a fault, without prior knowledge.
-    pub(crate) fn fault(system: &System, component: usize, fault: usize) -> Self {
+    pub(super) fn fault(system: &System, component: usize, fault: usize) -> Self {
         let instance = &system.network().components[component];
         Self {
             name: format!("{}.{}", instance.id, instance.component.faults[fault].name),
@@ -170,7 +170,7 @@ impl Unknown {
     }
 
     /// Adds the unknown to a variant.
-    pub(crate) fn apply(&self, z: f64, variant: &mut Variant) {
+    pub(super) fn apply(&self, z: f64, variant: &mut Variant) {
         let moved = self.members.iter().map(|&(component, parameter, nominal)| {
             (component, parameter, nominal + z * self.per_sigma(nominal))
         });
