@@ -25,7 +25,7 @@ pub fn fit_record() -> Result<(), Box<dyn std::error::Error>> {
         println!("{name} = {value:.4e}");
     }
     for finding in &fitted.findings {
-        println!("{}", finding.sentence(&fit));
+        println!("{finding}");
     }
     Ok(())
 }

@@ -98,7 +98,7 @@ impl Fitted {
 ///     The study with the tolerances and faults.
 /// log : Table
 ///     One row for each sample. Columns have the names of inputs and sensors, with or without the suffix of
-///     their unit, in SI.
+///     their unit, in SI; the time is in seconds.
 /// threads : int, optional
 ///     The number of threads; all processors by default. The result does not depend on it.
 ///
@@ -121,7 +121,7 @@ pub fn fit_record(
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<Fitted> {
     let (study, log) = (&*study.inner, &*log.inner);
-    let (parameters, fitted) = long(py, None, |watch| -> Result<_, Failure> {
+    let (parameters, fitted, verdict, system_text) = long(py, None, |watch| {
         let record =
             FitRecord::from_table("the record", log, &study.system).map_err(Failure::value)?;
         let problem = Fit {
@@ -129,37 +129,23 @@ pub fn fit_record(
             cancel: Some(&watch.cancel),
             ..Fit::of_study(study, vec![record])
         };
-        result(&problem)
+        let failed = |error: FitError| match error {
+            error @ FitError::Record { .. } => Failure::value(error),
+            error => Failure::stage(error),
+        };
+        let fitted = problem.solve().map_err(failed)?;
+        let verdict = problem.verdict(&fitted).map_err(failed)?;
+        let text = fitted.is_update().then(|| fitted.system_text(&problem)).transpose();
+        let text = text.map_err(Failure::stage)?;
+        Ok::<_, Failure>((parameters(&problem, &fitted), fitted, verdict, text))
     })??;
-    let parameters = Py::new(py, Table::from(parameters))?;
-    let FittedParts { is_update, verdict, findings, system_text } = fitted;
-    Ok(Fitted { is_update, verdict, findings, system_text, parameters })
-}
-
-/// A fit without its table.
-struct FittedParts {
-    is_update: bool,
-    verdict: String,
-    findings: Vec<String>,
-    system_text: Option<String>,
-}
-
-fn result(problem: &Fit) -> Result<(Columns, FittedParts), Failure> {
-    let failed = |error: FitError| match error {
-        error @ FitError::Record { .. } => Failure::value(error),
-        error => Failure::stage(error),
-    };
-    problem.check().map_err(failed)?;
-    let fitted = problem.solve().map_err(failed)?;
-    let verdict = problem.verdict(&fitted).map_err(failed)?;
-    let is_update = fitted.is_update();
-    let system_text = match is_update {
-        true => Some(fitted.system_text(problem).map_err(Failure::stage)?),
-        false => None,
-    };
-    let findings = fitted.findings.iter().map(|finding| finding.sentence(problem)).collect();
-    let parts = FittedParts { is_update, verdict: verdict.sentence(), findings, system_text };
-    Ok((parameters(problem, &fitted), parts))
+    Ok(Fitted {
+        is_update: fitted.is_update(),
+        verdict: verdict.sentence,
+        findings: fitted.findings,
+        system_text,
+        parameters: Py::new(py, Table::from(parameters))?,
+    })
 }
 
 fn parameters(problem: &Fit, fitted: &Solved) -> Columns {
@@ -180,7 +166,7 @@ fn parameters(problem: &Fit, fitted: &Solved) -> Columns {
         number("nominal", &|k| unknowns[k].nominal()),
         number("value", &|k| unknowns[k].value(fitted.z[k])),
         number("standard_error", &error),
-        text("knowledge", &|k| fitted.known.sentence(unknowns, k)),
+        text("knowledge", &|k| fitted.known.sentence("record", unknowns, k)),
     ];
     Columns::from_columns(columns).expect("different names, one length")
 }

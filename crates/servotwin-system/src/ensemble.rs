@@ -83,13 +83,10 @@ impl Sink for Vec<Vec<f64>> {
     }
 }
 
-/// Keeps all samples, one after the other.
-#[derive(Clone, Debug, Default)]
-pub struct Rows(pub Vec<f64>);
-
-impl Sink for Rows {
+impl Sink for Vec<f64> {
+    /// All samples, one after the other.
     fn sample(&mut self, _index: usize, values: &[f64]) {
-        self.0.extend_from_slice(values);
+        self.extend_from_slice(values);
     }
 }
 
@@ -167,20 +164,15 @@ impl<'p> Ensemble<'p> {
     /// set. Use it before a run with another cancel flag.
     pub fn prepare(&self, count: usize) {
         if let Some(compiled) = self.compiled {
-            let (method, simulated_s) = (self.settings.method, self.simulated_s(count));
+            let (method, simulated_s) = (self.settings.method, count as f64 * self.duration_s);
             compiled.prepare(self.program, method, self.level, simulated_s, self.cancel);
         }
     }
 
     /// The compiled step, if this many variants justify it.
     fn compiled_steps(&self, count: usize) -> Option<&'p CompiledSteps> {
-        let compiled = self.compiled?;
-        let (method, simulated_s) = (self.settings.method, self.simulated_s(count));
-        compiled.when_worth(self.program, method, self.level, simulated_s, self.cancel)
-    }
-
-    fn simulated_s(&self, count: usize) -> f64 {
-        count as f64 * self.duration_s
+        let (method, simulated_s) = (self.settings.method, count as f64 * self.duration_s);
+        self.compiled?.when_worth(self.program, method, self.level, simulated_s, self.cancel)
     }
 
     /// Runs one variant to its end and returns its samples, one vector per recorded slot. It ignores `cancel`.
@@ -235,9 +227,7 @@ impl<'p> Ensemble<'p> {
         }
         job
     }
-}
 
-impl Ensemble<'_> {
     fn change(&self, variant: &Variant, later: &Later) -> Change {
         let overrides = [variant.overrides.as_slice(), &later.overrides].concat();
         let parameters = self.program.parameters_with(&overrides, &later.faults);

@@ -100,7 +100,7 @@ fn guessed(address: &Address, study: &Study) -> Result<LogPlan, IntakeError> {
         return Err(IntakeError::Record(RecordError::no_sensor(&study.system)));
     }
     if !guess.time {
-        return Err(IntakeError::Record(RecordError::NoTime));
+        return Err(IntakeError::Record(RecordError::no_time()));
     }
     guard::mapped(&address.to_string(), &guess, study)
 }

@@ -83,7 +83,6 @@ impl LateMistake {
 /// Compares the sensors with their twins in one pane after the other, because columns may change within a log.
 pub(super) struct Lookout<'s> {
     columns: Vec<SensorColumn<'s>>,
-    names: Vec<&'s str>,
     panes: Panes<(u64, f64)>,
     /// How many panes had motion.
     moving: u32,
@@ -152,7 +151,6 @@ impl<'s> Lookout<'s> {
         let (system, command) = (&study.system, study.command_input);
         Lookout {
             columns: columns(system, map),
-            names: system.sensors.iter().map(|sensor| &*sensor.id).collect(),
             panes: Panes::new(system.sensors.len(), period_s),
             moving: 0,
             counted,
@@ -199,7 +197,7 @@ impl<'s> Lookout<'s> {
         self.moving += u32::from(pane.has_motion(&self.columns));
         if self.moving == PANES {
             // A stream has no other trial.
-            let found = whole.mistakes(&self.columns, &self.names);
+            let found = whole.mistakes(&self.columns);
             if !found.is_empty() {
                 return Some(LateMistake {
                     words: found.join("; "),
@@ -213,12 +211,11 @@ impl<'s> Lookout<'s> {
             let words = format!("from {} ({counted} {place}) on, {what}", moment::shown(time_s));
             Some(LateMistake { words, is_certain, from_s: Some(time_s) })
         };
-        if let Some((begin, found)) = self.panes.mistakes(&pane, &self.columns, &self.names) {
+        if let Some((begin, found)) = self.panes.mistakes(&pane, &self.columns) {
             return since(begin, &found, true);
         }
         if let Some(mistake) = unrelated {
-            let (name, unit) = self.command;
-            return since(self.still.begin, &mistake.in_words(name, unit, &self.names), true);
+            return since(self.still.begin, &mistake.in_words(self.command, &self.columns), true);
         }
         let what = "the actuator moves while the twin stands still: unless a fault moves it, its command is in another \
                     column";
@@ -338,7 +335,6 @@ impl Plausibility {
         let inputs = network.inputs.iter().map(|input| input.unit);
         let units = inputs.chain(system.sensors.iter().map(|sensor| sensor.unit)).enumerate();
         let sensors = columns(system, map);
-        let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
         let columns = self.columns.iter().zip(units);
         let claimed = self.beside.other_units(&sensors);
         let is_claimed = |sensor: usize| claimed.iter().any(|other| other.sensor == sensor);
@@ -348,10 +344,10 @@ impl Plausibility {
             let looks_like = beside.as_ref().map(|other| other.misread.actual[0]);
             column
                 .outside_in_words(map, channel, unit, looks_like)
-                .or_else(|| beside::other_units_in_words(&sensors, &names, beside.as_slice()))
+                .or_else(|| beside::other_units_in_words(&sensors, beside.as_slice()))
         });
         let mut all = self.contradictions(system, map, counts);
-        let at_rest = self.beside.atmosphere_at_rest(&sensors, &names);
+        let at_rest = self.beside.atmosphere_at_rest(&sensors);
         all.extend(at_rest.filter(|_| all.is_empty()));
         all.extend(self.late(false));
         all.extend(self.pace(period_s).into_iter().chain(columns));
@@ -367,10 +363,9 @@ impl Plausibility {
 
     /// What contradicts the map beyond doubt, as sentences.
     pub fn contradictions(&self, system: &System, map: &Map, counts: &WatchCounts) -> Vec<String> {
-        let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
         let mut found: Vec<String> = self.late(true).collect();
         if found.is_empty() {
-            found = self.beside.mistakes(&columns(system, map), &names);
+            found = self.beside.mistakes(&columns(system, map));
         }
         coarse_in_words(counts, self.ends, map).into_iter().chain(found).collect()
     }
@@ -398,9 +393,8 @@ impl Plausibility {
         input: usize,
         rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
     ) -> Result<Option<String>, E> {
-        let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
         let input = (map.id(input), map.unit(input));
-        self.beside.input_mistake(input, &columns(system, map), &names, rerun)
+        self.beside.input_mistake(input, &columns(system, map), rerun)
     }
 
     /// Says that the times are in another unit, as soon as enough steps show it.

@@ -12,7 +12,6 @@
 use serde_json::json;
 use servotwin::ensemble::{Ensemble, Variant};
 use servotwin::fit::Unknown;
-use servotwin::fit::unknown::Moved;
 use servotwin::study::Study;
 use servotwin_model::c_source;
 use servotwin_model::network::ExternalInput;
@@ -36,13 +35,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let parameters = program.parameters(&[]);
     let begins = |component: usize| parameters[..component].iter().map(Vec::len).sum::<usize>();
     let unknown = |unknown: Unknown| {
-        let Moved::Parameters { members, sigma, absolute } = unknown.moved else {
-            unreachable!("a tolerance moves parameters")
-        };
-        let places: Vec<usize> = members.iter().map(|&(c, p, _)| begins(c) + p).collect();
-        let nominal: Vec<f64> = members.iter().map(|&(_, _, nominal)| nominal).collect();
+        let places: Vec<usize> = unknown.members.iter().map(|&(c, p, _)| begins(c) + p).collect();
+        let nominal: Vec<f64> = unknown.members.iter().map(|&(_, _, nominal)| nominal).collect();
         json!({
-            "name": unknown.name, "sigma": sigma, "absolute": absolute, "places": places,
+            "name": unknown.name, "sigma": unknown.sigma, "absolute": unknown.is_absolute,
+            "places": places,
             "nominal": nominal, "range": [unknown.range.0, unknown.range.1], "step": unknown.step,
         })
     };

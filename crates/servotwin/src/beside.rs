@@ -8,6 +8,7 @@ use crate::system::imperfection::Imperfection;
 use crate::system::{Sensor, System};
 use servotwin_model::spec::Unit;
 use servotwin_system::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
+use std::borrow::Cow;
 
 /// Largest share of the difference that a mistake may leave unexplained.
 const UNEXPLAINED: f64 = 0.05;
@@ -149,8 +150,9 @@ impl TwinComparison {
 }
 
 /// A sensor, as a log has it.
-#[derive(Clone, Copy)]
 pub struct SensorColumn<'s> {
+    /// Its name in sentences.
+    pub name: Cow<'s, str>,
     /// The sensor of the system.
     pub sensor: &'s Sensor,
     /// The standard deviation of its noise, SI.
@@ -163,7 +165,8 @@ impl<'s> SensorColumn<'s> {
     /// A sensor of a system, read in `unit`.
     pub fn new(system: &'s System, sensor: usize, unit: &'static NamedUnit) -> Self {
         let deviation = Imperfection::of(system, sensor).deviation();
-        SensorColumn { sensor: &system.sensors[sensor], deviation, unit }
+        let sensor = &system.sensors[sensor];
+        SensorColumn { name: (&sensor.id).into(), sensor, deviation, unit }
     }
 }
 
@@ -198,8 +201,12 @@ pub enum InputMistake {
 }
 
 impl InputMistake {
-    /// Says which mistake it is, given the names of the input and of the sensors.
-    pub fn in_words(&self, input: &str, declared: &NamedUnit, names: &[&str]) -> String {
+    /// Says which mistake it is of an input of this name and unit.
+    pub fn in_words(
+        &self,
+        (input, declared): (&str, &NamedUnit),
+        columns: &[SensorColumn],
+    ) -> String {
         match self {
             Self::Unit(misread) => {
                 let (seems, remedy) = misread.in_words(declared);
@@ -207,45 +214,29 @@ impl InputMistake {
             }
             Self::Exchanged(sensor) => format!(
                 "{input} and {} look exchanged: the twin follows the sensors the other way round",
-                names[*sensor]
+                columns[*sensor].name
             ),
             Self::Still { sensor, .. } => format!(
                 "{input} stands still while the sensors move as those of a healthy actuator that is commanded to the \
                  values of {}: it is no column of the command; if the actuator moves without a command, \
                  {input} = {{ value = … }} in a map file says that it stands still",
-                names[*sensor]
+                columns[*sensor].name
             ),
         }
     }
 }
 
-/// Two sensors whose values may be copies.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct SensorPair {
-    /// Whether they differ in a sample, which ends the comparison.
-    is_other: bool,
-    /// In how many samples the first changed.
-    changes: u64,
-    /// Spread of the difference between their twins.
-    twins: Spread,
-}
-
-/// Every sensor beside the twin of every sensor, and beside every other sensor.
+/// Every sensor beside the twin of every sensor.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Comparisons {
     width: usize,
     cells: Vec<TwinComparison>,
-    pairs: Vec<SensorPair>,
-    last: Vec<f64>,
 }
 
 impl Comparisons {
     /// An empty comparison of a number of sensors.
     pub fn new(width: usize) -> Self {
-        let square = width * width;
-        let (cells, pairs) =
-            (vec![TwinComparison::default(); square], vec![SensorPair::default(); square]);
-        Comparisons { width, cells, pairs, last: vec![f64::NAN; width] }
+        Comparisons { width, cells: vec![TwinComparison::default(); width * width] }
     }
 
     /// Takes one sample of all sensors and of their twins, SI; NaN is missing.
@@ -253,43 +244,33 @@ impl Comparisons {
         for (cells, &own) in self.cells.chunks_exact_mut(self.width.max(1)).zip(measured) {
             cells.iter_mut().zip(twin).for_each(|(cell, &twin)| cell.take(own, twin));
         }
-        let pairs = (0..self.width).flat_map(|one| (0..one).map(move |other| (one, other)));
-        for (one, other) in pairs {
-            let pair = &mut self.pairs[one * self.width + other];
-            let (values, twins) = ([measured[one], measured[other]], twin[one] - twin[other]);
-            if !pair.is_other && values.iter().chain([&twins]).all(|value| value.is_finite()) {
-                pair.changes += u64::from(values[0] != self.last[one]);
-                pair.is_other = values[0] != values[1];
-                pair.twins.take(twins);
-            }
-        }
-        self.last.copy_from_slice(measured);
     }
 
-    /// Takes the samples of another comparison of the same sensors, which come after its own.
-    pub(crate) fn add(&mut self, later: &Self) {
-        self.cells.iter_mut().zip(&later.cells).for_each(|(cell, later)| cell.add(later));
-        for (pair, later) in self.pairs.iter_mut().zip(&later.pairs) {
-            pair.is_other |= later.is_other;
-            pair.changes += later.changes;
-            pair.twins.add(&later.twins);
-        }
-        self.last.clone_from(&later.last);
+    /// Takes the samples of another comparison of the same sensors.
+    fn add(&mut self, other: &Self) {
+        self.cells.iter_mut().zip(&other.cells).for_each(|(cell, other)| cell.add(other));
     }
 
-    /// Pairs of sensors with the same changing values, although their twins differ.
+    /// Pairs of sensors with the same moving values, although their twins differ. Same values have the same sums.
     fn copies(&self, columns: &[SensorColumn]) -> Vec<[usize; 2]> {
-        let pairs = (0..self.width).flat_map(|one| (0..one).map(move |other| [other, one]));
-        let is_copy = |&[other, one]: &[usize; 2]| {
-            let pair = &self.pairs[one * self.width + other];
-            let least = |sensor: usize| {
-                let SensorColumn { sensor, deviation, .. } = columns[sensor];
-                (CLEAR_DEVIATIONS * deviation).max(LEAST_SHARE * sensor.scale)
-            };
-            pair.changes >= LEAST_SAMPLES
-                && !pair.is_other
-                && pair.twins.mean_square().sqrt() > least(one).max(least(other))
+        let sums = |sensor: usize| (0..self.width).map(move |twin| self.at(sensor, twin));
+        let least = |sensor: usize| {
+            let SensorColumn { sensor, deviation, .. } = &columns[sensor];
+            (CLEAR_DEVIATIONS * deviation).max(LEAST_SHARE * sensor.scale)
         };
+        let is_copy = |&[other, one]: &[usize; 2]| {
+            let [own, beside] = [one, other].map(|twin| self.at(one, twin));
+            let moves = own.own.variance().sqrt() > LEAST_SHARE * columns[one].sensor.scale;
+            // Least distances of the twins: of their means, and along the sensor's values.
+            let means = (own.twin.mean() - beside.twin.mean()).abs();
+            let products = (own.product - beside.product).abs() / own.own.count.max(1) as f64;
+            let distance = means.max(products / own.own.mean_square().sqrt());
+            own.own.count >= LEAST_SAMPLES
+                && moves
+                && sums(one).eq(sums(other))
+                && distance > least(one).max(least(other))
+        };
+        let pairs = (0..self.width).flat_map(|one| (0..one).map(move |other| [other, one]));
         pairs.filter(is_copy).collect()
     }
 
@@ -403,7 +384,7 @@ impl Comparisons {
         let others: Vec<bool> = others.filter_map(|sensor| self.follows(sensor, columns)).collect();
         let is_healthy = !others.is_empty() && !others.contains(&false);
         found.retain(|other| {
-            let (beside, column) = (self.of(other.sensor), columns[other.sensor]);
+            let (beside, column) = (self.of(other.sensor), &columns[other.sensor]);
             let factor = other.misread.factor();
             let left = beside.variance(factor) / beside.twin.variance();
             match (beside.moves(column.sensor.scale), factor.ln().abs() < SMALL_FACTOR.ln()) {
@@ -416,25 +397,15 @@ impl Comparisons {
         found
     }
 
-    /// The pressures that are one atmosphere below (`-1.0`) or, if they are read as gauge pressures, above (`1.0`) their
-    /// twins: all, or some beside others that agree with theirs. A unit that states *absolute* is believed.
-    pub(crate) fn without_atmosphere(&self, columns: &[SensorColumn]) -> Option<(f64, Vec<usize>)> {
-        self.off_by_atmosphere(columns, false)
-    }
-
-    /// The same in words, with `names` of the sensors, for pressures that stand still: a faulty sensor explains them, too.
-    pub fn atmosphere_at_rest(&self, columns: &[SensorColumn], names: &[&str]) -> Option<String> {
-        let (sign, low) = self.off_by_atmosphere(columns, true)?;
-        let low: Vec<&str> = low.iter().map(|&sensor| names[sensor]).collect();
-        let words = atmosphere_in_words(sign, &low);
+    /// The pressures that are one atmosphere off while they stand still, in words: a faulty sensor explains them, too.
+    pub fn atmosphere_at_rest(&self, columns: &[SensorColumn]) -> Option<String> {
+        let words = self.without_atmosphere(columns, true)?;
         Some(format!("{words}; while nothing moves, an offset of a faulty sensor looks the same"))
     }
 
-    fn off_by_atmosphere(
-        &self,
-        columns: &[SensorColumn],
-        at_rest: bool,
-    ) -> Option<(f64, Vec<usize>)> {
+    /// The pressures that are one atmosphere below or, if they are read as gauge pressures, above their twins, in words:
+    /// all, or some beside others that agree with theirs. A unit that states *absolute* is believed.
+    fn without_atmosphere(&self, columns: &[SensorColumn], at_rest: bool) -> Option<String> {
         let is_pressure = |sensor: &usize| {
             columns[*sensor].sensor.unit == Unit::Pascal
                 && !columns[*sensor].unit.is_absolute
@@ -449,7 +420,7 @@ impl Comparisons {
         // A fault may lower two chambers by one atmosphere, and the supply by more.
         let are_most = steady.len() > 2 || steady.len() == pressures.len().max(2);
         if are_most && steady.iter().all(|&sensor| error(sensor) < NEARLY) {
-            return Some((sign, steady));
+            return Some(atmosphere_in_words(sign, &steady, columns));
         }
         // A single offset may be a fault, so that it must be one atmosphere and nothing else.
         let most = |of_mean_pa: f64| (EXACTLY + SURE * of_mean_pa / ATMOSPHERE_PA).min(NEARLY);
@@ -473,7 +444,8 @@ impl Comparisons {
         };
         let (low, others): (Vec<usize>, Vec<usize>) = pressures.iter().copied().partition(is_low);
         let agrees = |&sensor: &usize| is_steady(sensor) && atmospheres(sensor).abs() < NEARLY;
-        (!low.is_empty() && others.iter().all(agrees)).then_some((sign, low))
+        let is_clear = !low.is_empty() && others.iter().all(agrees);
+        is_clear.then(|| atmosphere_in_words(sign, &low, columns))
     }
 
     /// The shares of the motions of the positions that the twin does not explain, from the smallest to the largest.
@@ -483,10 +455,9 @@ impl Comparisons {
             let most = beside.own.variance().max(beside.twin.variance());
             let least = (LEAST_SHARE * column.sensor.scale).powi(2);
             let has_evidence = beside.own.count >= LEAST_SAMPLES && most > least;
-            (has_evidence && column.sensor.unit != Unit::Pascal)
-                .then(|| beside.variance(1.0) / most)
+            has_evidence.then(|| beside.variance(1.0) / most)
         };
-        let mut shares: Vec<f64> = columns.iter().enumerate().filter_map(share).collect();
+        let mut shares: Vec<f64> = positions(columns).filter_map(share).collect();
         shares.sort_by(f64::total_cmp);
         shares
     }
@@ -503,8 +474,7 @@ impl Comparisons {
         declared: &'static NamedUnit,
         columns: &[SensorColumn],
     ) -> Vec<InputMistake> {
-        let positions = columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
-        let sensors = positions.map(|(sensor, _)| sensor);
+        let sensors = positions(columns).map(|(sensor, _)| sensor);
         let moves = |&sensor: &usize| self.of(sensor).moves(columns[sensor].sensor.scale);
         let ratio = |sensor: usize| {
             let beside = self.of(sensor);
@@ -523,19 +493,20 @@ impl Comparisons {
 
     /// Whether the twin of a position moves.
     pub fn twin_moves(&self, columns: &[SensorColumn]) -> bool {
-        let mut positions =
-            columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
-        positions.any(|(sensor, column)| self.of(sensor).moves(column.sensor.scale))
+        positions(columns).any(|(sensor, column)| self.of(sensor).moves(column.sensor.scale))
     }
 
     /// Whether positions move far while the twins of all stand still.
     pub fn is_still(&self, columns: &[SensorColumn]) -> bool {
-        let mut positions =
-            columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
-        let moves_far = |(sensor, column): (usize, &SensorColumn)| {
-            self.of(sensor).own.variance().sqrt() > FAR * column.sensor.scale
+        !self.twin_moves(columns) && self.moving_beyond(FAR, columns).next().is_some()
+    }
+
+    /// The positions that leave their mean by more than a share of their scale.
+    fn moving_beyond(&self, share: f64, columns: &[SensorColumn]) -> impl Iterator<Item = usize> {
+        let moves = move |(sensor, column): &(usize, &SensorColumn)| {
+            self.of(*sensor).own.variance().sqrt() > share * column.sensor.scale
         };
-        !self.twin_moves(columns) && positions.any(moves_far)
+        positions(columns).filter(moves).map(|(sensor, _)| sensor)
     }
 
     /// A column of the command that stands still while all sensors move as those of a healthy actuator that flies one of
@@ -548,13 +519,11 @@ impl Comparisons {
         columns: &[SensorColumn],
         rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
     ) -> Result<Option<InputMistake>, E> {
-        let positions = columns.iter().enumerate().filter(|(_, c)| c.sensor.unit != Unit::Pascal);
-        let is_commanded = |(sensor, column): &(usize, &SensorColumn)| {
-            self.of(*sensor).own.variance().sqrt() > BEYOND_BIAS * column.sensor.scale
-        };
-        let flown = positions.filter(|p| is_commanded(p) && self.is_still(columns));
-        for (sensor, lead_s) in flown.flat_map(|(sensor, _)| LEADS_S.map(|lead_s| (sensor, lead_s)))
-        {
+        if !self.is_still(columns) {
+            return Ok(None);
+        }
+        let flown = self.moving_beyond(BEYOND_BIAS, columns);
+        for (sensor, lead_s) in flown.flat_map(|sensor| LEADS_S.map(|lead_s| (sensor, lead_s))) {
             let mut mistake = InputMistake::Still { sensor, factor: 1.0, lead_s };
             // The twin of the first run says how far the position goes for a command.
             let Some(first) = rerun(&mistake)? else { continue };
@@ -562,10 +531,9 @@ impl Comparisons {
             let factor = (own.variance() / twin.variance()).sqrt();
             mistake = InputMistake::Still { sensor, factor, lead_s };
             let Some(undone) = rerun(&mistake)? else { continue };
-            let moving = (0..self.width).filter(|&s| undone.of(s).moves(columns[s].sensor.scale));
-            if moving.clone().count() > 1
-                && moving.into_iter().all(|s| undone.follows(s, columns) == Some(true))
-            {
+            let moving: Vec<bool> =
+                (0..self.width).filter_map(|sensor| undone.follows(sensor, columns)).collect();
+            if moving.len() > 1 && !moving.contains(&false) {
                 return Ok(Some(mistake));
             }
         }
@@ -579,9 +547,8 @@ impl Comparisons {
     /// What `rerun` reports.
     pub fn input_mistake<E>(
         &self,
-        (input, declared): (&str, &'static NamedUnit),
+        input: (&str, &'static NamedUnit),
         columns: &[SensorColumn],
-        names: &[&str],
         rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
     ) -> Result<Option<String>, E> {
         let left = self.unexplained(columns);
@@ -589,54 +556,43 @@ impl Comparisons {
         if left.first().is_none_or(|least| *least < LEAST_UNEXPLAINED) {
             return Ok(None);
         }
-        for mistake in self.likely_mistakes(declared, columns) {
+        for mistake in self.likely_mistakes(input.1, columns) {
             let Some(undone) = rerun(&mistake)? else { continue };
             let then = undone.unexplained(columns);
             let is_explained = then.len() == left.len()
                 && then.iter().zip(&left).all(|(then, now)| *then < UNEXPLAINED * now);
             if is_explained {
-                return Ok(Some(mistake.in_words(input, declared, names)));
+                return Ok(Some(mistake.in_words(input, columns)));
             }
         }
         let still = self.still_input(columns, rerun)?;
-        Ok(still.map(|mistake| mistake.in_words(input, declared, names)))
+        Ok(still.map(|mistake| mistake.in_words(input, columns)))
     }
 
-    /// All mistakes of columns, as sentences with these names of the sensors.
-    pub fn mistakes(&self, columns: &[SensorColumn], names: &[&str]) -> Vec<String> {
-        let low = self.without_atmosphere(columns).map(|(sign, low)| {
-            let low: Vec<&str> = low.iter().map(|&sensor| names[sensor]).collect();
-            atmosphere_in_words(sign, &low)
-        });
-        self.mistakes_in_motion(columns, names).into_iter().chain(low).collect()
+    /// All mistakes of columns, as sentences.
+    pub fn mistakes(&self, columns: &[SensorColumn]) -> Vec<String> {
+        let pressures = self.without_atmosphere(columns, false);
+        self.mistakes_in_motion(columns).into_iter().chain(pressures).collect()
     }
 
     /// The mistakes that motion shows. An offset is none: a drifting sensor has any offset for a while.
-    pub(crate) fn mistakes_in_motion(
-        &self,
-        columns: &[SensorColumn],
-        names: &[&str],
-    ) -> Vec<String> {
-        let units = other_units_in_words(columns, names, &self.other_units(columns));
-        let named = |group: &[usize]| group.iter().map(|&s| names[s]).collect::<Vec<_>>();
+    fn mistakes_in_motion(&self, columns: &[SensorColumn]) -> Vec<String> {
+        let units = other_units_in_words(columns, &self.other_units(columns));
         let copies = self.copies(columns).into_iter().map(|pair| {
-            let [one, other] = pair.map(|sensor| names[sensor]);
+            let [one, other] = pair.map(|sensor| &columns[sensor].name);
             format!("{one} and {other} have the same values: one is a copy of the other")
         });
         // A command of the wrong sign exchanges chambers, too.
-        let turned = self.turned_positions(columns, names).or_else(|| {
-            let groups: Vec<_> = self.exchanged(columns).iter().map(|g| named(g)).collect();
-            match groups.is_empty() {
-                false => Some(exchanged_in_words(&groups)),
-                true => self.turned_pressures(columns, names),
-            }
-        });
+        let turned = self
+            .turned_positions(columns)
+            .or_else(|| exchanged_in_words(&self.exchanged(columns), columns))
+            .or_else(|| self.turned_pressures(columns));
         copies.chain(units).chain(turned).collect()
     }
 
     /// Reports positions that move against the twin. If most do, the command has the wrong sign.
-    fn turned_positions(&self, columns: &[SensorColumn], names: &[&str]) -> Option<String> {
-        let (turned, moving) = self.turned(columns, names, |unit| unit != Unit::Pascal);
+    fn turned_positions(&self, columns: &[SensorColumn]) -> Option<String> {
+        let (turned, moving) = self.turned(columns, |unit| unit != Unit::Pascal);
         let verb = if turned.len() == 1 { "moves" } else { "move" };
         let seems = match turned.len() {
             0 => return None,
@@ -648,28 +604,33 @@ impl Comparisons {
 
     /// Reports pressures that move against the twin although nothing else does. A pressure has no sign: one that moves
     /// against its twin is another's, or belongs to a command of the wrong sign.
-    fn turned_pressures(&self, columns: &[SensorColumn], names: &[&str]) -> Option<String> {
-        let (turned, _) = self.turned(columns, names, |unit| unit == Unit::Pascal);
+    fn turned_pressures(&self, columns: &[SensorColumn]) -> Option<String> {
+        let (turned, _) = self.turned(columns, |unit| unit == Unit::Pascal);
         let advice = "a pressure has no sign, so look at which column it is";
         (!turned.is_empty())
             .then(|| format!("{}: moving against the twin; {advice}", turned.join(", ")))
     }
 
     /// The names of the moving sensors that move against the twin, and how many move.
-    fn turned<'n>(
+    fn turned<'c>(
         &self,
-        columns: &[SensorColumn],
-        names: &[&'n str],
+        columns: &'c [SensorColumn],
         is_of: fn(Unit) -> bool,
-    ) -> (Vec<&'n str>, usize) {
-        let is_moving = |sensor: &usize| {
-            let own = columns[*sensor].sensor;
-            is_of(own.unit) && self.of(*sensor).moves(own.scale)
+    ) -> (Vec<&'c str>, usize) {
+        let is_moving = |(sensor, column): &(usize, &SensorColumn)| {
+            is_of(column.sensor.unit) && self.of(*sensor).moves(column.sensor.scale)
         };
-        let moving: Vec<usize> = (0..self.width).filter(is_moving).collect();
-        let turned = moving.iter().filter(|&&sensor| self.of(sensor).is_turned());
-        (turned.map(|&sensor| names[sensor]).collect(), moving.len())
+        let moving: Vec<_> = columns.iter().enumerate().filter(is_moving).collect();
+        let turned = moving.iter().filter(|(sensor, _)| self.of(*sensor).is_turned());
+        (turned.map(|(_, column)| &*column.name).collect(), moving.len())
     }
+}
+
+/// The sensors that measure no pressure.
+fn positions<'c, 's>(
+    columns: &'c [SensorColumn<'s>],
+) -> impl Iterator<Item = (usize, &'c SensorColumn<'s>)> + Clone {
+    columns.iter().enumerate().filter(|(_, column)| column.sensor.unit != Unit::Pascal)
 }
 
 /// Sensors beside their twins in one pane of 2 s after the other, because columns may change within a record. `T` is a
@@ -734,44 +695,46 @@ impl<T: Copy + Default> Panes<T> {
         &mut self,
         last: &Comparisons,
         columns: &[SensorColumn],
-        names: &[&str],
     ) -> Option<(T, String)> {
         if !last.has_motion(columns) {
             return None;
         }
-        let is_wrong = !last.mistakes_in_motion(columns, names).is_empty();
+        let is_wrong = !last.mistakes_in_motion(columns).is_empty();
         self.wrong = if is_wrong { self.wrong + 1 } else { 0 };
         if self.wrong < PANES {
             return None;
         }
-        let found = self.since.mistakes_in_motion(columns, names);
+        let found = self.since.mistakes_in_motion(columns);
         (!found.is_empty()).then(|| (self.begins[1], found.join("; ")))
     }
 }
 
+/// The names of some sensors.
+fn listed(sensors: &[usize], columns: &[SensorColumn]) -> String {
+    let names: Vec<&str> = sensors.iter().map(|&sensor| &*columns[sensor].name).collect();
+    names.join(", ")
+}
+
 /// Says which sensors look exchanged.
-fn exchanged_in_words(groups: &[Vec<&str>]) -> String {
-    let listed = |group: &Vec<&str>| match &group[..] {
-        [all @ .., last] => format!("{} and {last} look exchanged", all.join(", ")),
-        [] => String::new(),
+fn exchanged_in_words(groups: &[Vec<usize>], columns: &[SensorColumn]) -> Option<String> {
+    let are_pairs = groups.iter().all(|group| group.len() == 2);
+    let (between, whom) = if are_pairs { (", ", "other") } else { ("; ", "next") };
+    let group = |group: &Vec<usize>| {
+        let (last, others) = group.split_last()?;
+        let others = listed(others, columns);
+        Some(format!("{others} and {} look exchanged", columns[*last].name))
     };
-    let each: Vec<String> = groups.iter().map(listed).collect();
-    match groups.iter().all(|group| group.len() == 2) {
-        true => format!("{}: each follows the twin of the other", each.join(", ")),
-        false => format!("{}: each follows the twin of the next", each.join("; ")),
-    }
+    let each: Vec<String> = groups.iter().filter_map(group).collect();
+    (!each.is_empty())
+        .then(|| format!("{}: each follows the twin of the {whom}", each.join(between)))
 }
 
 /// Says which sensors seem to be in another unit; `None` if there are none.
-pub fn other_units_in_words(
-    columns: &[SensorColumn],
-    names: &[&str],
-    found: &[OtherUnit],
-) -> Option<String> {
+pub fn other_units_in_words(columns: &[SensorColumn], found: &[OtherUnit]) -> Option<String> {
     let each = |other: &OtherUnit| {
-        let (seems, remedy) = other.misread.in_words(columns[other.sensor].unit);
-        let (name, ratio) = (names[other.sensor], rounded(other.ratio));
-        (format!("{name} seems {seems}: it is {ratio} times what the twin shows"), remedy)
+        let (column, ratio) = (&columns[other.sensor], rounded(other.ratio));
+        let (seems, remedy) = other.misread.in_words(column.unit);
+        (format!("{} seems {seems}: it is {ratio} times what the twin shows", column.name), remedy)
     };
     let (each, mut remedies): (Vec<String>, Vec<String>) = found.iter().map(each).unzip();
     remedies.dedup();
@@ -779,8 +742,8 @@ pub fn other_units_in_words(
 }
 
 /// Says that pressures are not absolute, or are taken for gauge pressures.
-fn atmosphere_in_words(sign: f64, names: &[&str]) -> String {
-    let (are, they) = match names.len() {
+fn atmosphere_in_words(sign: f64, sensors: &[usize], columns: &[SensorColumn]) -> String {
+    let (are, they) = match sensors.len() {
         1 => ("is", "it seems"),
         _ => ("are all", "they seem"),
     };
@@ -792,7 +755,7 @@ fn atmosphere_in_words(sign: f64, names: &[&str]) -> String {
         ),
         false => ("above", "absolute; give the unit without a g (bar, psi) in a map file"),
     };
-    let names = names.join(", ");
+    let names = listed(sensors, columns);
     format!(
         "{names} {are} one atmosphere {where_is} the twin, whose pressures are absolute: {they} to be {what}"
     )

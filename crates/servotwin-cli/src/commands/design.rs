@@ -3,7 +3,7 @@
 use super::{POSITIVE, quantity};
 use crate::failure::Failure;
 use servotwin::fit::Fit;
-use servotwin::fit::design::{self, Design, Rig};
+use servotwin::fit::design::{self, Design};
 use servotwin::shown::number;
 use servotwin::study::Study;
 use servotwin_model::spec::Unit;
@@ -47,12 +47,7 @@ pub(crate) fn run(
             quantity("--duration", &limits.duration, Unit::Second, 5.0..=3600.0, range)?
         },
     };
-    let rig = Rig {
-        input: study.command_input,
-        sensors: study.measured[..study.base_sensors()].to_vec(),
-        period_s: study.sample_period_s,
-    };
-    let found = problem.design(&rig, limits)?;
+    let found = problem.design(study, limits)?;
     let Some(best) = found.first() else {
         return Err(Failure::usage("no signal of the catalogue keeps these limits"));
     };
@@ -60,18 +55,19 @@ pub(crate) fn run(
 }
 
 fn described(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> Document {
-    let command = line("{command}", [("command", best.command.as_str().into())]);
+    let command = line("{command}", [("command", best.command.text.as_str().into())]);
     let mut document = Document::listing("design", "");
     document.verdict = Some(Verdict::neutral(command));
     let mut commands =
         Table::of("command | gain_bits:gain, bits | amplitude:size | rate | error_sigmas:");
     for design in found {
-        let rate = Value::difference(design.rate, unit, 3);
+        let command = &design.command;
+        let rate = Value::difference(command.rate, unit, 3);
         let errors: Vec<f64> = (0..problem.unknowns.len()).map(|k| design.known.error(k)).collect();
         commands.push(row![
-            &design.command,
+            &command.text,
             Value::digits(design.gain, 4),
-            Value { suffix: unit.suffix(), ..Value::difference(design.amplitude, unit, 3) },
+            Value { suffix: unit.suffix(), ..Value::difference(command.amplitude, unit, 3) },
             Value { text: format!("{}/s", rate.text), ..rate },
             Value::of("", &errors),
         ]);
@@ -82,7 +78,11 @@ fn described(found: &[Design], best: &Design, problem: &Fit, unit: Unit) -> Docu
     for (k, unknown) in problem.unknowns.iter().enumerate() {
         let error = best.known.error(k);
         let error = Value::number(error, number(error, 2));
-        parameters.push(row![&unknown.name, error, best.known.forecast(&problem.unknowns, k)]);
+        parameters.push(row![
+            &unknown.name,
+            error,
+            best.known.sentence("flight", &problem.unknowns, k)
+        ]);
     }
     document.table("parameters", parameters);
     document

@@ -1,29 +1,25 @@
 //! `servotwin fit`: estimates the twin's parameters from records of a healthy actuator.
 
 use super::progress::Stages;
-use super::{POSITIVE, SpanOptions, design, note, quantity, read_log};
+use super::{SpanOptions, design, note};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
 use servotwin::built_in;
 use servotwin::files;
-use servotwin::fit::intensity::{Diagnosed, intensity_and_onset};
-use servotwin::fit::unknown::Moved;
-use servotwin::fit::{
-    Fit, FitError, FitRecord, FitResults, FitVerdict, FoundOnset, LeftOut, Unknown,
-};
+use servotwin::fit::intensity::Diagnosed;
+use servotwin::fit::{Fit, FitError, FitRecord, FitResults, FitVerdict, FoundOnset, Unknown};
 use servotwin::kind::FileType;
 use servotwin::nearest::UnknownName;
 use servotwin::shown::number;
-use servotwin::study::{Study, Tolerance};
+use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::toml_text::TomlError;
-use servotwin_model::spec::Unit;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};
 use servotwin_view::row;
+use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::span::LogSpan;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -40,24 +36,13 @@ pub(crate) struct Options {
     /// A record (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "LOG", required_unless_present = "design")]
     log: Option<PathBuf>,
-    /// The system file [default: the study's system].
-    #[arg(value_name = "SYSTEM")]
-    system: Option<PathBuf>,
-    /// A study file with the tolerances and faults [default: paper].
-    #[arg(long, value_name = "STUDY")]
-    study: Option<PathBuf>,
+    #[command(flatten)]
+    fit: FitOptions,
     /// Another record of the same actuator. Repeat the option for several records.
     #[arg(long = "log", value_name = "LOG")]
     more: Vec<PathBuf>,
-    /// A map file that assigns the columns of a record to inputs and sensors with their units, as for `servotwin watch`
-    /// (docs/watch.md).
-    #[arg(long, value_name = "FILE")]
-    map: Option<PathBuf>,
-    #[command(flatten)]
-    span: SpanOptions,
-    /// The parameters to fit, separated by commas: full names or their ends, e.g. null_bias. With =SIGMA (a number with
-    /// a unit, or a percentage of the value), a parameter needs no tolerance [default: all parameters with a
-    /// tolerance].
+    /// The parameters to fit, separated by commas: full names or their ends, e.g. null_bias [default: all parameters
+    /// with a tolerance].
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     parameters: Vec<String>,
     /// Also estimate what every plant of the study draws on top of its tolerances, `[flights].draws`: for the aileron
@@ -76,36 +61,117 @@ pub(crate) struct Options {
     design: bool,
     #[command(flatten)]
     limits: design::AllowedCommand,
+}
+
+/// What is fitted, for `fit` and `history`.
+#[derive(clap::Args)]
+pub(crate) struct FitOptions {
+    /// The system file [default: the study's system].
+    #[arg(value_name = "SYSTEM")]
+    system: Option<PathBuf>,
+    /// A study file with the tolerances and faults [default: paper].
+    #[arg(long, value_name = "STUDY")]
+    study: Option<PathBuf>,
+    /// A map file that assigns the columns of a log to inputs and sensors with their units, as for `servotwin watch`
+    /// (docs/watch.md).
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+    #[command(flatten)]
+    span: SpanOptions,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
 }
 
-/// Estimates the number of runs in a fit with this many unknowns and suspects.
-fn usual_runs(unknowns: usize, suspects: usize) -> usize {
-    3 * (unknowns + 1) + 20 + suspects
+/// The default study.
+const USUAL: &str = "paper";
+
+impl FitOptions {
+    /// Adds the files that are read.
+    pub(crate) fn paths(&self, paths: Paths) -> Paths {
+        paths.read("SYSTEM", &self.system).read_study(self.study.as_ref()).read("--map", &self.map)
+    }
+
+    /// Reads the study, with another system if one is named.
+    pub(crate) fn study(&self) -> Result<Study, Failure> {
+        let Some(system) = &self.system else {
+            return Ok(self.study.as_ref().map_or_else(|| Ok(Study::default()), Study::read)?);
+        };
+        let (text, name) = FileType::Study.read(self.study.as_deref().unwrap_or(Path::new(USUAL)))?;
+        match (&self.study, Study::parse_for(&text, &name, System::read(system)?)) {
+            (None, Err(TomlError::Mistakes { .. })) => Err(other_system(system)?),
+            (_, read) => Ok(read?),
+        }
+    }
+
+    /// Reads how to read the logs of a study.
+    pub(crate) fn logs<'s>(&self, study: &'s Study, global: Global) -> Result<Logs<'s>, Failure> {
+        let map = self.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
+        Ok(Logs { study, map, span: self.span.read()?, global })
+    }
+
+    /// A fit that Ctrl-C stops.
+    pub(crate) fn problem<'s>(&self, fit: Fit<'s>, progress: &'s (dyn Fn() + Sync)) -> Fit<'s> {
+        let threads = self.threads.unwrap_or(fit.threads).max(1);
+        Fit { threads, cancel: Some(stop::flag()), progress, ..fit }
+    }
+}
+
+/// How logs are read as records.
+pub(crate) struct Logs<'s> {
+    study: &'s Study,
+    map: Option<Map>,
+    span: LogSpan,
+    global: Global,
+}
+
+impl Logs<'_> {
+    /// Reads a log as a record with a name. Notes its irregularities, sensors that it lacks, and values that were left
+    /// out.
+    pub(crate) fn read(&self, path: &Path, name: &str) -> Result<FitRecord, Failure> {
+        let whole = intake::read(path, self.map.as_ref(), self.span, self.study);
+        let whole = whole.map_err(|error| Failure::of_intake(name, error))?;
+        let tell = |text: &str| note(self.global, &format!("{name}: {text}"));
+        whole.warnings.iter().for_each(|warning| tell(warning));
+        let (counts, met) = (&whole.counts, whole.counts.met_in_words().join("; "));
+        if !met.is_empty() {
+            let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
+            tell(&format!("{frames} {counted}s became {samples} samples: {met}"));
+        }
+        let record = FitRecord::from_table(name, &whole.table, &self.study.system)
+            .map_err(|error| FitError::Record { name: name.into(), error })?;
+        let lacking = record.lacking(&self.study.system);
+        if !lacking.is_empty() {
+            let lacking = lacking.join(", ");
+            note(self.global, &format!("{name} has no column for the sensors {lacking}"));
+        }
+        record.left_out.iter().for_each(|own| tell(&format!("{}: left out", own.sentence)));
+        Ok(record)
+    }
+}
+
+/// Counts runs, and shows them as parts of a usual number.
+pub(crate) fn run_counter(stages: &Stages, usual: f64) -> impl Fn() + Sync {
+    let runs = AtomicUsize::new(0);
+    move || {
+        let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
+        stages.show(&format!("{done} runs"), (done as f64 / usual).min(0.99));
+    }
 }
 
 impl Run for Options {
     fn paths(&self) -> Paths {
-        Paths::default()
-            .read("LOG", self.log.iter().chain(&self.more))
-            .read("SYSTEM", &self.system)
-            .read_study(self.study.as_ref())
-            .read("--map", &self.map)
-            .write("--out", Format::TOML, &self.out)
+        let paths = Paths::default().read("LOG", self.log.iter().chain(&self.more));
+        self.fit.paths(paths).write("--out", Format::TOML, &self.out)
     }
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
-        let study = read_study(self.study.as_deref(), self.system.as_deref())?;
-        let map = self.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
-        let logs = self.log.iter().chain(&self.more);
-        let span = self.span.read()?;
-        let read = |path: &PathBuf| read_record(path, map.as_ref(), span, &study, global);
-        let records = logs.map(read).collect::<Result<_, _>>()?;
+        let study = self.fit.study()?;
+        let logs = self.fit.logs(&study, global)?;
+        let read = |path: &PathBuf| logs.read(path, &path.display().to_string());
+        let records = self.log.iter().chain(&self.more).map(read).collect::<Result<_, _>>()?;
         stop::heed();
         let stages = Stages::new(global);
-        let runs = AtomicUsize::new(0);
         let mut problem = Fit::of_study(&study, records);
         if !self.parameters.is_empty() {
             problem.unknowns = chosen(&self.parameters, &problem.unknowns, &study)?;
@@ -113,24 +179,14 @@ impl Run for Options {
         if self.draws {
             problem.unknowns.extend(Unknown::of_draws(&study));
         }
-        let usual =
-            usual_runs(problem.unknowns.len(), problem.suspects.len()) * problem.records.len();
-        let progress = || {
-            let done = runs.fetch_add(1, Ordering::Relaxed) + 1;
-            stages.show(&format!("{done} runs"), (done as f64 / usual as f64).min(0.99));
-        };
-        let problem = Fit {
-            threads: self.threads.unwrap_or(problem.threads).max(1),
-            cancel: Some(stop::flag()),
-            progress: &progress,
-            ..problem
-        };
+        let usual = 3 * (problem.unknowns.len() + 1) + 20 + problem.suspects.len();
+        let progress = run_counter(&stages, (usual * problem.records.len()) as f64);
+        let problem = self.fit.problem(problem, &progress);
         if self.design {
             return design::run(&self.limits, &problem, &study);
         }
         if !self.faults.is_empty() {
-            let faults = chosen_faults(&self.faults, &problem)?;
-            let found = intensity_and_onset(&problem, &faults)?;
+            let found = problem.diagnose(&chosen_faults(&self.faults, &study.system)?)?;
             stages.end();
             return Ok(intensities(&found));
         }
@@ -158,8 +214,8 @@ fn described(
         (false, Some(_)) => "; no update, nothing is written".into(),
         (_, None) => String::new(),
     };
-    let values = [("state", verdict.name().into()), ("is_update", fitted.is_update().into())];
-    let sentence = line(&(verdict.sentence() + &written), values);
+    let values = [("state", verdict.state.into()), ("is_update", fitted.is_update().into())];
+    let sentence = line(&format!("{}{written}", verdict.sentence), values);
     let mut document = Document::new(
         "fit",
         match fitted.is_update() {
@@ -174,51 +230,15 @@ fn described(
         records.push(row![&record.name, duration, record.sensors.len()]);
     }
     document.table("records", records);
-    let sentences = fitted.findings.iter().map(|finding| finding.sentence(problem));
-    document.list("findings", sentences);
-    document.table("fault", likely_faults(verdict.fault()));
+    document.list("findings", &fitted.findings);
+    document.table("fault", likely_faults(&verdict.fault));
     document.table("parameters", parameters(fitted, problem));
-    let unseen = fitted.known.directions.iter().filter(|own| own.information < 1.0).count();
-    document.text(line(
-        "In {unseen} of {all} directions the record adds less than the tolerances already give.",
-        [("unseen", unseen.into()), ("all", problem.unknowns.len().into())],
-    ));
     document.table("sensors", residuals(fitted, problem)).detail();
-    evidence(fitted, problem, &mut document);
-    document
-}
-
-/// What programs read beside the tables: left out samples, and how the parameters are known together.
-fn evidence(fitted: &FitResults, problem: &Fit, document: &mut Document) {
-    let mut left_out = Table::of("column: | count: | first: | value:");
-    for LeftOut { column, count, place, value, .. } in
-        problem.records.iter().flat_map(|record| &record.left_out)
-    {
-        left_out.push([
-            column.into(),
-            Value::of("", count),
-            Value::of("", place),
-            Value::of("", value),
-        ]);
-    }
-    document.table("left_out", left_out);
-    let size = problem.unknowns.len();
-    let correlations: Vec<Vec<f64>> =
-        (0..size).map(|i| (0..size).map(|j| fitted.known.correlation(i, j)).collect()).collect();
-    document.data("correlations", &correlations);
-    let mut directions = Table::of("information: | weights:");
-    for own in &fitted.known.directions {
-        directions.push([Value::of("", &own.information), Value::of("", &own.weights)]);
-    }
-    document.table("directions", directions);
-    let mut suspects = Table::of("name: | score: | intensity: | onset:");
-    for own in fitted.suspects.iter().take(5) {
-        let onset = onset(own.onset);
-        let (score, intensity) = (Value::of("", &own.score), Value::of("", &own.intensity));
-        suspects.push([Value::from(&own.name), score, intensity, onset]);
-    }
-    document.table("suspects", suspects);
+    let left_out = problem.records.iter().flat_map(|record| &record.left_out);
+    document.data("left_out", &left_out.collect::<Vec<_>>());
+    document.data("suspects", &fitted.suspects.iter().take(5).collect::<Vec<_>>());
     document.fact("steps", "", Value::of("", &fitted.steps));
+    document
 }
 
 fn parameters(fitted: &FitResults, problem: &Fit) -> Table {
@@ -227,11 +247,9 @@ fn parameters(fitted: &FitResults, problem: &Fit) -> Table {
     );
     for (k, unknown) in problem.unknowns.iter().enumerate() {
         let per_sigma = unknown.per_sigma(unknown.nominal());
-        let others = match &unknown.moved {
-            Moved::Parameters { members, .. } if members.len() > 1 => {
-                format!(" and {} more", members.len() - 1)
-            }
-            _ => String::new(),
+        let others = match unknown.members.len() {
+            0 | 1 => String::new(),
+            count => format!(" and {} more", count - 1),
         };
         table.push(row![
             Value::of(format!("{}{others}", unknown.name), &unknown.name),
@@ -240,7 +258,7 @@ fn parameters(fitted: &FitResults, problem: &Fit) -> Table {
             Value::mixed(unknown.value(fitted.z[k]), unknown.unit),
             Value::difference((fitted.known.error(k) * per_sigma).abs(), unknown.unit, 2),
             Value::of("", &per_sigma.abs()),
-            fitted.known.sentence(&problem.unknowns, k),
+            fitted.known.sentence("record", &problem.unknowns, k),
         ]);
     }
     table
@@ -298,137 +316,61 @@ fn likely_faults<'f>(found: impl IntoIterator<Item = &'f Diagnosed>) -> Table {
 
 /// When a fault began; a log that begins with it has no onset.
 fn onset(onset: Option<FoundOnset>) -> Value {
-    let Some(FoundOnset { at_s, interval_s: (low, high), score }) = onset else {
-        return Value::of("first sample", &None::<f64>);
-    };
-    let text = format!("{at_s:.2} s ({low:.2} … {high:.2})");
-    Value::of(
-        text,
-        &BTreeMap::from([("at_s", at_s), ("low_s", low), ("high_s", high), ("score", score)]),
-    )
+    let text = onset.map_or_else(
+        || "first sample".to_owned(),
+        |FoundOnset { at_s, low_s, high_s, .. }| format!("{at_s:.2} s ({low_s:.2} … {high_s:.2})"),
+    );
+    Value::of(text, &onset)
 }
 
-/// Reads a study, with another system if one is named.
-pub(crate) fn read_study(study: Option<&Path>, system: Option<&Path>) -> Result<Study, Failure> {
-    let Some(system) = system else {
-        return match study {
-            Some(path) => Ok(Study::read(path)?),
-            None => Ok(Study::default()),
-        };
-    };
-    let (text, name) = FileType::Study.read(study.unwrap_or(Path::new(USUAL)))?;
-    match (study, Study::parse_for(&text, &name, System::read(system)?)) {
-        (None, Err(TomlError::Mistakes { .. })) => Err(other_system(system)?),
-        (_, read) => Ok(read?),
-    }
-}
-
-/// The default study.
-const USUAL: &str = "paper";
-
-/// The failure for a system of another study. It suggests the built-in study of the system's name, or the study that
-/// `servotwin init` writes next to the file.
+/// The failure for a system of another study, with the study that it may belong to: the built-in one of its name, or the
+/// one that `servotwin init` writes next to the file.
 fn other_system(path: &Path) -> Result<Failure, Failure> {
     let system = System::read(path)?.name;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let beside = path.with_file_name(format!("{stem}_study.toml"));
     let own = match built_in::find(&built_in::STUDIES, &system) {
-        Some(_) => Some(system.clone()),
-        None => beside.exists().then(|| beside.display().to_string()),
+        Some(_) => system.clone(),
+        None if beside.exists() => beside.display().to_string(),
+        None => "FILE".into(),
     };
     Ok(Failure::input(format!(
         "tolerances and faults are a study's, and without --study those of '{USUAL}' are taken, to which the system \
-         '{system}' does not belong: give --study {}",
-        own.as_deref().unwrap_or("FILE")
+         '{system}' does not belong: give --study {own}"
     )))
 }
 
-fn read_record(
-    path: &Path,
-    map: Option<&Map>,
-    span: LogSpan,
-    study: &Study,
-    global: Global,
-) -> Result<FitRecord, Failure> {
-    let table = read_log(path, map, span, study, global)?;
-    let name = path.display().to_string();
-    let record = FitRecord::from_table(&name, &table, &study.system)
-        .map_err(|error| FitError::Record { name: name.clone(), error })?;
-    tell(&name, &record, study, global);
-    Ok(record)
-}
-
-/// Notes the sensors that a record lacks, and the parts that were left out of it.
-pub(crate) fn tell(name: &str, record: &FitRecord, study: &Study, global: Global) {
-    let lacking = record.lacking(&study.system);
-    if !lacking.is_empty() {
-        note(global, &format!("{name} has no column for the sensors {}", lacking.join(", ")));
-    }
-    for left_out in &record.left_out {
-        note(global, &format!("{name}: {left_out}: left out"));
-    }
-}
-
-/// Finds the unknowns by their names.
+/// Finds the unknowns by their names: full names of their parameters, or ends of them.
 fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknown>, Failure> {
     let components = &study.system.network().components;
-    let full = |(component, parameter): (usize, usize)| {
-        let instance = &components[component];
-        format!("{}.{}", instance.id, instance.component.parameters[parameter].name)
-    };
-    let matches = |id: &str, name: &str| id == name || id.ends_with(&format!(".{name}"));
     let mut found: Vec<Unknown> = Vec::new();
     for name in names {
-        let own: Vec<Unknown> = match name.split_once('=') {
-            None => {
-                let members = |unknown: &&Unknown| match &unknown.moved {
-                    Moved::Parameters { members, .. } => {
-                        members.iter().any(|&(c, p, _)| matches(&full((c, p)), name))
-                    }
-                    Moved::Fault(..) => false,
-                };
-                all.iter().filter(members).cloned().collect()
-            }
-            Some((name, sigma)) => {
-                let every = components.iter().enumerate().flat_map(|(c, instance)| {
-                    (0..instance.component.parameters.len()).map(move |p| (c, p))
-                });
-                let own = every.filter(|&place| matches(&full(place), name));
-                own.map(|place| of_parameter(place, sigma, study)).collect::<Result<_, _>>()?
-            }
+        let is_named = |&(component, parameter, _): &(usize, usize, f64)| {
+            let instance = &components[component];
+            let id = format!("{}.{}", instance.id, instance.component.parameters[parameter].name);
+            id == *name || id.ends_with(&format!(".{name}"))
         };
+        let own: Vec<&Unknown> =
+            all.iter().filter(|unknown| unknown.members.iter().any(is_named)).collect();
         if own.is_empty() {
-            let (given, known) = (name.clone(), all.iter().map(|unknown| unknown.name.clone()));
-            let what = "tolerance for (give =SIGMA for another parameter)";
-            return Err(UnknownName { what, given, known: known.collect() }.into());
+            let known = all.iter().map(|unknown| unknown.name.clone()).collect();
+            return Err(UnknownName { what: "tolerance for", given: name.clone(), known }.into());
         }
         for unknown in own {
-            if found.iter().any(|other| other.name == unknown.name) {
+            if found.contains(unknown) {
                 let twice = format!("'{}' is given twice", unknown.name);
                 return Err(Failure::option("--parameters", twice));
             }
-            found.push(unknown);
+            found.push(unknown.clone());
         }
     }
     Ok(found)
 }
 
-fn of_parameter(place: (usize, usize), sigma: &str, study: &Study) -> Result<Unknown, Failure> {
-    let instance = &study.system.network().components[place.0];
-    let unit = instance.component.parameters[place.1].unit;
-    let relative = sigma.trim_end().ends_with('%') && unit != Unit::None;
-    let unit = if relative { Unit::None } else { unit };
-    let words = "a standard deviation is greater than 0";
-    let value = quantity("--parameters", sigma, unit, POSITIVE, words)?;
-    let tolerance = Tolerance { parameters: vec![place], sigma: value, absolute: !relative };
-    Ok(Unknown::tolerance(&study.system, &tolerance))
-}
-
 /// Finds the faults by their names.
 pub(crate) fn chosen_faults(
     names: &[String],
-    problem: &Fit,
+    system: &System,
 ) -> Result<Vec<(usize, usize)>, Failure> {
-    let of = |id: &String| problem.system.find_fault(id);
-    Ok(names.iter().map(of).collect::<Result<_, _>>()?)
+    Ok(names.iter().map(|id| system.find_fault(id)).collect::<Result<_, _>>()?)
 }

@@ -1,30 +1,21 @@
 //! `servotwin history`: follows wear over the flights of one tail number.
 
-use super::fit::{chosen_faults, read_study, tell};
+use super::fit::{FitOptions, chosen_faults, run_counter};
 use super::log_folder::LogFolder;
+use super::note;
 use super::progress::Stages;
-use super::{SpanOptions, note, note_intake};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
 use servotwin::fit::history::{Drift, History, HistoryFlight, Log, Track};
 use servotwin::fit::repair::Repair;
-use servotwin::fit::trend::{Point, Trend};
-use servotwin::fit::{Fit, FitError, FitRecord, Knowledge, RecordError};
-use servotwin::moment;
+use servotwin::fit::trend::{Point, Reached, Trend};
+use servotwin::fit::{Fit, FitError, RecordError, Unknown};
 use servotwin::shown::number;
-use servotwin::study::Study;
-use servotwin::table::{self, Column, Table, TableError, Values};
-use servotwin_view::document::{Document, Table as Rows, Value, Verdict, line};
+use servotwin::table::{self, Column, Table, Values};
+use servotwin_view::document::{Document, Line, Table as Rows, Value, Verdict, line};
 use servotwin_view::row;
-use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
-use servotwin_watch::guard::IntakeError;
-use servotwin_watch::intake;
-use servotwin_watch::map::Map;
-use servotwin_watch::span::LogSpan;
-use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{self, AtomicUsize};
 
 /// Follow the wear of one tail number: each fault with its trend and the time to a threshold.
 ///
@@ -38,18 +29,8 @@ pub(crate) struct Options {
     /// The folder with the logs (.csv, .parquet, .mcap, .jsonl).
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
-    /// The system file [default: the study's system].
-    #[arg(value_name = "SYSTEM")]
-    system: Option<PathBuf>,
-    /// A study file with the tolerances and faults [default: paper].
-    #[arg(long, value_name = "STUDY")]
-    study: Option<PathBuf>,
-    /// A map file that assigns the columns of a log to inputs and sensors with their units, as for `servotwin watch`
-    /// (docs/watch.md).
-    #[arg(long, value_name = "FILE")]
-    map: Option<PathBuf>,
     #[command(flatten)]
-    span: SpanOptions,
+    fit: FitOptions,
     /// Track these faults, separated by commas [default: the faults found in the flights with findings].
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     faults: Vec<String>,
@@ -62,23 +43,13 @@ pub(crate) struct Options {
     /// Write a table with one row for each flight (.csv or .parquet).
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Draw intensities, trends and parameters to a .svg or .png file.
-    #[arg(long, value_name = "FILE")]
-    plot: Option<PathBuf>,
-    /// Number of threads [default: all processors; the results do not depend on it].
-    #[arg(long, value_parser = super::threads)]
-    threads: Option<usize>,
 }
 
 impl Run for Options {
     fn paths(&self) -> Paths {
-        Paths::default()
-            .read("the log", LogFolder::read(&self.folder).unwrap_or_default().paths)
-            .read("SYSTEM", &self.system)
-            .read_study(self.study.as_ref())
-            .read("--map", &self.map)
-            .write("--out", Format::Table, &self.out)
-            .write("--plot", Format::Figure, &self.plot)
+        let logs = LogFolder::read(&self.folder).unwrap_or_default().paths;
+        let paths = self.fit.paths(Paths::default().read("the log", logs));
+        paths.write("--out", Format::Table, &self.out)
     }
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
@@ -86,25 +57,20 @@ impl Run for Options {
             let range = "above 0, at most 1";
             return Err(Failure::out_of_range("--threshold", self.threshold, range));
         }
-        let study = read_study(self.study.as_deref(), self.system.as_deref())?;
-        let map = self.map.as_ref().map(|path| Map::read(path, &study.system)).transpose()?;
+        let study = self.fit.study()?;
+        let logs = self.fit.logs(&study, global)?;
         let folder = LogFolder::read(&self.folder)?;
         if let Some(skipped) = folder.sentence() {
             note(global, &skipped);
         }
-        let span = self.span.read()?;
         stop::heed();
         let stages = Stages::new(global);
-        let mut all: Vec<(Option<f64>, Log)> = Vec::new();
-        for path in &folder.paths {
+        let read = |path: &PathBuf| {
             let name = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into());
-            let (begin_s, record) = record(path, &name, map.as_ref(), span, &study, global);
-            if let Ok(record) = &record {
-                tell(&name, record, &study, global);
-            }
-            all.push((begin_s, (name, record)));
-        }
-        let all = in_order(all, global);
+            let record = logs.read(path, &name).map_err(|failure| reason(&failure, path, &name));
+            (name, record)
+        };
+        let all = in_order(folder.paths.iter().map(read).collect(), global);
         if let [(name, Err(error)), ..] = &all[..]
             && all.iter().all(|(_, record)| record.is_err())
         {
@@ -113,26 +79,13 @@ impl Run for Options {
                 "{folder}: none of its logs can be used; {name}: {error}"
             )));
         }
-        let (runs, usual) = (AtomicUsize::new(0), 300.0 * folder.paths.len() as f64);
-        let progress = || {
-            let done = runs.fetch_add(1, atomic::Ordering::Relaxed) + 1;
-            stages.show(&format!("{done} runs"), (done as f64 / usual).min(0.99));
-        };
-        let problem = Fit::of_study(&study, Vec::new());
-        let problem = Fit {
-            threads: self.threads.unwrap_or(problem.threads).max(1),
-            cancel: Some(stop::flag()),
-            progress: &progress,
-            ..problem
-        };
-        let faults = chosen_faults(&self.faults, &problem)?;
+        let progress = run_counter(&stages, 300.0 * folder.paths.len() as f64);
+        let problem = self.fit.problem(Fit::of_study(&study, Vec::new()), &progress);
+        let faults = chosen_faults(&self.faults, &study.system)?;
         let history = problem.history(all, &faults)?;
         stages.end();
         if let Some(path) = &self.out {
             table::write(path, &as_table(&history, &problem)?)?;
-        }
-        if let Some(path) = &self.plot {
-            figure(&history, &problem, self.threshold).draw().save(path)?;
         }
         let mut document = described(&history, &problem, self);
         let mut skipped = Rows::of("name: | reason:");
@@ -142,131 +95,69 @@ impl Run for Options {
     }
 }
 
-/// The logs in the order of the dates in them, of the dates in their names where a log has none, or else of their names.
-fn in_order(mut all: Vec<(Option<f64>, Log)>, global: Global) -> Vec<Log> {
-    let usable = || all.iter().filter(|(_, (_, record))| record.is_ok());
-    let dated = usable().filter(|(begin_s, _)| begin_s.is_some()).count();
-    let is_in_names = dated == 0 && usable().all(|(_, (name, _))| date_in(name).is_some());
-    let is_dated = dated == usable().count() || is_in_names;
-    if is_in_names {
-        all.iter_mut().for_each(|(begin_s, (name, _))| *begin_s = date_in(name));
+/// The logs in the order of the dates in them, or else of their names.
+fn in_order(mut all: Vec<Log>, global: Global) -> Vec<Log> {
+    let usable = || all.iter().filter_map(|(_, record)| record.as_ref().ok());
+    let days: Vec<f64> = usable().filter_map(|record| record.begin_s).collect();
+    if days.is_sorted() {
+        return all;
     }
-    let days: Vec<f64> = all.iter().filter_map(|(begin_s, _)| *begin_s).collect();
-    let is_sorted = days.is_sorted();
-    if is_dated && !is_sorted {
-        all.sort_by(|(one, _), (other, _)| one.partial_cmp(other).unwrap_or(Ordering::Equal));
-        let place = if is_in_names { "names" } else { "logs" };
+    if days.len() < usable().count() {
         let text = format!(
-            "the flights are in the order of the dates in their {place}, which is not that of their names"
-        );
-        note(global, &text);
-    } else if !is_sorted {
-        let text = format!(
-            "the flights are in the order of their names, which contradicts the dates in {dated} of {} logs: name them \
-             by their dates (2026-11-21)",
+            "the flights are in the order of their names, which contradicts the dates in {} of {} logs: name them by \
+             their dates (2026-11-21)",
+            days.len(),
             all.len()
         );
         note(global, &text);
-    } else if let Some(name) = all.iter().map(|(_, (name, _))| name).find(|n| is_doubtful(n)) {
-        let text = format!(
-            "the flights are in the order of their names: whether '{}' begins with the day or the month is not known; \
-             name them by their dates (2026-11-21)",
-            servotwin::sanitize::text(name)
-        );
-        note(global, &text);
+        return all;
     }
-    all.into_iter().map(|(_, log)| log).collect()
+    // Unusable logs come last.
+    let day = |(_, record): &Log| record.as_ref().ok().and_then(|own| own.begin_s);
+    let day = |log: &Log| day(log).unwrap_or(f64::INFINITY);
+    all.sort_by(|one, other| day(one).total_cmp(&day(other)));
+    let text =
+        "the flights are in the order of the dates in their logs, which is not that of their names";
+    note(global, text);
+    all
 }
 
-/// The parts of a file's name that may be a date.
-fn parts_of(name: &str) -> impl Iterator<Item = &str> {
-    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-    stem.split(['_', ' '])
-}
-
-/// The date in a file's name, s since 1970.
-fn date_in(name: &str) -> Option<f64> {
-    parts_of(name).find_map(moment::seconds)
-}
-
-/// Whether a file's name has a date whose order of day and month is not known.
-fn is_doubtful(name: &str) -> bool {
-    parts_of(name).any(|part| moment::refusal(part).is_some())
-}
-
-/// The first time of a log, if that is a date, and the log as a record.
-type DatedRecord = (Option<f64>, Result<FitRecord, RecordError>);
-
-/// Reads a log as a record. An unreadable table and one without a usable signal both count as unusable, and do not end
-/// the history of the others.
-fn record(
-    path: &Path,
-    name: &str,
-    map: Option<&Map>,
-    span: LogSpan,
-    study: &Study,
-    global: Global,
-) -> DatedRecord {
-    let error = match intake::read(path, map, span, study) {
-        Ok(whole) => {
-            note_intake(&path.display().to_string(), &whole, global);
-            let table = whole.table;
-            let begin_s = table.f64("time_s").ok().and_then(|times_s| times_s.first().copied());
-            let record = FitRecord::from_table(name, &table, &study.system);
-            return (begin_s.filter(|begin_s| moment::is_date(*begin_s)), record);
-        }
-        Err(error) => error,
-    };
-    let text = match error {
-        IntakeError::Record(error) => return (None, Err(error)),
-        IntakeError::Refused { reason, .. } => reason,
-        IntakeError::Table(TableError::Content { problem, .. }) => problem.to_string(),
-        IntakeError::Map(lacking) => lacking.to_string().lines().next().unwrap_or_default().into(),
-        error => error.to_string(),
-    };
-    // The caller names the log.
-    let text = text.strip_prefix(&format!("{}: ", path.display())).map_or(text.clone(), Into::into);
-    (None, Err(RecordError::Column(text)))
+/// Why a log cannot be used, without its name: it does not end the history of the others.
+fn reason(failure: &Failure, path: &Path, name: &str) -> RecordError {
+    let text = failure.message.lines().next().unwrap_or_default();
+    let text = text.strip_prefix("error: ").unwrap_or(text);
+    let of_log = |log: &str| text.strip_prefix(&format!("{log}: "));
+    let text = of_log(name).or_else(|| of_log(&path.display().to_string())).unwrap_or(text);
+    RecordError(text.into())
 }
 
 /// The alarm sentence of a track, if it may reach its threshold.
 fn alarm(track: &Track, options: &Options) -> Option<String> {
+    let (name, threshold) = (&track.name, options.threshold);
+    let has_reached = || format!("{name} has reached {threshold}");
     let Some(trend) = &track.trend else {
         // Without a trend, the last level alone may prove that the threshold is reached.
         let last = track.points.last()?;
-        let is_reached = last.level - 1.96 * last.error >= options.threshold;
-        return is_reached.then(|| format!("{} has reached {}", track.name, options.threshold));
+        return (last.level - 1.96 * last.error >= threshold).then(has_reached);
     };
-    let reached = trend.reaches(options.threshold);
+    let reached = trend.reaches(threshold);
     let earliest = reached.earliest.filter(|flights| *flights <= f64::from(options.within))?;
+    if reached.expected == Some(0.0) {
+        return Some(has_reached());
+    }
     // A wide interval alone is no alarm. The wear must be growing significantly.
-    let is_growing = trend.significance() > 3.0 || reached.expected == Some(0.0);
-    is_growing.then(|| match reached.expected {
-        Some(0.0) => format!("{} has reached {}", track.name, options.threshold),
-        _ => format!(
-            "{} may reach {} in {} flights",
-            track.name,
-            options.threshold,
-            number(earliest.ceil(), 4)
-        ),
-    })
+    let flights = number(earliest.ceil(), 4);
+    (trend.significance() > 3.0)
+        .then(|| format!("{name} may reach {threshold} in {flights} flights"))
 }
 
-/// The intensity of a track in a flight, with its standard error.
-fn of_flight(track: &Track, flight: usize) -> Option<(f64, f64)> {
-    let point = track.points.iter().find(|point| point.at == flight as f64)?;
-    Some((point.level, point.error))
-}
-
-fn verdict(flight: &HistoryFlight, problem: &Fit) -> String {
+/// What a flight is, in words.
+fn verdict(flight: &HistoryFlight) -> String {
     match &flight.fitted {
         // The caller names the log.
-        Err(FitError::Record { error, .. }) => format!("{error}"),
-        Err(error) => format!("{error}"),
-        Ok(fitted) => match fitted.findings.first() {
-            None => "healthy".into(),
-            Some(finding) => finding.sentence(problem),
-        },
+        Err(FitError::Record { error, .. }) => error.to_string(),
+        Err(error) => error.to_string(),
+        Ok(fitted) => fitted.findings.first().cloned().unwrap_or_else(|| "healthy".into()),
     }
 }
 
@@ -294,36 +185,65 @@ fn when(trend: &Trend, threshold: f64) -> String {
     }
 }
 
-fn sentence(track: &Track, threshold: f64) -> String {
-    let Some(trend) = &track.trend else {
-        let since = if track.last_repair().is_some() { " since the repair" } else { "" };
-        return format!("{}: too few flights{since} for a trend", track.name);
+/// A track, in words and with all its numbers.
+fn tracked(track: &Track, threshold: f64) -> Line {
+    let each =
+        |of: fn(&Point) -> f64| Value::of("", &track.points.iter().map(of).collect::<Vec<f64>>());
+    let trend = track.trend.as_ref();
+    let text = match trend {
+        Some(trend) => format!(
+            "{{fault}} ({{probability}}): {{level}} ± {{level_error}}, {{rate_per_flight}} a flight; {}",
+            when(trend, threshold)
+        ),
+        None if track.last_repair().is_some() => {
+            "{fault}: too few flights since the repair for a trend".into()
+        }
+        None => "{fault}: too few flights for a trend".into(),
     };
-    let last = trend.last();
-    format!(
-        "{} ({:.0} %): {} ± {}, {} a flight; {}",
-        track.name,
-        100.0 * track.probability,
-        number(last.level, 3),
-        number(1.96 * last.variance[0].sqrt(), 2),
-        number(last.rate, 2),
-        when(trend, threshold)
-    )
+    let shown = |value: Option<f64>, factor: f64, digits: usize| match value {
+        Some(value) => Value::number(value, number(factor * value, digits)),
+        None => Value::missing(),
+    };
+    let error = |place: usize| trend.map(|trend| trend.last.variance[place].sqrt());
+    let reached = trend.map(|trend| trend.reaches(threshold));
+    let flights = |of: fn(Reached) -> Option<f64>| Value::of("", &reached.and_then(of));
+    let values = [
+        ("fault", (&track.name).into()),
+        ("probability", Value::percent(track.probability, 0)),
+        ("flights", each(|point| point.at)),
+        ("intensities", each(|point| point.level)),
+        ("errors", each(|point| point.error)),
+        ("level", shown(trend.map(|trend| trend.last.level), 1.0, 3)),
+        ("level_error", shown(error(0), 1.96, 2)),
+        ("rate_per_flight", shown(trend.map(|trend| trend.last.rate), 1.0, 2)),
+        ("rate_error", Value::of("", &error(2))),
+        ("flights_to_threshold", flights(|reached| reached.expected)),
+        ("earliest_flights", flights(|reached| reached.earliest)),
+        ("latest_flights", flights(|reached| reached.latest)),
+    ];
+    line(&text, values)
 }
 
-/// Describes a drop in intensity in a sentence.
-fn repaired(repair: &Repair, track: &Track, history: &History) -> String {
-    let place = repair.at as usize;
-    let log = history.flights.get(place).map_or("", |flight| &flight.name);
-    let (name, fall) = (&track.name, number(repair.fall, 2));
-    match repair.is_confirmed {
-        true => format!(
-            "{name}: repaired before flight {place} ({log}): the intensity falls by {fall}, and a new trend begins"
-        ),
-        false => format!(
-            "{name}: flight {place} ({log}) is lower by {fall}: a repair or a bad flight; the next flight decides, and the trend leaves this one out"
-        ),
-    }
+/// A drop in intensity.
+fn repaired(repair: &Repair, track: &Track, history: &History) -> Line {
+    let text = match repair.is_confirmed {
+        true => {
+            "{fault}: repaired before flight {flight} ({log}): the intensity falls by {fall}, and a new trend begins"
+        }
+        false => {
+            "{fault}: flight {flight} ({log}) is lower by {fall}: a repair or a bad flight; the next flight decides, \
+             and the trend leaves this one out"
+        }
+    };
+    let log = history.flights.get(repair.at as usize).map_or("", |flight| &flight.name);
+    let values = [
+        ("fault", (&track.name).into()),
+        ("flight", Value::number(repair.at, repair.at.to_string())),
+        ("log", log.into()),
+        ("fall", Value::digits(repair.fall, 2)),
+        ("is_confirmed", repair.is_confirmed.into()),
+    ];
+    line(text, values)
 }
 
 fn described(history: &History, problem: &Fit, options: &Options) -> Document {
@@ -342,34 +262,43 @@ fn described(history: &History, problem: &Fit, options: &Options) -> Document {
     let mut document = Document::new("history", verdict);
     document.fact("threshold", "", Value::of("", &threshold));
     document.fact("alarms", "", Value::list(alarms));
-    for track in &history.tracks {
-        for repair in &track.repairs {
-            document.text(repaired(repair, track, history));
-        }
-        document.text(sentence(track, threshold));
-    }
-    drifts(history, problem, &mut document);
-    document.table("flights", flights(history, problem));
-    tracks(history, threshold, &mut document);
+    let repairs = history
+        .tracks
+        .iter()
+        .flat_map(|track| track.repairs.iter().map(move |repair| repaired(repair, track, history)));
+    document.list("repairs", repairs);
+    document.list("tracks", history.tracks.iter().map(|track| tracked(track, threshold)));
+    let drifts = history.drifts.iter().map(|drift| drifting(drift, problem));
+    document.list("drifts", drifts);
+    document.table("flights", flights(history));
     document
 }
 
+/// The drift of a parameter inside of its tolerance.
+fn drifting(Drift { unknown, trend }: &Drift, problem: &Fit) -> Line {
+    let last = trend.last;
+    line(
+        "{parameter} drifts inside of its tolerance: {per_100_flights} standard deviations of it in a hundred flights, \
+         now {sigmas}",
+        [
+            ("parameter", (&problem.unknowns[*unknown].name).into()),
+            ("per_100_flights", Value::digits(100.0 * last.rate, 2)),
+            ("sigmas", Value::digits(last.level, 2)),
+        ],
+    )
+}
+
 /// The flights with the intensities of every track.
-fn flights(history: &History, problem: &Fit) -> Rows {
+fn flights(history: &History) -> Rows {
     let mut table = Rows::of("flight | log | is_usable: | is_healthy: | verdict:_");
     for track in &history.tracks {
         table.column(format!("intensity:{}", track.name), format!("{} ± 95 %", track.name));
     }
     for (place, flight) in history.flights.iter().enumerate() {
-        let mut row = row![
-            place,
-            &flight.name,
-            flight.fitted.is_ok(),
-            flight.is_healthy(),
-            verdict(flight, problem)
-        ];
-        row.extend(history.tracks.iter().map(|track| match of_flight(track, place) {
-            Some((level, error)) => {
+        let (is_usable, is_healthy) = (flight.fitted.is_ok(), flight.is_healthy());
+        let mut row = row![place, &flight.name, is_usable, is_healthy, verdict(flight)];
+        row.extend(history.tracks.iter().map(|track| match track.in_flight(place) {
+            Some(&Point { level, error, .. }) => {
                 let text = format!("{} ± {}", number(level, 3), number(1.96 * error, 2));
                 Value::number(level, text)
             }
@@ -380,161 +309,35 @@ fn flights(history: &History, problem: &Fit) -> Rows {
     table
 }
 
-/// The drifts of parameters inside of their tolerances.
-fn drifts(history: &History, problem: &Fit, document: &mut Document) {
-    let lines = history.drifts.iter().map(|Drift { unknown, trend, .. }| {
-        let last = trend.last();
-        line(
-            "{parameter} drifts inside of its tolerance: {per_100_flights} standard deviations of it in a hundred \
-             flights, now {sigmas}",
-            [
-                ("parameter", (&problem.unknowns[*unknown].name).into()),
-                ("per_100_flights", Value::digits(100.0 * last.rate, 2)),
-                ("sigmas", Value::digits(last.level, 2)),
-            ],
-        )
-    });
-    document.list("drifts", lines.collect::<Vec<_>>());
-}
-
-/// The tracks and repairs for programs.
-fn tracks(history: &History, threshold: f64, document: &mut Document) {
-    let mut table = Rows::of(
-        "fault: | probability: | flights: | intensities: | errors: | level: | level_error: | rate_per_flight: | rate_error: | flights_to_threshold: | earliest_flights: | latest_flights:",
-    );
-    let mut repairs = Rows::of("fault: | flight: | log: | fall: | is_confirmed:");
-    for track in &history.tracks {
-        let each = |of: fn(&Point) -> f64| {
-            Value::of("", &track.points.iter().map(of).collect::<Vec<f64>>())
-        };
-        let mut row = vec![
-            (&track.name).into(),
-            Value::of("", &track.probability),
-            each(|point| point.at),
-            each(|point| point.level),
-            each(|point| point.error),
-        ];
-        let values = track.trend.as_ref().map(|trend| {
-            let (last, reached) = (trend.last(), trend.reaches(threshold));
-            let [level, rate] = [0, 2].map(|place| Some(last.variance[place].sqrt()));
-            let reached = [reached.expected, reached.earliest, reached.latest];
-            let trend = [Some(last.level), level, Some(last.rate), rate];
-            trend.into_iter().chain(reached).collect()
-        });
-        let values: Vec<Option<f64>> = values.unwrap_or_else(|| vec![None; 7]);
-        row.extend(values.iter().map(|value| Value::of("", value)));
-        table.push(row);
-        for repair in &track.repairs {
-            let log = history.flights.get(repair.at as usize).map(|flight| flight.name.as_str());
-            let (at, fall) = (Value::of("", &repair.at), Value::of("", &repair.fall));
-            repairs.push(row![&track.name, at, log, fall, repair.is_confirmed]);
-        }
-    }
-    document.table("tracks", table);
-    document.table("repairs", repairs);
-}
-
+/// One row for each flight, with the intensities and the parameters.
 fn as_table(history: &History, problem: &Fit) -> Result<Table, Failure> {
-    let count = history.flights.len();
-    let texts = |of: &dyn Fn(&HistoryFlight) -> String| {
-        Values::Text(history.flights.iter().map(of).collect())
-    };
+    let flights = &history.flights;
+    let texts = |of: fn(&HistoryFlight) -> String| Values::Text(flights.iter().map(of).collect());
     let mut columns = vec![
-        Column::new("flight", "", Values::Unsigned((0..count as u32).collect())),
-        Column::new("log", "", texts(&|flight| flight.name.clone())),
-        Column::new("verdict", "", texts(&|flight| verdict(flight, problem))),
+        Column::new("flight", "", Values::Unsigned((0..flights.len() as u32).collect())),
+        Column::new("log", "", texts(|flight| flight.name.clone())),
+        Column::new("verdict", "", texts(verdict)),
     ];
     let mut push = |name: String, of: &dyn Fn(usize) -> Option<f64>| {
-        let values = (0..count).map(|flight| of(flight).unwrap_or(f64::NAN)).collect();
+        let values = (0..flights.len()).map(|flight| of(flight).unwrap_or(f64::NAN)).collect();
         columns.push(Column::new(name, "", Values::Float(values)));
     };
     for track in &history.tracks {
         let name = &track.name;
-        push(format!("intensity:{name}"), &|flight| of_flight(track, flight).map(|p| p.0));
-        push(format!("error:{name}"), &|flight| of_flight(track, flight).map(|p| p.1));
+        push(format!("intensity:{name}"), &|flight| Some(track.in_flight(flight)?.level));
+        push(format!("error:{name}"), &|flight| Some(track.in_flight(flight)?.error));
     }
-    for (k, unknown) in problem.unknowns.iter().enumerate() {
-        let fitted = |flight: usize| history.flights[flight].fitted.as_ref().ok();
-        push(format!("sigmas:{}", unknown.name), &|flight| fitted(flight).map(|f| f.z[k]));
-        push(format!("error_sigmas:{}", unknown.name), &|flight| {
-            fitted(flight).map(|f| f.known.error(k))
-        });
+    for (k, Unknown { name, .. }) in problem.unknowns.iter().enumerate() {
+        let fitted = |flight: usize| flights[flight].fitted.as_ref().ok();
+        push(format!("sigmas:{name}"), &|flight| Some(fitted(flight)?.z[k]));
+        push(format!("error_sigmas:{name}"), &|flight| Some(fitted(flight)?.known.error(k)));
     }
     Ok(Table::from_columns(columns)?)
 }
 
-/// The maximum number of parameters drawn.
-const DRAWN: usize = 6;
-
-fn figure(history: &History, problem: &Fit, threshold: f64) -> TimeSeries<'static> {
-    let mut figure = TimeSeries::new(problem.system.title.clone(), "flight");
-    figure.panel_height = 180.0;
-    for track in &history.tracks {
-        figure = figure.with(panel(track, history.flights.len(), threshold));
-    }
-    let mut parameters = Panel::new("parameters, in standard deviations of their tolerances", "σ");
-    for unknown in drawn(history, problem) {
-        let updates = history.flights.iter().enumerate().filter(|(_, f)| f.is_healthy());
-        let points =
-            updates.filter_map(|(n, f)| Some((n as f64, f.fitted.as_ref().ok()?.z[unknown])));
-        let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
-        let name = problem.unknowns[unknown].name.clone();
-        parameters = parameters.with(Series::new(name, x, y).marked());
-    }
-    // A single flight shows no history of the parameters.
-    match parameters.series.iter().all(|series| series.x.len() < 2) {
-        true => figure,
-        false => figure.with(parameters.with_band(Band::constant("tolerance", -3.0, 3.0))),
-    }
-}
-
-/// The parameters that drift, or else those that the first healthy flight determines.
-fn drawn(history: &History, problem: &Fit) -> Vec<usize> {
-    let drifting: Vec<usize> = history.drifts.iter().map(|drift| drift.unknown).collect();
-    if !drifting.is_empty() {
-        return drifting.into_iter().take(DRAWN).collect();
-    }
-    let first = history.flights.iter().find(|flight| flight.is_healthy());
-    let Some(Ok(fitted)) = first.map(|flight| &flight.fitted) else { return Vec::new() };
-    let known = |k: &usize| fitted.known.each[*k] == Knowledge::Known;
-    (0..problem.unknowns.len()).filter(known).take(DRAWN).collect()
-}
-
-/// Draws the intensities, the trend after each flight, and its extrapolation.
-fn panel(track: &Track, flights: usize, threshold: f64) -> Panel<'static> {
-    let measured = |of: fn(&Point) -> f64| -> Vec<f64> { track.points.iter().map(of).collect() };
-    let mut panel = Panel::new(track.name.clone(), "intensity");
-    panel = panel.with(Series::new("fitted", measured(|p| p.at), measured(|p| p.level)).marked());
-    let last_flight = flights.saturating_sub(1) as f64;
-    let mut end = last_flight;
-    if let Some(trend) = &track.trend {
-        let reached = trend.reaches(threshold);
-        // The reported crossing is always in view.
-        let far = (3.0 * last_flight).max(1.1 * reached.expected.unwrap_or(0.0));
-        let latest = reached.latest.or(reached.expected).unwrap_or(0.3 * last_flight);
-        end = last_flight + latest.max(0.1 * last_flight).min(far);
-        let ahead: Vec<f64> =
-            (0..=60).map(|k| f64::from(k) / 60.0 * (end - trend.last().at)).collect();
-        let times: Vec<f64> = ahead.iter().map(|flights| trend.last().at + flights).collect();
-        let (mean, errors): (Vec<f64>, Vec<f64>) =
-            ahead.iter().map(|flights| trend.ahead(*flights)).unzip();
-        let edge = |sign: f64| -> Vec<f64> {
-            mean.iter().zip(&errors).map(|(mean, error)| mean + sign * 1.96 * error).collect()
-        };
-        panel = panel.with_band(Band {
-            name: "95 % of the trend".into(),
-            x: times.clone().into(),
-            low: edge(-1.0).into(),
-            high: edge(1.0).into(),
-        });
-        panel = panel.with(Series::new("trend", times, mean.clone()));
-    }
-    panel.with(Series::new("threshold", vec![0.0, end], vec![threshold, threshold]))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{date_in, is_doubtful, when};
+    use super::when;
     use servotwin::fit::trend::{Point, Trend};
 
     #[test]
@@ -543,14 +346,5 @@ mod tests {
         let falling: Vec<Point> = (0..10).map(flight).collect();
         let sentence = when(&Trend::of(&falling).unwrap(), 0.5);
         assert_eq!(sentence, "no trend: the threshold is not reached");
-    }
-
-    #[test]
-    fn dates_in_names_order_flights_and_doubtful_ones_are_told() {
-        let names = ["26.10.2026.csv", "flight_1-Nov-2026.csv", "2026-11-21_rig.csv"];
-        let days = names.map(|name| date_in(name).expect(name));
-        assert!(days.is_sorted(), "{days:?}");
-        assert!(date_in("flight_10.csv").is_none() && !is_doubtful("flight_10.csv"));
-        assert!(is_doubtful("10-11-2026.csv") && is_doubtful("rig_10-11-2026.csv"));
     }
 }

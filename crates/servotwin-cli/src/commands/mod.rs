@@ -46,8 +46,6 @@ use servotwin::table::{self, Table};
 use servotwin::toml_text::counted;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
-use servotwin_watch::intake;
-use servotwin_watch::map::Map;
 use servotwin_watch::source::SourceError;
 use servotwin_watch::span::LogSpan;
 use std::io::Write;
@@ -250,36 +248,6 @@ impl SpanOptions {
     pub(crate) fn read(&self) -> Result<LogSpan, Failure> {
         let span = LogSpan::parse(self.from.as_deref(), self.to.as_deref());
         Ok(span.map_err(SourceError::Cut)?)
-    }
-}
-
-/// Reads a part of a log as a table of times, inputs and sensors in SI. A map assigns the columns; without a map, their
-/// names do. Irregularities of the log are noted.
-fn read_log(
-    path: &Path,
-    map: Option<&Map>,
-    span: LogSpan,
-    study: &Study,
-    global: Global,
-) -> Result<Table, Failure> {
-    let name = path.display().to_string();
-    let whole = intake::read(path, map, span, study);
-    let whole = whole.map_err(|error| Failure::of_intake(&name, error))?;
-    note_intake(&name, &whole, global);
-    Ok(whole.table)
-}
-
-/// Notes the irregularities of a log that was read.
-fn note_intake(name: &str, whole: &intake::Whole, global: Global) {
-    let counts = &whole.counts;
-    for warning in &whole.warnings {
-        note(global, &format!("{name}: {warning}"));
-    }
-    let met = counts.met_in_words();
-    if !met.is_empty() {
-        let (frames, counted, samples) = (counts.frames, &counts.counted, counts.samples);
-        let met = met.join("; ");
-        note(global, &format!("{name}: {frames} {counted}s became {samples} samples: {met}"));
     }
 }
 

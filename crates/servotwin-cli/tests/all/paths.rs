@@ -50,7 +50,7 @@ fn no_output_overwrites_an_input_or_another_output() {
         ("serve --replay A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("watch A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("fit A/a.csv --out A/x.csv", "--out must end in .toml, not as A/x.csv does"),
-        ("history A --plot A/x.pdf", "A/x.pdf: a figure is saved as .svg or .png"),
+        ("simulate --plot A/x.pdf", "A/x.pdf: a figure is saved as .svg or .png"),
     ];
     let read = || {
         let files = ["a.csv", "m.json", "own.toml", "c.jsonl", "study.toml"];

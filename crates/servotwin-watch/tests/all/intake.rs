@@ -1,7 +1,7 @@
 //! Logs as rigs and recorders write them: read whole as `fit` reads them, by the rules and maps of `watch`.
 
 use crate::folder::Folder;
-use servotwin::fit::{FitRecord, RecordError};
+use servotwin::fit::FitRecord;
 use servotwin::study::Study;
 use servotwin_watch::counts::Irregularity;
 use servotwin_watch::guard::IntakeError;
@@ -285,11 +285,8 @@ fn a_unit_in_the_name_of_the_time_is_a_claim_that_steps_may_contradict() {
         assert!(made.doubts[0].contains(&format!("in {other} they are 0.01 s apart")), "{made:?}");
         let whole = read(&log, None, &study).unwrap();
         let error = FitRecord::from_table("log", &whole.table, &study.system).unwrap_err();
-        let likely = Some((other, 0.01));
-        assert!(
-            matches!(error, RecordError::Period { likely: found, .. } if found == likely),
-            "{error:?}"
-        );
+        let likely = format!("likely in {other}, in which samples are 0.01 s apart");
+        assert!(error.to_string().contains(&likely), "{error}");
     }
 }
 
@@ -403,10 +400,10 @@ fn a_log_without_time_or_sensors_is_refused_by_name() {
     let study = spring();
     let timeless = folder.write("timeless.csv", "row,command_rad,p_a_pa\n0,0,1\n");
     let error = read(&timeless, None, &study).unwrap_err();
-    assert!(matches!(error, IntakeError::Record(RecordError::NoTime)), "{error}");
+    assert!(error.to_string().contains("no column 'time_s'"), "{error}");
     let alien = folder.write("alien.csv", "time,voltage\n0,0\n");
     let error = read(&alien, None, &study).unwrap_err();
-    assert!(matches!(error, IntakeError::Record(RecordError::NoSensor { .. })), "{error}");
+    assert!(error.to_string().starts_with("no column is a sensor of the system"), "{error}");
     let error = read(&alien, Some(RIG_MAP), &study).unwrap_err().to_string();
     assert!(error.contains("map.toml:4:10") && error.contains("'Zeit'"), "{error}");
 }

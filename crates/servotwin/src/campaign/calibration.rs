@@ -5,9 +5,10 @@
 
 use super::columns::DIMENSIONLESS;
 use super::{Campaign, Plants, Scenario};
+use crate::fit::fleet::Specimen;
 use crate::fit::{Fit, Unknown};
 use crate::run::part;
-use crate::run::{Calibrated, CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins};
+use crate::run::{CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins};
 use crate::study::{Purpose, Stream};
 use crate::table::{self, Column, Table, Values};
 use std::path::{Path, PathBuf};
@@ -80,14 +81,10 @@ impl Campaign<'_> {
         let truth: Vec<Overrides> =
             (0..specimens).map(|specimen| self.pooled(specimen).parameters(1.0)).collect();
         let noise = |specimen| self.pooled(specimen).noise(Stream::Calibration);
-        let found = fit_twins(
-            self.study,
-            &self.ensemble(),
-            (&Unknown::of_study(self.study), &truth),
-            noise,
-        )?;
-        self.write_calibration(&truth, &found)?;
-        Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
+        let unknowns = Unknown::of_study(self.study);
+        let (found, errors) = fit_twins(self.study, &self.ensemble(), (unknowns, &truth), noise)?;
+        self.write_calibration(&truth, &found, &errors)?;
+        Ok(found.into_iter().map(|specimen| specimen.overrides).collect())
     }
 
     /// A specimen of the pool.
@@ -123,11 +120,12 @@ impl Campaign<'_> {
     fn write_calibration(
         &self,
         truth: &[Overrides],
-        found: &Calibrated,
+        found: &[Specimen],
+        errors: &[f64],
     ) -> Result<(), CampaignError> {
-        let unknowns = &found.unknowns;
+        let unknowns = Unknown::of_study(self.study);
         let size = unknowns.len();
-        let rows = || (0..found.specimens.len()).flat_map(|n| (0..size).map(move |k| (n, k)));
+        let rows = || (0..found.len()).flat_map(|n| (0..size).map(move |k| (n, k)));
         let float = |of: &dyn Fn(usize, usize) -> f64| {
             Values::Float(rows().map(|(n, k)| of(n, k)).collect())
         };
@@ -143,8 +141,8 @@ impl Campaign<'_> {
             Column::new("parameter", "", Values::Text(names))
                 .described("Parameter, or first of the parameters that vary together."),
             sigmas("true_sigma", float(&|n, k| unknowns[k].sigmas(&truth[n])), "True value"),
-            sigmas("fitted_sigma", float(&|n, k| found.specimens[n].z[k]), "Fitted value"),
-            sigmas("error_sigma", float(&|_, k| found.errors[k]), "Standard error of the fit"),
+            sigmas("fitted_sigma", float(&|n, k| found[n].z[k]), "Fitted value"),
+            sigmas("error_sigma", float(&|_, k| errors[k]), "Standard error of the fit"),
         ])?
         .with_metadata("fingerprint", self.calibration_mark());
         Ok(table::write(calibration_file(&self.folder, self.purpose), &table)?)

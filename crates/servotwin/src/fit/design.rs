@@ -11,11 +11,11 @@
 //! it, because overlaps and friction show in small motions. All are first compared on part of the time, the best ones
 //! on all of it.
 
-use super::linear::Symmetric;
 use super::record::FitRecord;
-use super::response::DerivativeScheme;
+use super::response::{DerivativeScheme, Linear};
 use super::{Fit, FitError, FitKnowledge};
 use crate::signal::Signal;
+use crate::study::Study;
 use crate::units;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
@@ -31,30 +31,27 @@ pub struct Limits {
     pub duration_s: f64,
 }
 
-/// Where a command is applied and what is measured.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rig {
-    /// The index of the driven input; the others stay at their defaults.
-    pub input: usize,
-    /// The indices of the measured sensors in the system's list.
-    pub sensors: Vec<usize>,
-    /// Time between samples, s.
-    pub period_s: f64,
-}
-
 /// A command and its expected information.
 #[derive(Clone, Debug)]
 pub struct Design {
-    /// The command's text in signal syntax.
-    pub command: String,
+    /// The command.
+    pub command: Command,
     /// Information gain (FD1), bits.
     pub gain: f64,
+    /// How well each unknown would be known.
+    pub known: FitKnowledge,
+}
+
+/// A command within its limits.
+#[derive(Clone, Debug)]
+pub struct Command {
+    /// Its text in signal syntax.
+    pub text: String,
     /// Its largest amplitude, in the input's unit.
     pub amplitude: f64,
     /// Its largest rate, in the input's unit per second.
     pub rate: f64,
-    /// How well each unknown would be known.
-    pub known: FitKnowledge,
+    signal: Piecewise,
 }
 
 /// Fractions of the largest allowed size that are compared.
@@ -88,90 +85,69 @@ fn shapes(duration_s: f64) -> Vec<String> {
 }
 
 impl Fit<'_> {
-    /// The commands with the largest information gain, the best first. The problem's records are not used.
+    /// The commands of a study with the largest information gain, the best first. The problem's records are not used.
     ///
     /// # Errors
     /// There is nothing to estimate, or it was stopped. Commands whose twin cannot be simulated are left out.
-    pub fn design(&self, rig: &Rig, limits: Limits) -> Result<Vec<Design>, FitError> {
+    pub fn design(&self, study: &Study, limits: Limits) -> Result<Vec<Design>, FitError> {
         if self.unknowns.is_empty() {
             return Err(FitError::NoUnknown);
         }
-        let unit = self.system.network().inputs[rig.input].unit;
+        let unit = self.system.network().inputs[study.command_input].unit;
         let fit = |shape: &String| PARTS.map(|part| fitted(shape, unit, limits, part));
         let commands = shapes(limits.duration_s).iter().flat_map(fit).flatten().collect::<Vec<_>>();
         let part_s = (SHARE * limits.duration_s).max(LEAST_S).min(limits.duration_s);
-        let mut coarse = self.compared(rig, commands, part_s)?;
-        coarse.truncate(FINALISTS);
-        let finalists = coarse.into_iter().map(|(_, command)| command).collect();
-        self.compared(rig, finalists, limits.duration_s)
-            .map(|all| all.into_iter().map(|(design, _)| design).collect())
+        let coarse = self.compared(study, commands, part_s)?;
+        let finalists = coarse.into_iter().take(FINALISTS).map(|design| design.command).collect();
+        self.compared(study, finalists, limits.duration_s)
     }
 
     /// Compares commands over a given time, the best first.
     fn compared(
         &self,
-        rig: &Rig,
+        study: &Study,
         commands: Vec<Command>,
         duration_s: f64,
-    ) -> Result<Vec<(Design, Command)>, FitError> {
+    ) -> Result<Vec<Design>, FitError> {
         let mut all = Vec::new();
         for command in commands {
-            match self.judged_command(rig, &command, duration_s) {
-                Ok(design) => all.push((design, command)),
+            match self.judged_command(study, command, duration_s) {
+                Ok(design) => all.push(design),
                 Err(FitError::Run { .. }) => {}
                 Err(error) => return Err(error),
             }
         }
-        all.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
+        all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Ok(all)
     }
 
     fn judged_command(
         &self,
-        rig: &Rig,
-        command: &Command,
+        study: &Study,
+        command: Command,
         duration_s: f64,
     ) -> Result<Design, FitError> {
-        let inputs = self.system.network().inputs.iter();
-        let constant = |value| Piecewise::constant(value).expect("a default is finite");
-        let mut inputs: Vec<Piecewise> = inputs.map(|input| constant(input.default)).collect();
-        inputs[rig.input] = command.signal.clone();
-        let samples = (duration_s / rig.period_s + 1e-6) as usize + 1;
+        let mut inputs = self.system.default_inputs();
+        inputs[study.command_input] = command.signal.clone();
+        let (sensors, period_s) =
+            (study.measured[..study.base_sensors()].to_vec(), study.sample_period_s);
+        let samples = (duration_s / period_s + 1e-6) as usize + 1;
         // J does not depend on the measured values.
-        let measured = vec![0.0; samples * rig.sensors.len()];
-        let sensors = rig.sensors.clone();
-        let record = FitRecord::of_samples(&command.text, rig.period_s, inputs, sensors, measured);
-        let own = Fit { records: vec![record], ..self.clone() };
-        let nominal = self.nominal();
-        let linear = own.linear(&nominal, DerivativeScheme::Forward)?;
-        let known = FitKnowledge::new(&self.unknowns, &nominal, &linear.information);
-        Ok(Design {
-            command: command.text.clone(),
-            gain: self.gain(&linear.information),
-            amplitude: command.amplitude,
-            rate: command.rate,
-            known: known.ok_or(FitError::Undetermined)?,
-        })
+        let measured = vec![0.0; samples * sensors.len()];
+        let record = FitRecord::of_samples(&command.text, period_s, inputs, sensors, measured);
+        let linear = self.of_record(record).linear(&self.nominal(), DerivativeScheme::Forward)?;
+        let known = FitKnowledge::new(&self.unknowns, &linear.z, &linear);
+        let known = known.ok_or(FitError::Undetermined)?;
+        Ok(Design { command, gain: self.gain(&linear), known })
     }
 
     /// Information gain (FD1).
-    pub(super) fn gain(&self, information: &Symmetric) -> f64 {
-        let priors = self.priors();
-        let logarithm = |matrix: &Symmetric| -> f64 {
-            matrix.eigen().iter().map(|(value, _)| value.max(f64::MIN_POSITIVE).ln()).sum()
-        };
-        let before: f64 = priors.iter().map(|prior| prior.ln()).sum();
-        0.5 * (logarithm(&information.plus_diagonal(&priors)) - before) / std::f64::consts::LN_2
+    fn gain(&self, linear: &Linear) -> f64 {
+        let eigenvalues = linear.curvature.eigenvalues().into_iter();
+        let after: f64 = eigenvalues.map(|value| value.max(f64::MIN_POSITIVE).ln()).sum();
+        let before: f64 = self.priors().iter().map(|prior| prior.ln()).sum();
+        0.5 * (after - before) / std::f64::consts::LN_2
     }
-}
-
-/// A command within its limits.
-#[derive(Clone)]
-struct Command {
-    text: String,
-    signal: Piecewise,
-    amplitude: f64,
-    rate: f64,
 }
 
 /// Scales a signal to a fraction of what the limits allow; `None` where the catalogue cannot build it.

@@ -5,7 +5,6 @@
 //! agree with individual fits to a fraction of a standard error (test); draws as large as those of flights take some
 //! more.
 
-use super::linear::Symmetric;
 use super::response::{DerivativeScheme, Linear};
 use super::{Fit, FitError};
 
@@ -13,13 +12,6 @@ use super::{Fit, FitError};
 const TURNS: usize = 6;
 /// Number of runs whose residuals are kept in memory.
 const AT_ONCE: usize = 96;
-
-/// The calibration flight and its information about the unknowns.
-pub(crate) struct Fleet<'p, 's> {
-    problem: &'p Fit<'s>,
-    linear: Linear,
-    curvature: Symmetric,
-}
 
 /// A fitted specimen.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,73 +22,58 @@ pub(crate) struct Specimen {
     pub overrides: Vec<(usize, usize, f64)>,
 }
 
-impl<'p, 's> Fleet<'p, 's> {
-    /// Prepares a fleet whose calibration flight is the first record of a problem; the measured values are not used.
+/// The fitted specimens, or why the twin of one cannot be simulated, and the standard error of each unknown, which all
+/// have in common.
+pub(crate) type Fleet = (Vec<Result<Specimen, FitError>>, Vec<f64>);
+
+impl Fit<'_> {
+    /// Fits specimens to their sensor values, which are ordered by sample as in a [`FitRecord`](super::FitRecord). The
+    /// calibration flight is the first record; its measured values are not used.
     ///
     /// # Errors
-    /// The nominal twin cannot be simulated.
-    pub(crate) fn new(problem: &'p Fit<'s>) -> Result<Self, FitError> {
-        if problem.records.is_empty() {
+    /// The nominal twin cannot be simulated, an unknown is not determined, or the run was stopped.
+    pub(crate) fn fleet(&self, measured: &[Vec<f64>]) -> Result<Fleet, FitError> {
+        if self.records.is_empty() {
             return Err(FitError::NoRecord);
         }
-        if problem.unknowns.is_empty() {
+        if self.unknowns.is_empty() {
             return Err(FitError::NoUnknown);
         }
-        let linear = problem.linear(&problem.nominal(), DerivativeScheme::Central)?;
-        let curvature = linear.information.plus_diagonal(&problem.priors());
-        Ok(Self { problem, linear, curvature })
-    }
-
-    /// The covariance of the unknowns, common to all specimens; `None` if an unknown is not determined.
-    pub(crate) fn covariance(&self) -> Option<Symmetric> {
-        self.curvature.inverse()
-    }
-
-    /// Fits specimens to their sensor values, which are ordered by sample as in a [`FitRecord`](super::FitRecord). A
-    /// specimen whose twin cannot be simulated has an error.
-    ///
-    /// # Errors
-    /// The run was stopped.
-    pub(crate) fn fit(
-        &self,
-        measured: &[Vec<f64>],
-    ) -> Result<Vec<Result<Specimen, FitError>>, FitError> {
+        let linear = self.linear(&self.nominal(), DerivativeScheme::Central)?;
+        let covariance = linear.curvature.inverse().ok_or(FitError::Undetermined)?;
+        let errors = (0..self.unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect();
         let mut all = vec![];
         for measured in measured.chunks(AT_ONCE) {
-            let mut fitted = vec![Ok(self.problem.nominal()); measured.len()];
+            let mut fitted = vec![Ok(self.nominal()); measured.len()];
             for _ in 0..TURNS {
-                self.turn(measured, &mut fitted)?;
+                self.turn(&linear, measured, &mut fitted)?;
             }
             all.extend(fitted);
         }
         let specimen = |z: Vec<f64>| {
-            let overrides = self.problem.variant(&z, &[]).overrides;
+            let overrides = self.variant(&z, &[]).overrides;
             Specimen { z, overrides }
         };
-        Ok(all.into_iter().map(|z| z.map(specimen)).collect())
+        Ok((all.into_iter().map(|z| z.map(specimen)).collect(), errors))
     }
 
     /// One step of all unknowns of every specimen that can still be simulated.
     fn turn(
         &self,
+        linear: &Linear,
         measured: &[Vec<f64>],
         all: &mut [Result<Vec<f64>, FitError>],
     ) -> Result<(), FitError> {
-        let (problem, record) = (self.problem, &self.problem.records[0]);
+        let record = &self.records[0];
         let before: Vec<(usize, Vec<f64>)> =
             all.iter().enumerate().filter_map(|(k, z)| Some((k, z.clone().ok()?))).collect();
-        let runs = problem.run_against(
-            &problem.ensemble(record),
-            record,
-            |job| &measured[before[job].0],
-            before.len(),
-            |job| problem.variant(&before[job].1, &record.inputs),
-        )?;
-        for ((place, z), residuals) in before.iter().zip(runs) {
-            all[*place] = residuals.and_then(|residuals| {
-                let pull = self.linear.pull(&residuals);
-                let (step, _) = problem.step(&self.curvature, z, &pull)?;
-                let moved = z.iter().zip(&step).zip(&problem.unknowns);
+        let variant = |job: usize| self.variant(&before[job].1, &record.inputs);
+        let twins = self.twins(record, (before.len(), 1.0), variant)?;
+        for ((place, z), twin) in before.iter().zip(twins) {
+            all[*place] = twin.and_then(|twin| {
+                let residuals = self.residuals_beside(record, &measured[*place], &twin);
+                let (step, _) = self.step(linear, z, &linear.pull(&residuals), None)?;
+                let moved = z.iter().zip(&step).zip(&self.unknowns);
                 Ok(moved.map(|((z, step), u)| (z + step).clamp(u.range.0, u.range.1)).collect())
             });
         }

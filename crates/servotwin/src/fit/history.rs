@@ -7,11 +7,11 @@
 //! ([`super::trend`]) predicts when a threshold is reached. A repair ([`super::repair`]) ends one wear and begins
 //! another, so the trend uses the flights since the last repair.
 
-use super::intensity::intensity;
+use super::knowledge::Knowledge;
 use super::repair::{Repair, repairs};
 use super::suspects::SCORE_LIMIT;
 use super::trend::{Point, Trend};
-use super::{Fit, FitError, FitRecord, FitResults, Knowledge, RecordError};
+use super::{Fit, FitError, FitRecord, FitResults, RecordError};
 
 /// How many of the latest flights with findings select the tracked faults.
 const LATEST: usize = 5;
@@ -58,13 +58,17 @@ impl Track {
     /// Creates a track with its repairs and the trend since the last one.
     fn new(name: String, probability: f64, points: Vec<Point>) -> Self {
         let repairs = repairs(&points);
-        let confirmed = repairs.iter().rev().find(|one| one.is_confirmed);
-        let start = confirmed.map_or(0, |one| one.place);
         // A drop that only the last flight shows may be a bad fit: continuing the wear before it is the safe side.
-        let end =
-            repairs.last().filter(|one| !one.is_confirmed).map_or(points.len(), |one| one.place);
-        let trend = Trend::of(&points[start..end]);
-        Track { name, probability, points, repairs, trend }
+        let unconfirmed = repairs.last().filter(|last| !last.is_confirmed).map(|last| last.place);
+        let mut track = Track { name, probability, points, repairs, trend: None };
+        let start = track.last_repair().map_or(0, |repair| repair.place);
+        track.trend = Trend::of(&track.points[start..unconfirmed.unwrap_or(track.points.len())]);
+        track
+    }
+
+    /// The intensity in a flight.
+    pub fn in_flight(&self, flight: usize) -> Option<&Point> {
+        self.points.iter().find(|point| point.at == flight as f64)
     }
 
     /// The last repair that a second flight confirms.
@@ -106,21 +110,32 @@ impl Fit<'_> {
     /// # Errors
     /// The run was stopped, or there is nothing to estimate. Errors of a single flight are stored with that flight.
     pub fn history(&self, logs: Vec<Log>, faults: &[(usize, usize)]) -> Result<History, FitError> {
-        let mut flights = Vec::new();
-        for (name, record) in &logs {
+        let (mut flights, mut usable) = (Vec::new(), Vec::new());
+        for (number, (name, record)) in logs.into_iter().enumerate() {
             let fitted = match record {
-                Ok(record) => unless_stopped(self.of_flight(record).solve())?,
-                Err(error) => Err(FitError::Record { name: name.clone(), error: error.clone() }),
+                Ok(record) => {
+                    let own = self.of_record(record);
+                    let fitted = unless_stopped(own.solve())?;
+                    usable.extend(fitted.is_ok().then_some((number, own)));
+                    fitted
+                }
+                Err(error) => Err(FitError::Record { name: name.clone(), error }),
             };
-            flights.push(HistoryFlight { name: name.clone(), fitted });
+            flights.push(HistoryFlight { name, fitted });
         }
         let chosen = match faults.is_empty() {
-            true => self.suspected(&logs, &flights)?,
+            true => self.suspected(&usable, &flights)?,
             false => faults.iter().map(|&fault| (fault, 1.0)).collect(),
         };
         let mut tracks = Vec::new();
         for (fault, probability) in chosen {
-            tracks.push(self.track(&logs, &flights, fault, probability)?);
+            let mut points = Vec::new();
+            for (number, own) in &usable {
+                let Ok(found) = unless_stopped(own.intensities(&[fault]))? else { continue };
+                let (level, error) = (found[0].intensity, found[0].error);
+                points.push(Point { at: *number as f64, level, error });
+            }
+            tracks.push(Track::new(self.fault_name(fault), probability, points));
         }
         // Replaced parts have their own tolerances, so drifts start after the repair.
         let since = tracks.iter().filter_map(|track: &Track| Some(track.last_repair()?.at));
@@ -129,33 +144,24 @@ impl Fit<'_> {
         Ok(History { tracks, drifts: drifts.collect(), flights })
     }
 
-    /// The same problem with the record of one flight.
-    fn of_flight(&self, record: &FitRecord) -> Self {
-        Fit { records: vec![record.clone()], ..self.clone() }
-    }
-
     /// The suspects of the latest flights with findings, with their mean probabilities.
     fn suspected(
         &self,
-        logs: &[Log],
+        usable: &[(usize, Fit)],
         flights: &[HistoryFlight],
     ) -> Result<Vec<Suspected>, FitError> {
-        let found = |flight: &HistoryFlight| flight.fitted.is_ok() && !flight.is_healthy();
-        let latest = (0..flights.len()).rev().filter(|&n| found(&flights[n])).take(LATEST);
+        let latest = usable.iter().rev().filter(|(number, _)| !flights[*number].is_healthy());
         let (mut sums, mut of) = (Vec::<Suspected>::new(), 0.0);
-        for number in latest {
-            let (Ok(record), Ok(fitted)) = (&logs[number].1, &flights[number].fitted) else {
-                continue;
-            };
+        for (number, own) in latest.take(LATEST) {
+            let Ok(fitted) = &flights[*number].fitted else { continue };
             let likely = fitted.suspects.iter().filter(|suspect| suspect.score > SCORE_LIMIT);
             // A clock error or a delay is not a fault.
-            let faults = likely.filter_map(|s| self.system.program.find_fault(&s.name));
+            let faults = likely.filter_map(|suspect| suspect.cause.fault());
             let candidates: Vec<(usize, usize)> = faults.take(COMPARED).collect();
             if candidates.is_empty() {
                 continue;
             }
-            let own = Fit { suspects: Vec::new(), ..self.of_flight(record) };
-            let Ok(compared) = unless_stopped(intensity(&own, &candidates))? else { continue };
+            let Ok(compared) = unless_stopped(own.intensities(&candidates))? else { continue };
             of += 1.0;
             for one in compared {
                 match sums.iter_mut().find(|(fault, _)| *fault == one.fault) {
@@ -167,25 +173,6 @@ impl Fit<'_> {
         sums.sort_by(|a, b| b.1.total_cmp(&a.1));
         let means = sums.into_iter().map(|(fault, sum)| (fault, sum / of));
         Ok(means.filter(|(_, share)| *share >= PROBABLE).take(COMPARED).collect())
-    }
-
-    /// Estimates the intensity of a fault in every usable flight.
-    fn track(
-        &self,
-        logs: &[Log],
-        flights: &[HistoryFlight],
-        fault: (usize, usize),
-        probability: f64,
-    ) -> Result<Track, FitError> {
-        let mut points = Vec::new();
-        for (number, (log, flight)) in logs.iter().zip(flights).enumerate() {
-            let (Ok(record), Ok(_)) = (&log.1, &flight.fitted) else { continue };
-            let own = Fit { suspects: Vec::new(), ..self.of_flight(record) };
-            let Ok(found) = unless_stopped(intensity(&own, &[fault]))? else { continue };
-            let (level, error) = (found[0].intensity, found[0].error);
-            points.push(Point { at: number as f64, level, error });
-        }
-        Ok(Track::new(self.fault_name(fault), probability, points))
     }
 }
 

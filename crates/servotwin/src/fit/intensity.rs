@@ -12,11 +12,14 @@
 //! If residuals exceed the noise, ½ χ² is multiplied by their mean square. The interval follows from the standard
 //! error, and is widened by (FN2): at the end of a sensor's range, all larger gains look the same.
 
+use super::finding::SensorFit;
 use super::linear::dot;
-use super::onset::FoundOnset;
+use super::onset::{FoundOnset, Moments};
+use super::response::DerivativeScheme;
 use super::solve::Minimum;
+use super::suspects::{Cause, FINE, Guess};
 use super::unknown::Unknown;
-use super::{Fit, FitError, FitResults};
+use super::{Fit, FitError};
 
 /// 95 % of a normal distribution lie within this many deviations.
 const NORMAL_95: f64 = 1.96;
@@ -37,14 +40,14 @@ const FIRST_GUESSES: [f64; 8] = [0.02, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9];
 #[derive(Clone, Debug)]
 pub struct Diagnosed {
     /// The fault: (component, fault).
-    pub fault: (usize, usize),
+    pub(super) fault: (usize, usize),
     /// The fault's full name.
     pub name: String,
     /// The estimated intensity, 0 to 1.
     pub intensity: f64,
     /// Its standard error. If another intensity explains the record equally well, the error is as large as if that
     /// intensity were an end of the interval.
-    pub error: f64,
+    pub(super) error: f64,
     /// The 95 % interval.
     pub interval: (f64, f64),
     /// Log-likelihood of the record (FN1).
@@ -53,44 +56,55 @@ pub struct Diagnosed {
     pub probability: f64,
     /// When it began, if within the record.
     pub onset: Option<FoundOnset>,
-    /// The whole fit; the fault's intensity is the last unknown.
-    pub fitted: FitResults,
+    /// F of the fit with this fault.
+    pub(super) cost: f64,
+    /// The residuals of this fit.
+    pub(super) left: Vec<SensorFit>,
 }
 
-/// Estimates the intensity of every candidate, assumed present from the first sample on; the likeliest comes first.
-///
-/// # Errors
-/// See [`Fit::solve`]; or the twin cannot be simulated with a candidate.
-pub(crate) fn intensity(
-    problem: &Fit,
-    candidates: &[(usize, usize)],
-) -> Result<Vec<Diagnosed>, FitError> {
-    let each = candidates.iter().map(|&fault| of_candidate(problem, fault));
-    Ok(compared(each.collect::<Result<Vec<_>, _>>()?))
-}
-
-/// Like `intensity`, but also estimates when each fault began, if within the record (`super::onset`). Its intensity
-/// then applies from this moment on.
-///
-/// # Errors
-/// See `intensity`.
-pub fn intensity_and_onset(
-    problem: &Fit,
-    candidates: &[(usize, usize)],
-) -> Result<Vec<Diagnosed>, FitError> {
-    let constant = candidates.iter().map(|&fault| of_candidate(problem, fault));
-    let mut all = constant.collect::<Result<Vec<_>, _>>()?;
-    for (one, guess) in all.iter_mut().zip(problem.onset_guesses(candidates)?) {
-        let Some((guess, reach_s)) = guess.filter(|(g, _)| g.is_worth(one.fitted.cost)) else {
-            continue;
-        };
-        let own = problem.with_fault(one.fault);
-        let begun = own.begins(&guess, reach_s)?;
-        if let Some(onset) = begun.onset(one.fitted.cost) {
-            *one = diagnosed(&own, one.fault, begun.minimum, &begun.alike, Some(onset))?;
+impl<'s> Fit<'s> {
+    /// Estimates the intensity of every candidate, and when it began, if within the record; the likeliest comes first.
+    /// Its intensity then applies from this moment on.
+    ///
+    /// # Errors
+    /// See [`Fit::solve`]; or the twin cannot be simulated with a candidate.
+    pub fn diagnose(&self, candidates: &[(usize, usize)]) -> Result<Vec<Diagnosed>, FitError> {
+        let mut all = self.intensities(candidates)?;
+        let linear = self.linear(&self.nominal(), DerivativeScheme::Forward)?;
+        let Some(moments) = Moments::new(self, &linear) else { return Ok(all) };
+        let causes: Vec<Cause> = candidates.iter().copied().map(Cause::Fault).collect();
+        let [_, begun] = self.guesses(&linear, Some(&moments), &causes, &FINE)?;
+        for one in &mut all {
+            let is_worth =
+                |guess: &&Guess| guess.cause == Cause::Fault(one.fault) && guess.is_worth(one.cost);
+            let Some(guess) = begun.iter().find(is_worth) else { continue };
+            let begun = self.begins(one.fault, guess, moments.reach_s(), one.cost)?;
+            if begun.onset.is_some() {
+                *one = begun;
+            }
         }
+        Ok(compared(all))
     }
-    Ok(compared(all))
+
+    /// Estimates the intensity of every candidate, assumed present from the first sample on; the likeliest comes first.
+    pub(super) fn intensities(
+        &self,
+        candidates: &[(usize, usize)],
+    ) -> Result<Vec<Diagnosed>, FitError> {
+        let of_candidate = |&fault: &(usize, usize)| {
+            let own = self.with_fault(fault);
+            let (minimum, alike) = own.constant()?;
+            own.diagnosed(fault, &minimum, &alike, None)
+        };
+        Ok(compared(candidates.iter().map(of_candidate).collect::<Result<_, FitError>>()?))
+    }
+
+    /// The problem with the intensity of a fault as its last unknown, and without suspects.
+    pub(super) fn with_fault(&self, (component, fault): (usize, usize)) -> Fit<'s> {
+        let mut own = Fit { suspects: Vec::new(), ..self.clone() };
+        own.unknowns.push(Unknown::fault(self.system, component, fault));
+        own
+    }
 }
 
 /// Adds the probability of each; the likeliest comes first.
@@ -104,54 +118,40 @@ fn compared(mut all: Vec<Diagnosed>) -> Vec<Diagnosed> {
     all
 }
 
-fn of_candidate(problem: &Fit, fault: (usize, usize)) -> Result<Diagnosed, FitError> {
-    let own = problem.with_fault(fault);
-    let (minimum, alike) = own.constant()?;
-    diagnosed(&own, fault, minimum, &alike, None)
-}
-
-/// Evaluates a fit whose last unknown is the intensity of a fault.
-fn diagnosed(
-    own: &Fit,
-    fault: (usize, usize),
-    minimum: Minimum,
-    alike: &[f64],
-    onset: Option<FoundOnset>,
-) -> Result<Diagnosed, FitError> {
-    let last = own.unknowns.len() - 1;
-    let curvature = minimum.linear.information.plus_diagonal(&own.priors());
-    let volume: f64 = curvature.eigen().iter().map(|(value, _)| value.max(1e-12).ln()).sum();
-    let excess = mean_square(&minimum).sqrt();
-    let fitted = own.judged(minimum)?;
-    let (z, error) = (fitted.z[last], (fitted.known.error(last) * excess).max(LEAST_ERROR));
-    let low = alike.iter().copied().fold(z - NORMAL_95 * error, f64::min).clamp(0.0, 1.0);
-    let high = alike.iter().copied().fold(z + NORMAL_95 * error, f64::max).clamp(0.0, 1.0);
-    let farthest = alike.iter().map(|other| (other - z).abs()).fold(0.0, f64::max);
-    Ok(Diagnosed {
-        fault,
-        name: own.unknowns[last].name.clone(),
-        intensity: z,
-        error: error.max(farthest / NORMAL_95),
-        interval: (low, high),
-        log_likelihood: -fitted.cost - 0.5 * volume,
-        probability: 0.0,
-        onset,
-        fitted,
-    })
-}
-
-impl<'s> Fit<'s> {
-    /// The problem with the intensity of a fault as its last unknown, and without suspects.
-    pub(super) fn with_fault(&self, (component, fault): (usize, usize)) -> Fit<'s> {
-        let unknown = Unknown::fault(self.system, component, fault);
-        let mut own = Fit { suspects: Vec::new(), ..self.clone() };
-        own.unknowns.push(unknown);
-        own
-    }
-}
-
 /// A fit whose last unknown is the intensity of a fault.
 impl Fit<'_> {
+    /// Evaluates a minimum.
+    pub(super) fn diagnosed(
+        &self,
+        fault: (usize, usize),
+        minimum: &Minimum,
+        alike: &[f64],
+        onset: Option<FoundOnset>,
+    ) -> Result<Diagnosed, FitError> {
+        let last = self.unknowns.len() - 1;
+        let curvature = &minimum.linear.curvature;
+        let volume: f64 = curvature.eigenvalues().iter().map(|value| value.max(1e-12).ln()).sum();
+        let variance = curvature.inverse().ok_or(FitError::Undetermined)?.at(last, last);
+        let intensity = minimum.z[last];
+        let error = (variance.sqrt() * mean_square(minimum).sqrt()).max(LEAST_ERROR);
+        let end = |sign: f64| intensity + sign * NORMAL_95 * error;
+        let low = alike.iter().copied().fold(end(-1.0), f64::min).clamp(0.0, 1.0);
+        let high = alike.iter().copied().fold(end(1.0), f64::max).clamp(0.0, 1.0);
+        let farthest = alike.iter().map(|other| (other - intensity).abs()).fold(0.0, f64::max);
+        Ok(Diagnosed {
+            fault,
+            name: self.fault_name(fault),
+            intensity,
+            error: error.max(farthest / NORMAL_95),
+            interval: (low, high),
+            log_likelihood: -minimum.cost - 0.5 * volume,
+            probability: 0.0,
+            onset,
+            cost: minimum.cost,
+            left: self.left(&minimum.residuals),
+        })
+    }
+
     /// The minimum with the fault present from the first sample on, and the intensities of (FN2).
     pub(super) fn constant(&self) -> Result<(Minimum, Vec<f64>), FitError> {
         let points: Vec<Vec<f64>> = FIRST_GUESSES.iter().map(|&x| at(&self.nominal(), x)).collect();
@@ -195,9 +195,8 @@ impl Fit<'_> {
         let residuals = self.residuals(&points)?;
         let costs = intensities.into_iter().zip(points).zip(&residuals);
         let costs = costs.map(|((intensity, point), residuals)| {
-            let mut room = self.room(&point);
-            room[point.len() - 1] = (0.0, 0.0);
-            Ok((intensity, self.cost_within(minimum, &point, residuals, &room)?))
+            let held = Some(point.len() - 1);
+            Ok((intensity, self.predicted_cost(&minimum.linear, &point, residuals, held)?))
         });
         costs.collect()
     }

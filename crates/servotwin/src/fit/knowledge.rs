@@ -2,11 +2,11 @@
 //!
 //! With information I = JᵀJ and the prior Q, the covariance of the unknowns is C = (I + Q)⁻¹. Its diagonal gives
 //! standard errors, its off-diagonal elements trade-offs. An unknown whose error stays near its prior's is *not seen*
-//! if the error stays so even with all others known; otherwise it *trades off*. If another unknown is at its bound, C
-//! without that unknown shows how much knowledge comes only from the bound.
+//! if the error stays so even with all others known; otherwise it *trades off*.
 
 use super::linear::Symmetric;
-use super::unknown::{Moved, Unknown};
+use super::response::Linear;
+use super::unknown::Unknown;
 
 /// Above this fraction of the prior's deviation, an unknown is not well known.
 const WELL_KNOWN: f64 = 0.5;
@@ -19,7 +19,7 @@ const TRADES: f64 = 0.5;
 
 /// How well an unknown is known.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Knowledge {
+pub(super) enum Knowledge {
     /// The record determines it.
     Known,
     /// The record narrows it by less than half.
@@ -35,59 +35,32 @@ pub enum Knowledge {
     NotSeen,
     /// It is at the bound of its range.
     AtBound,
-    /// It looks well known, but only because another one is at its bound.
-    KnownByBound {
-        /// The other unknown.
-        with: usize,
-    },
-}
-
-/// A direction in the space of unknowns.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Direction {
-    /// The records' information along it, relative to the prior's.
-    pub information: f64,
-    /// The unit vector, in standard deviations of the tolerances.
-    pub weights: Vec<f64>,
 }
 
 /// The knowledge about all unknowns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitKnowledge {
     /// The covariance of the unknowns.
-    pub covariance: Symmetric,
+    pub(super) covariance: Symmetric,
     /// The verdict for each unknown.
-    pub each: Vec<Knowledge>,
-    /// The directions, best known first.
-    pub directions: Vec<Direction>,
+    pub(super) each: Vec<Knowledge>,
 }
 
 impl FitKnowledge {
     /// From the information of the records and the values of the unknowns; `None` if an unknown without a prior is not
     /// determined at all.
-    pub(crate) fn new(unknowns: &[Unknown], z: &[f64], information: &Symmetric) -> Option<Self> {
-        let priors: Vec<f64> = unknowns.iter().map(|unknown| unknown.prior).collect();
-        let curvature = information.plus_diagonal(&priors);
-        let covariance = curvature.inverse()?;
-        let at_bound = |k: usize| {
+    pub(super) fn new(unknowns: &[Unknown], z: &[f64], linear: &Linear) -> Option<Self> {
+        let covariance = linear.curvature.inverse()?;
+        let is_at_bound = |k: usize| {
             let (low, high) = unknowns[k].range;
             z[k] - low < AT_BOUND || high - z[k] < AT_BOUND
         };
-        let free: Vec<usize> = (0..z.len()).filter(|&k| !at_bound(k)).collect();
-        let held: Vec<usize> = (0..z.len()).filter(|&k| at_bound(k)).collect();
-        let without = curvature.part(&free).inverse()?;
-        let of = |k: usize| match free.iter().position(|&other| other == k) {
-            None => Knowledge::AtBound,
-            Some(place) => {
-                let held_error = without.at(place, place).sqrt();
-                judged(unknowns, &curvature, &covariance, k, &held, held_error)
-            }
+        let knowledge = |k: usize| match is_at_bound(k) {
+            true => Knowledge::AtBound,
+            false => judged(k, &linear.curvature, &covariance),
         };
-        let each = (0..z.len()).map(of).collect();
-        let directions = information.eigen().into_iter();
-        let directions =
-            directions.map(|(value, weights)| Direction { information: value.max(0.0), weights });
-        Some(Self { each, directions: directions.collect(), covariance })
+        let each = (0..z.len()).map(knowledge).collect();
+        Some(Self { each, covariance })
     }
 
     /// The standard error of an unknown.
@@ -95,24 +68,9 @@ impl FitKnowledge {
         self.covariance.at(unknown, unknown).sqrt()
     }
 
-    /// The correlation of the errors of two unknowns.
-    pub fn correlation(&self, a: usize, b: usize) -> f64 {
-        self.covariance.at(a, b) / (self.error(a) * self.error(b))
-    }
-
-    /// A sentence about how well a record determines an unknown.
-    pub fn sentence(&self, unknowns: &[Unknown], k: usize) -> String {
-        self.sentence_of("record", unknowns, k)
-    }
-
-    /// The same sentence about a planned flight.
-    pub fn forecast(&self, unknowns: &[Unknown], k: usize) -> String {
-        self.sentence_of("flight", unknowns, k)
-    }
-
-    fn sentence_of(&self, source: &str, unknowns: &[Unknown], k: usize) -> String {
-        let name = |k: usize| unknowns[k].name.as_str();
-        match &self.each[k] {
+    /// A sentence about how well a source, `record` or `flight`, determines an unknown.
+    pub fn sentence(&self, source: &str, unknowns: &[Unknown], k: usize) -> String {
+        match self.each[k] {
             Knowledge::Known => format!("well known from the {source}"),
             Knowledge::Partly => {
                 format!("partly known: the {source} narrows its tolerance, by less than half")
@@ -121,54 +79,31 @@ impl FitKnowledge {
                 format!("not seen in this {source}: only its tolerance limits it")
             }
             Knowledge::AtBound => "stands at the bound of its tolerance".into(),
-            Knowledge::TradesOff { with, correlation } => {
-                let name = name(*with);
-                format!(
-                    "trades off against {name} (correlation {correlation:.2}): only together are they known"
-                )
-            }
-            Knowledge::KnownByBound { with } => {
-                format!("looks well known only because {} stands at its bound", name(*with))
-            }
+            Knowledge::TradesOff { with, correlation } => format!(
+                "trades off against {} (correlation {correlation:.2}): only together are they known",
+                unknowns[with].name
+            ),
         }
     }
 }
 
-/// How well an unknown is known. `held_error` is its standard error with the unknowns at bounds held there.
-fn judged(
-    unknowns: &[Unknown],
-    curvature: &Symmetric,
-    covariance: &Symmetric,
-    k: usize,
-    held: &[usize],
-    held_error: f64,
-) -> Knowledge {
+/// How well an unknown is known, relative to its prior's deviation of 1.
+fn judged(k: usize, curvature: &Symmetric, covariance: &Symmetric) -> Knowledge {
     let error = covariance.at(k, k).sqrt();
     let alone = curvature.at(k, k).sqrt().recip();
-    // A fault has no prior knowledge: its whole range is the measure.
-    let prior = match unknowns[k].moved {
-        Moved::Parameters { .. } => unknowns[k].prior.sqrt().recip(),
-        Moved::Fault(..) => 0.5,
-    };
-    let correlation =
-        |other: usize| covariance.at(k, other) / (error * covariance.at(other, other).sqrt());
-    let strongest = |among: &mut dyn Iterator<Item = usize>| {
-        let others = among.filter(|&other| other != k);
-        others.max_by(|&a, &b| correlation(a).abs().total_cmp(&correlation(b).abs()))
-    };
-    if error <= WELL_KNOWN * prior {
+    if error <= WELL_KNOWN {
         return Knowledge::Known;
     }
-    if held_error <= WELL_KNOWN * prior
-        && let Some(with) = strongest(&mut held.iter().copied())
-    {
-        return Knowledge::KnownByBound { with };
-    }
-    if alone <= WELL_KNOWN * prior {
-        let trades = |with: &usize| correlation(*with).abs() >= TRADES;
-        if let Some(with) = strongest(&mut (0..unknowns.len())).filter(trades) {
-            return Knowledge::TradesOff { with, correlation: correlation(with) };
+    let correlation =
+        |other: usize| covariance.at(k, other) / (error * covariance.at(other, other).sqrt());
+    let others = (0..covariance.size).filter(|&other| other != k);
+    let strongest = others.map(|with| (with, correlation(with)));
+    let strongest = strongest.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    match strongest.filter(|(_, correlation)| correlation.abs() >= TRADES) {
+        Some((with, correlation)) if alone <= WELL_KNOWN => {
+            Knowledge::TradesOff { with, correlation }
         }
+        _ if error > NOT_SEEN => Knowledge::NotSeen,
+        _ => Knowledge::Partly,
     }
-    if error > NOT_SEEN * prior { Knowledge::NotSeen } else { Knowledge::Partly }
 }

@@ -13,16 +13,16 @@
 //! overshoot at a step.
 
 use crate::beside::InputMistake;
-use crate::moment::{self, Clock};
+use crate::moment;
 use crate::recording::{self, with_suffix};
 use crate::sanitize;
 use crate::system::System;
 use crate::table::{Table, TableError};
 use crate::toml_text::{NumberWithUnit, Quantities};
 use crate::units::{self, Misread, NamedUnit};
+use serde::Serialize;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
-use std::fmt;
 
 /// The metadata key of a table for the log's time unit, s.
 pub const TIME_UNIT: &str = "time_unit_s";
@@ -32,8 +32,8 @@ pub fn unit_key(column: &str) -> String {
     format!("unit_of_log.{column}")
 }
 
-/// The accepted names of a time column.
-const TIMES: [&str; 3] = ["time_s", "time", "t"];
+/// The column of times.
+const TIME: &str = "time_s";
 /// The shortest duration of a record, s.
 const LEAST_DURATION_S: f64 = 5.0;
 /// The fewest samples of a record.
@@ -54,6 +54,8 @@ const DAYLIGHT_SAVING_S: f64 = 3600.0;
 pub struct FitRecord {
     /// The name in messages.
     pub name: String,
+    /// The time of the first sample, s since 1970, if the log has dates.
+    pub begin_s: Option<f64>,
     /// Time between samples, s.
     pub period_s: f64,
     /// One signal per input of the system.
@@ -66,36 +68,24 @@ pub struct FitRecord {
     pub units: Vec<&'static NamedUnit>,
     /// Values that were left out as impossible.
     pub left_out: Vec<LeftOut>,
+    /// Values that are impossible, too, but too many to leave out: their column is likely in another unit.
+    pub(crate) impossible: Option<LeftOut>,
 }
 
 /// Values of a column that its sensor cannot produce; they are treated as missing.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LeftOut {
     /// The name of the column.
     pub column: String,
     /// The number of values.
     pub count: usize,
     /// The place of the first one.
-    pub place: String,
+    pub first: String,
     /// The first value, SI.
     pub value: f64,
-    /// The range of the sensor, SI.
-    pub range: (f64, f64),
-    /// The unit of `value` and `range`.
-    pub unit: Unit,
-}
-
-impl fmt::Display for LeftOut {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { column, count, place, value, range: (low, high), unit } = self;
-        let value = NumberWithUnit(*value, unit.symbol());
-        let range = Quantities(in_digits(*low), in_digits(*high), unit.symbol());
-        let more = match count {
-            1 => String::new(),
-            count => format!(" and {} more", count - 1),
-        };
-        write!(out, "{column} has {value} ({place}{more}), which its sensor cannot show ({range})")
-    }
+    /// The values in a sentence, with the range of the sensor.
+    #[serde(skip)]
+    pub sentence: String,
 }
 
 /// Rounds to six digits, which removes rounding errors.
@@ -105,121 +95,45 @@ fn in_digits(value: f64) -> f64 {
 
 /// Why a table cannot be used as a record.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // The fields are what the messages say.
-pub enum RecordError {
-    /// There is no column of times.
-    #[error("there is no column 'time_s' with the time of each sample")]
-    NoTime,
-    /// A time given as text is not a date.
-    #[error(
-        "{column} has '{text}' ({place}): {}",
-        moment::refusal(.text).unwrap_or("seconds or dates (2026-11-21T08:15:02.5Z) are needed")
-    )]
-    NoDate { column: String, place: String, text: String },
-    /// A column does not contain numbers; the text is the table's error.
-    #[error("{0}")]
-    Column(String),
-    /// None of the system's sensors has a column.
-    #[error("no column is a sensor of the system; it has: {}", sanitize::list(.known))]
-    NoSensor { known: Vec<String> },
-    /// A value is missing or infinite.
-    #[error(
-        "{column} has no finite value at {place}: cut the record there, or leave the column out"
-    )]
-    NotFinite { column: String, place: String },
-    /// Too many values are outside the sensor's range.
-    #[error("{0}: these are too many to leave out")]
-    Impossible(LeftOut),
-    /// Samples are not evenly spaced.
-    #[error(
-        "the times jitter: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if the samples \
-         themselves are even, rate_hz = {rate_hz} instead of column below [time] of a map file counts rows"
-    )]
-    Uneven { place: String, time_s: f64, expected_s: f64, rate_hz: f64 },
-    /// One step between samples differs from the others.
-    #[error("{}", leap(.place, *.step_s, *.period_s, *.is_dated))]
-    Leap { place: String, step_s: f64, period_s: f64, is_dated: bool },
-    /// The sampling period is out of range. `likely` is a unit in which it would be in range, and the period in that
-    /// unit, s.
-    #[error("{}", wrong_period(*.period_s, *.likely))]
-    Period { period_s: f64, likely: Option<(&'static str, f64)> },
-    /// A column has no value before a row, and is complete from there on.
-    #[error(
-        "{column} has no value before {place}: --from {behind_s} reads the record from there on"
-    )]
-    Begins { column: String, place: String, behind_s: f64 },
-    /// The record is too short.
-    #[error(
-        "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and {LEAST_SAMPLES} samples are needed, 60 s are good"
-    )]
-    TooShort { duration_s: f64, samples: usize },
-    /// No input varies, or nothing moves.
-    #[error("the record shows no motion: {what}; parameters show only while the actuator moves")]
-    NoMotion { what: String },
-    /// An input is outside its range.
-    #[error("{column} has {value} {}: allowed are {} … {}", .unit.symbol(), .range.0, .range.1)]
-    Input { column: String, value: f64, range: (f64, f64), unit: Unit },
-    /// Columns are exchanged, in another unit or of another sign, or pressures are not absolute.
-    #[error("{0}")]
-    Mistaken(String),
-    /// A sensor holds the same value although it should move.
-    #[error("{column} is stuck: from {from_s:.2} s on it shows {value} {} for {for_s:.2} s, while the twin moves", .unit.symbol())]
-    Stuck { column: String, from_s: f64, for_s: f64, value: f64, unit: Unit },
-    /// The sensors drift away from the inputs with time.
-    #[error("the clocks of inputs and sensors do not agree: the sensors' time runs {:+.2} % off that of the inputs", 100.0 * .share)]
-    Clock { share: f64 },
-    /// The sensors come too late or too early.
-    #[error("the sensors come {} s too {} for the inputs: shift one of them", (.by_s.abs() * 1e4).round() / 1e4, if *.by_s > 0.0 { "late" } else { "early" })]
-    Shifted { by_s: f64 },
-}
-
-fn wrong_period(period_s: f64, likely: Option<(&str, f64)>) -> String {
-    let (least, most) = moment::PERIODS_S;
-    let period_s = moment::rounded(period_s);
-    let likely = likely.map_or(String::new(), |(unit, step_s)| {
-        format!(
-            "; the times are likely in {unit}, in which samples are {step_s} s apart: a map file gives them another unit"
-        )
-    });
-    format!("{period_s} s between samples: allowed are {least} … {most} s{likely}")
-}
-
-/// Describes a step between two samples, with its likely cause.
-fn leap(place: &str, step_s: f64, period_s: f64, is_dated: bool) -> String {
-    let decimals = (-moment::rounded(period_s).log10()).ceil().clamp(0.0, 6.0) as usize;
-    let set_s = (step_s - period_s).abs();
-    let missing = (step_s / period_s).round() - 1.0;
-    let likely = if is_dated && (set_s - DAYLIGHT_SAVING_S).abs() < LEAP * period_s.max(1.0) {
-        "likely the clock was set for daylight saving: log dates with their offset (02:00:00+01:00) or in UTC, \
-         or read the part before or behind it with --to or --from"
-            .to_owned()
-    } else if step_s <= 0.0 {
-        "the clock was set back: read the part before or behind it with --to or --from".to_owned()
-    } else if (1.0..1e6).contains(&missing) {
-        format!(
-            "{missing} samples are missing: read the part before or behind them with --to or --from"
-        )
-    } else {
-        "read the part before or behind it with --to or --from".to_owned()
-    };
-    let period_s = moment::rounded(period_s);
-    format!(
-        "samples are not even: the step to {place} is {step_s:.decimals$} s, the others are {period_s} s; {likely}"
-    )
-}
+#[error("{0}")]
+pub struct RecordError(pub String);
 
 impl RecordError {
-    /// The error for a table without a column of the system's sensors.
+    /// There is no column of times.
+    pub fn no_time() -> Self {
+        RecordError(format!("there is no column '{TIME}' with the time of each sample"))
+    }
+
+    /// None of the system's sensors has a column.
     pub fn no_sensor(system: &System) -> Self {
-        let known =
-            system.sensors.iter().map(|sensor| with_suffix(&sensor.id, sensor.unit)).collect();
-        RecordError::NoSensor { known }
+        let known = system.sensors.iter().map(|sensor| with_suffix(&sensor.id, sensor.unit));
+        let known = sanitize::list(&known.collect::<Vec<_>>());
+        RecordError(format!("no column is a sensor of the system; it has: {known}"))
+    }
+
+    /// No input varies, or nothing moves.
+    pub(super) fn no_motion(what: &str) -> Self {
+        RecordError(format!(
+            "the record shows no motion: {what}; parameters show only while the actuator moves"
+        ))
+    }
+
+    fn too_short(duration_s: f64, samples: usize) -> Self {
+        RecordError(format!(
+            "the record is too short: {duration_s:.2} s with {samples} samples; at least {LEAST_DURATION_S} s and \
+             {LEAST_SAMPLES} samples are needed, 60 s are good"
+        ))
+    }
+
+    /// Too many values are outside of the sensor's range.
+    pub(super) fn impossible(values: &LeftOut) -> Self {
+        RecordError(format!("{}: these are too many to leave out", values.sentence))
     }
 }
 
 impl From<TableError> for RecordError {
     fn from(error: TableError) -> Self {
-        RecordError::Column(error.to_string())
+        RecordError(error.to_string())
     }
 }
 
@@ -248,8 +162,17 @@ impl FitRecord {
         sensors: Vec<usize>,
         measured: Vec<f64>,
     ) -> Self {
-        let (units, left_out) = (vec![], vec![]);
-        FitRecord { name: name.into(), period_s, inputs, sensors, measured, units, left_out }
+        FitRecord {
+            name: name.into(),
+            begin_s: None,
+            period_s,
+            inputs,
+            sensors,
+            measured,
+            units: vec![],
+            left_out: vec![],
+            impossible: None,
+        }
     }
 
     /// Reads a record from a table.
@@ -257,45 +180,45 @@ impl FitRecord {
     /// # Errors
     /// The first problem that makes the table unusable.
     pub fn from_table(name: &str, table: &Table, system: &System) -> Result<Self, RecordError> {
-        let (times_s, period_s) = times(table)?;
-        let sensors: Vec<usize> = (0..system.sensors.len())
-            .filter(|&s| {
-                recording::column(table, &system.sensors[s].id, system.sensors[s].unit).is_some()
-            })
-            .collect();
+        let (samples, period_s, begin_s) = times(table)?;
+        let (mut sensors, mut columns) = (vec![], vec![]);
+        let (mut left_out, mut impossible) = (vec![], None);
+        for (place, sensor) in system.sensors.iter().enumerate() {
+            let Some(column) = recording::column(table, &sensor.id, sensor.unit) else { continue };
+            let mut values = finite(table, column)?;
+            let range = system.readable(place);
+            if let Some(found) = outside(table, column, &values, range, sensor.unit) {
+                match found.count {
+                    most if 2 * most > values.len() => impossible = impossible.or(Some(found)),
+                    many if many as f64 > MOST_LEFT_OUT * values.len() as f64 => {
+                        return Err(RecordError::impossible(&found));
+                    }
+                    _ => {
+                        let is_impossible =
+                            |value: &&mut f64| !(range.0..=range.1).contains(*value);
+                        values.iter_mut().filter(is_impossible).for_each(|value| *value = f64::NAN);
+                        left_out.push(found);
+                    }
+                }
+            }
+            sensors.push(place);
+            columns.push(values);
+        }
         if sensors.is_empty() {
             return Err(RecordError::no_sensor(system));
         }
-        let mut left_out = Vec::new();
-        let shown = |&s: &usize| {
-            let sensor = &system.sensors[s];
-            let name =
-                recording::column(table, &sensor.id, sensor.unit).expect("it was found before");
-            let mut values = finite(table, name)?;
-            left_out.extend(leave_out(table, name, &mut values, system.readable(s), sensor.unit)?);
-            Ok(values)
-        };
-        let columns = sensors.iter().map(shown).collect::<Result<Vec<_>, RecordError>>()?;
-        let network = system.network();
         let read = sensors.iter().map(|&s| (&system.sensors[s].id, system.sensors[s].unit));
-        let read = network.inputs.iter().map(|input| (&input.id, input.unit)).chain(read);
+        let read = system.network().inputs.iter().map(|input| (&input.id, input.unit)).chain(read);
         let units = read.map(|(id, unit)| log_unit(table, &with_suffix(id, unit), unit)).collect();
-        let rows = 0..times_s.len();
-        let measured = rows.flat_map(|row| columns.iter().map(move |column| column[row])).collect();
-        let record = Self {
-            name: name.into(),
-            period_s,
-            inputs: inputs(table, system, period_s)?,
-            sensors,
-            measured,
-            units,
-            left_out,
-        };
+        let row = |row: usize| columns.iter().map(move |column| column[row]);
+        let measured = (0..samples).flat_map(row).collect();
+        let inputs = inputs(table, system, period_s)?;
+        let record = Self::of_samples(name, period_s, inputs, sensors, measured);
         let duration_s = record.duration_s();
-        if duration_s < LEAST_DURATION_S || record.samples() < LEAST_SAMPLES {
-            return Err(RecordError::TooShort { duration_s, samples: record.samples() });
+        match duration_s < LEAST_DURATION_S {
+            true => Err(RecordError::too_short(duration_s, samples)),
+            false => Ok(Self { begin_s, units, left_out, impossible, ..record }),
         }
-        Ok(record)
     }
 
     /// The sensors of the system that the record lacks, as column names.
@@ -313,11 +236,8 @@ impl FitRecord {
     /// The inputs with a unit that vary.
     pub(super) fn varying(&self, system: &System) -> Vec<usize> {
         let inputs = system.network().inputs.iter().zip(&self.inputs).enumerate();
-        let varies = inputs.filter(|(_, (input, signal))| {
-            let begin = signal.value(0.0);
-            let mut later = (1..self.samples()).map(|k| signal.value(k as f64 * self.period_s));
-            input.unit != Unit::None && later.any(|value| value != begin)
-        });
+        let varies = inputs
+            .filter(|(_, (input, signal))| input.unit != Unit::None && signal.pieces().len() > 1);
         varies.map(|(input, _)| input).collect()
     }
 
@@ -363,7 +283,7 @@ impl FitRecord {
     }
 
     /// Number of samples.
-    pub(crate) fn samples(&self) -> usize {
+    pub(super) fn samples(&self) -> usize {
         self.measured.len() / self.sensors.len().max(1)
     }
 
@@ -379,163 +299,158 @@ fn log_unit(table: &Table, column: &str, si: Unit) -> &'static NamedUnit {
     given.unwrap_or_else(|| NamedUnit::of_si(si))
 }
 
-fn finite(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
-    let values = table.f64(name)?;
+fn finite(table: &Table, column: &str) -> Result<Vec<f64>, RecordError> {
+    let values = table.f64(column)?;
     let Some(row) = values.iter().position(|value| !value.is_finite()) else {
         return Ok(values.into_owned());
     };
-    let (column, place) = (name.to_owned(), |row| table.origin().place(row));
+    let place = |row| table.origin().place(row);
     let first = values.iter().position(|value| value.is_finite());
     let begins = first.filter(|&first| values[first..].iter().all(|value| value.is_finite()));
-    let times_s = table.f64(TIMES[0]);
-    Err(match (begins, times_s) {
+    Err(RecordError(match (begins, table.f64(TIME)) {
         (Some(first), Ok(times_s)) if row == 0 => {
             let behind_s = ((times_s[first] - times_s[0]) * 1e6).round() / 1e6;
-            RecordError::Begins { column, place: place(first), behind_s }
+            let place = place(first);
+            format!(
+                "{column} has no value before {place}: --from {behind_s} reads the record from there on"
+            )
         }
-        _ => RecordError::NotFinite { column, place: place(row) },
-    })
+        _ => {
+            let place = place(row);
+            format!(
+                "{column} has no finite value at {place}: cut the record there, or leave the column out"
+            )
+        }
+    }))
 }
 
-/// Drops values that a sensor cannot produce, if they are few: a flipped bit, a loose plug. If most are out of range,
-/// the column is in another unit, which is reported later.
-fn leave_out(
+/// Values that a sensor cannot produce: a flipped bit, a loose plug, or another unit.
+fn outside(
     table: &Table,
     column: &str,
-    values: &mut [f64],
+    values: &[f64],
     range: (f64, f64),
     unit: Unit,
-) -> Result<Option<LeftOut>, RecordError> {
-    let cannot = |value: &f64| !(range.0..=range.1).contains(value);
-    let rows: Vec<usize> = (0..values.len()).filter(|&row| cannot(&values[row])).collect();
-    let Some(&first) = rows.first() else { return Ok(None) };
-    if 2 * rows.len() > values.len() {
-        return Ok(None);
-    }
-    let (column, place, value) = (column.into(), table.origin().place(first), values[first]);
-    let left_out = LeftOut { column, count: rows.len(), place, value, range, unit };
-    if rows.len() as f64 > MOST_LEFT_OUT * values.len() as f64 {
-        return Err(RecordError::Impossible(left_out));
-    }
-    rows.into_iter().for_each(|row| values[row] = f64::NAN);
-    Ok(Some(left_out))
+) -> Option<LeftOut> {
+    let is_outside = |row: &usize| !(range.0..=range.1).contains(&values[*row]);
+    let rows: Vec<usize> = (0..values.len()).filter(is_outside).collect();
+    let (count, row) = (rows.len(), *rows.first()?);
+    let (first, value, symbol) = (table.origin().place(row), values[row], unit.symbol());
+    let more = if count == 1 { String::new() } else { format!(" and {} more", count - 1) };
+    let sentence = format!(
+        "{column} has {} ({first}{more}), which its sensor cannot show ({})",
+        NumberWithUnit(value, symbol),
+        Quantities(in_digits(range.0), in_digits(range.1), symbol)
+    );
+    Some(LeftOut { column: column.into(), count, first, value, sentence })
 }
 
-/// The times, and the sampling period.
-fn times(table: &Table) -> Result<(Vec<f64>, f64), RecordError> {
-    let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name));
-    let times_s = seconds(table, name.ok_or(RecordError::NoTime)?)?;
+/// The number of samples, their period, s, and the date of the first one, if it has one, s.
+fn times(table: &Table) -> Result<(usize, f64, Option<f64>), RecordError> {
+    let time = recording::column(table, "time", Unit::Second).ok_or_else(RecordError::no_time)?;
+    let mut times_s = finite(table, time)?;
+    let begin_s = times_s.first().copied().unwrap_or(0.0);
+    let is_dated = moment::is_date(begin_s);
+    // Seconds since 1970 are unreadable in messages, so they become relative to the first.
+    times_s.iter_mut().filter(|_| is_dated).for_each(|time_s| *time_s -= begin_s);
     let samples = times_s.len();
     if samples < LEAST_SAMPLES {
         let duration_s = times_s.last().unwrap_or(&0.0) - times_s.first().unwrap_or(&0.0);
-        return Err(RecordError::TooShort { duration_s, samples });
+        return Err(RecordError::too_short(duration_s, samples));
     }
     let period_s = (times_s[samples - 1] - times_s[0]) / (samples - 1) as f64;
     // A period written with few digits is meant exactly.
     let rounded = (period_s * 1e6).round() / 1e6;
-    let period_s = if (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s {
-        rounded
-    } else {
-        period_s
-    };
-    let step_s = usual_step(&times_s);
-    if !moment::is_period(step_s) && step_s > 0.0 {
-        let period_s = step_s;
-        let unit_s = table.metadata.get(TIME_UNIT).and_then(|text| text.parse::<f64>().ok());
-        let likely = moment::likely_unit(
-            period_s / unit_s.unwrap_or(1.0),
-            USUAL_PERIOD_S,
-            units::of_times(),
-        );
-        return Err(RecordError::Period { period_s, likely });
-    }
-    if let Some(leap) = find_leap(table, &times_s) {
-        return Err(leap);
-    }
+    let is_rounded = (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s;
+    let period_s = if is_rounded { rounded } else { period_s };
+    check_steps(table, &times_s, is_dated)?;
     for (row, &time_s) in times_s.iter().enumerate() {
         let expected_s = times_s[0] + row as f64 * period_s;
         if (time_s - expected_s).abs() > JITTER * period_s {
-            return Err(RecordError::Uneven {
-                place: table.origin().place(row),
-                time_s,
-                expected_s,
-                rate_hz: moment::rounded(1.0 / period_s),
-            });
+            let (place, rate_hz) = (table.origin().place(row), moment::rounded(1.0 / period_s));
+            return Err(RecordError(format!(
+                "the times jitter: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if \
+                 the samples themselves are even, rate_hz = {rate_hz} instead of column below [time] of a map file \
+                 counts rows"
+            )));
         }
     }
-    Ok((times_s, period_s))
+    Ok((samples, period_s, is_dated.then_some(begin_s)))
 }
 
-/// The median of the steps between samples, s.
-fn usual_step(times_s: &[f64]) -> f64 {
-    let mut steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    steps.sort_by(f64::total_cmp);
-    steps[steps.len() / 2]
-}
-
-/// The first step between samples that differs from the others, unless the times jitter.
-fn find_leap(table: &Table, times_s: &[f64]) -> Option<RecordError> {
+/// Checks the usual step between samples, and that no step differs from the others, unless the times jitter.
+fn check_steps(table: &Table, times_s: &[f64], is_dated: bool) -> Result<(), RecordError> {
     let steps: Vec<f64> = times_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let period_s = usual_step(times_s);
+    let mut sorted = steps.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual_s = sorted[sorted.len() / 2];
+    if !moment::is_period(usual_s) && usual_s > 0.0 {
+        let unit_s = table.metadata.get(TIME_UNIT).and_then(|text| text.parse::<f64>().ok());
+        let step = usual_s / unit_s.unwrap_or(1.0);
+        let likely = moment::likely_unit(step, USUAL_PERIOD_S, units::of_times());
+        let likely = likely.map_or(String::new(), |(unit, step_s)| {
+            format!(
+                "; the times are likely in {unit}, in which samples are {step_s} s apart: a map file gives them another \
+                 unit"
+            )
+        });
+        let ((least, most), usual_s) = (moment::PERIODS_S, moment::rounded(usual_s));
+        return Err(RecordError(format!(
+            "{usual_s} s between samples: allowed are {least} … {most} s{likely}"
+        )));
+    }
     // Short steps make up for the long ones where times jitter; behind missing samples there are none.
     let count = |is_of: &dyn Fn(f64) -> bool| steps.iter().filter(|step| is_of(**step)).count();
-    let short = count(&|step| (0.0..(1.0 - LEAP) * period_s).contains(&step));
-    let long = count(&|step| step > (1.0 + LEAP) * period_s);
+    let short = count(&|step| (0.0..(1.0 - LEAP) * usual_s).contains(&step));
+    let long = count(&|step| step > (1.0 + LEAP) * usual_s);
     if short > 0 && 2 * short >= long && count(&|step| step < 0.0) == 0 {
-        return None;
+        return Ok(());
     }
-    let row = steps.iter().position(|step| (step - period_s).abs() > LEAP * period_s)?;
-    let name = TIMES.into_iter().find(|name| table.names().any(|known| known == *name))?;
-    let is_dated =
-        table.f64(name).map_or(true, |own| own.first().is_some_and(|&s| moment::is_date(s)));
-    let place = table.origin().place(row + 1);
-    Some(RecordError::Leap { place, step_s: steps[row], period_s, is_dated })
+    match steps.iter().position(|step| (step - usual_s).abs() > LEAP * usual_s) {
+        Some(row) => Err(leap(&table.origin().place(row + 1), steps[row], usual_s, is_dated)),
+        None => Ok(()),
+    }
 }
 
-/// Times in seconds; dates relative to the first.
-fn seconds(table: &Table, name: &str) -> Result<Vec<f64>, RecordError> {
-    let Ok(texts) = table.text(name) else {
-        let times_s = finite(table, name)?;
-        // Seconds since 1970 are unreadable in messages, so they become relative to the first.
-        let begin_s = times_s.first().copied().filter(|begin_s| *begin_s > moment::CALENDAR_S);
-        return Ok(times_s.iter().map(|time_s| time_s - begin_s.unwrap_or(0.0)).collect());
+/// A step between two samples that differs from the others, with its likely cause.
+fn leap(place: &str, step_s: f64, usual_s: f64, is_dated: bool) -> RecordError {
+    let decimals = (-moment::rounded(usual_s).log10()).ceil().clamp(0.0, 6.0) as usize;
+    let set_s = (step_s - usual_s).abs();
+    let missing = (step_s / usual_s).round() - 1.0;
+    let is_summer = is_dated && (set_s - DAYLIGHT_SAVING_S).abs() < LEAP * usual_s.max(1.0);
+    let (cause, them) = match step_s {
+        _ if is_summer => (
+            "likely the clock was set for daylight saving: log dates with their offset (02:00:00+01:00) or in UTC, or "
+                .into(),
+            "it",
+        ),
+        back if back <= 0.0 => ("the clock was set back: ".into(), "it"),
+        _ if (1.0..1e6).contains(&missing) => (format!("{missing} samples are missing: "), "them"),
+        _ => (String::new(), "it"),
     };
-    let mut clock = Clock::default();
-    let read = |(row, text): (usize, &String)| {
-        clock.read(text).ok_or_else(|| RecordError::NoDate {
-            column: name.into(),
-            place: table.origin().place(row),
-            text: text.clone(),
-        })
-    };
-    let times_s: Vec<f64> = texts.iter().enumerate().map(read).collect::<Result<_, _>>()?;
-    let begin_s = times_s.first().copied().unwrap_or(0.0);
-    Ok(times_s.into_iter().map(|time_s| time_s - begin_s).collect())
+    let usual_s = moment::rounded(usual_s);
+    RecordError(format!(
+        "samples are not even: the step to {place} is {step_s:.decimals$} s, the others are {usual_s} s; {cause}read the \
+         part before or behind {them} with --to or --from"
+    ))
 }
 
 /// The inputs: from their columns, otherwise at their defaults.
 fn inputs(table: &Table, system: &System, period_s: f64) -> Result<Vec<Piecewise>, RecordError> {
-    let mut varies = false;
     let network = system.network();
-    let mut signals = Vec::new();
-    for (place, input) in network.inputs.iter().enumerate() {
-        let Some(name) = recording::column(table, &input.id, input.unit) else {
-            signals.push(Piecewise::constant(input.default).expect("a default is finite"));
-            continue;
-        };
+    let mut signals = system.default_inputs();
+    for (place, (input, signal)) in network.inputs.iter().zip(&mut signals).enumerate() {
+        let Some(name) = recording::column(table, &input.id, input.unit) else { continue };
         let values = finite(table, name)?;
         let declared = log_unit(table, name, input.unit);
         check_input(name, &values, declared, input.default, network.input_range(place))?;
-        varies |= values.iter().any(|value| *value != values[0]);
-        signals.push(smooth(period_s, &values));
+        *signal = smooth(period_s, &values);
     }
-    if !varies {
-        let names: Vec<String> =
-            network.inputs.iter().map(|i| with_suffix(&i.id, i.unit)).collect();
-        let what = format!("no input varies (columns {})", names.join(", "));
-        return Err(RecordError::NoMotion { what });
+    if signals.iter().any(|signal| signal.pieces().len() > 1) {
+        return Ok(signals);
     }
-    Ok(signals)
+    let names: Vec<String> = network.inputs.iter().map(|i| with_suffix(&i.id, i.unit)).collect();
+    Err(RecordError::no_motion(&format!("no input varies (columns {})", names.join(", "))))
 }
 
 fn check_input(
@@ -556,15 +471,19 @@ fn check_input(
             .map(|unit| Misread { actual: vec![unit], read_as: declared }),
         (false, false) => None,
     };
+    let symbol = unit.symbol();
     if let Some(misread) = misread {
-        let ((seems, remedy), symbol) = (misread.in_words(declared), unit.symbol());
-        let largest = moment::rounded(largest);
-        let reason = format!("{column} seems {seems}: it reaches {largest} {symbol}; {remedy}");
-        return Err(RecordError::Mistaken(reason));
+        let ((seems, remedy), largest) = (misread.in_words(declared), moment::rounded(largest));
+        return Err(RecordError(format!(
+            "{column} seems {seems}: it reaches {largest} {symbol}; {remedy}"
+        )));
     }
+    let (low, high) = range;
     match values.iter().find(is_outside) {
-        Some(&value) => Err(RecordError::Input { column: column.into(), value, range, unit }),
         None => Ok(()),
+        Some(value) => {
+            Err(RecordError(format!("{column} has {value} {symbol}: allowed are {low} … {high}")))
+        }
     }
 }
 

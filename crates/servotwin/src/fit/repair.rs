@@ -30,7 +30,7 @@ const PER_MEDIAN: f64 = 1.4826;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Repair {
     /// The index of the first point after it.
-    pub place: usize,
+    pub(super) place: usize,
     /// The flight number of that point.
     pub at: f64,
     /// The drop of the level.
@@ -40,7 +40,7 @@ pub struct Repair {
 }
 
 /// The repairs in a series, ordered by time. Only the last may be unconfirmed, if it is at the last flight.
-pub(crate) fn repairs(points: &[Point]) -> Vec<Repair> {
+pub(super) fn repairs(points: &[Point]) -> Vec<Repair> {
     let errors = scaled_errors(points);
     let starts = starts(points, &errors);
     let repair = |place: usize| Repair {

@@ -11,13 +11,20 @@ use super::linear::{Symmetric, dot};
 use super::record::FitRecord;
 use super::unknown::Unknown;
 use super::{Fit, FitError};
-use crate::ensemble::{Ensemble, Later, Sink, Variant};
+use crate::ensemble::{Ensemble, Later, Variant};
+use crate::rest::Stopped;
+use crate::system::imperfection::Imperfection;
 use servotwin_model::signal::Piecewise;
 use std::sync::atomic::Ordering;
 
+/// Samples before this time are not compared: an actuator is rarely at rest when its record begins, s.
+const WARM_UP_S: f64 = 1.0;
+/// Lower limit of a sensor's deviation, as a fraction of its scale: the solver's error.
+const SOLVER_ERROR: f64 = 1e-4;
+
 /// How derivatives are approximated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum DerivativeScheme {
+pub(super) enum DerivativeScheme {
     /// One-sided difference.
     Forward,
     /// Two-sided difference.
@@ -25,71 +32,45 @@ pub(crate) enum DerivativeScheme {
 }
 
 /// Residuals (FR1), ordered by record, sample and sensor.
-pub(crate) type Residuals = Vec<f64>;
+pub(super) type Residuals = Vec<f64>;
 /// The residuals of a variant, or why it could not be simulated.
-pub(crate) type RunResiduals = Result<Residuals, FitError>;
+pub(super) type RunResiduals = Result<Residuals, FitError>;
 
 /// The residuals and their derivatives at a point.
 #[derive(Clone, Debug)]
-pub(crate) struct Linear {
+pub(super) struct Linear {
     /// The unknowns at the point.
     pub z: Vec<f64>,
     /// The residuals at `z`.
     pub residuals: Residuals,
     /// For each unknown, the derivative of the twin's sensors, in their deviations (FR2).
     pub columns: Vec<Vec<f64>>,
-    /// JᵀJ: the information of the records about the unknowns.
-    pub information: Symmetric,
+    /// JᵀJ + Q: what the records show of the unknowns, and what is known before.
+    pub curvature: Symmetric,
 }
 
 impl Linear {
-    fn new(z: Vec<f64>, residuals: Residuals, columns: Vec<Vec<f64>>) -> Self {
-        let information = Symmetric::new(columns.len(), |i, j| dot(&columns[i], &columns[j]));
-        Self { z, residuals, columns, information }
-    }
-
     /// Computes Jᵀ r.
-    pub(crate) fn pull(&self, residuals: &[f64]) -> Vec<f64> {
+    pub(super) fn pull(&self, residuals: &[f64]) -> Vec<f64> {
         self.columns.iter().map(|column| dot(column, residuals)).collect()
     }
 }
 
-/// A residual (FR1); zero for a missing value.
-pub(super) fn residual(measured: f64, twin: f64, deviation: f64) -> f64 {
-    if measured.is_nan() { 0.0 } else { (measured - twin) / deviation }
-}
-
-/// Collects the residuals of a run.
-struct Compare<'r> {
-    measured: &'r [f64],
-    deviations: &'r [f64],
-    first: usize,
-    residuals: Residuals,
-}
-
-impl Sink for Compare<'_> {
-    fn sample(&mut self, index: usize, values: &[f64]) {
-        if index < self.first || index * values.len() >= self.measured.len() {
-            return;
-        }
-        let measured = &self.measured[index * values.len()..][..values.len()];
-        let of = |((m, v), d): ((&f64, &f64), &f64)| residual(*m, *v, *d);
-        self.residuals.extend(measured.iter().zip(values).zip(self.deviations).map(of));
+impl FitRecord {
+    /// The first sample that is compared.
+    pub(super) fn first_sample(&self) -> usize {
+        (WARM_UP_S / self.period_s).round() as usize
     }
 }
 
-impl<'s> Fit<'s> {
-    /// The ensemble that runs a record's variants.
-    pub(super) fn ensemble(&self, record: &FitRecord) -> Ensemble<'s> {
-        Ensemble {
-            settings: self.solver,
-            threads: self.threads,
-            cancel: self.cancel,
-            record: self.system.sensor_slots(&record.sensors),
-            duration_s: record.duration_s(),
-            sample_period_s: record.period_s,
-            ..Ensemble::of(self.system)
-        }
+impl Fit<'_> {
+    /// The standard deviation of a sample of each sensor of a record.
+    pub(super) fn deviations(&self, record: &FitRecord) -> Vec<f64> {
+        let deviation = |&sensor: &usize| {
+            let least = SOLVER_ERROR * self.system.sensors[sensor].scale;
+            Imperfection::of(self.system, sensor).deviation().max(least)
+        };
+        record.sensors.iter().map(deviation).collect()
     }
 
     /// The unknowns of the nominal twin.
@@ -103,7 +84,7 @@ impl<'s> Fit<'s> {
     }
 
     /// A variant with given unknowns, whose faults begin at `onset_s`.
-    pub(super) fn variant_from<'v>(
+    fn variant_from<'v>(
         &self,
         z: &[f64],
         inputs: &'v [Piecewise],
@@ -111,7 +92,7 @@ impl<'s> Fit<'s> {
     ) -> Variant<'v> {
         let mut variant = Variant { inputs: inputs.iter().collect(), ..Variant::default() };
         for (unknown, &z) in self.unknowns.iter().zip(z) {
-            unknown.apply(z, &mut variant.overrides, &mut variant.faults);
+            unknown.apply(z, &mut variant);
         }
         if let Some(time_s) = onset_s {
             let faults = std::mem::take(&mut variant.faults);
@@ -125,6 +106,17 @@ impl<'s> Fit<'s> {
         self.residuals_of(points.len(), |job, record| self.variant(&points[job], &record.inputs))
     }
 
+    /// The residuals at a point, with faults that begin at each of some moments, s.
+    pub(super) fn residuals_from(
+        &self,
+        z: &[f64],
+        onsets_s: &[f64],
+    ) -> Result<Vec<RunResiduals>, FitError> {
+        self.residuals_of(onsets_s.len(), |job, record| {
+            self.variant_from(z, &record.inputs, Some(onsets_s[job]))
+        })
+    }
+
     /// The residuals of several variants in all records.
     pub(super) fn residuals_of<'r>(
         &'r self,
@@ -133,61 +125,65 @@ impl<'s> Fit<'s> {
     ) -> Result<Vec<RunResiduals>, FitError> {
         let mut all: Vec<RunResiduals> = vec![Ok(Vec::new()); count];
         for record in &self.records {
-            append(&mut all, self.run(record, count, |job| variant(job, record))?);
+            let own = self.residuals_in(record, (count, 1.0), |job| variant(job, record))?;
+            all.iter_mut().zip(own).for_each(|(all, own)| append(all, own));
         }
         Ok(all)
     }
 
-    /// The residuals of several variants of one record.
-    pub(super) fn run<'v>(
+    /// The residuals of a number of variants in one record, while `stretch` times the recorded time passes.
+    pub(super) fn residuals_in<'v>(
         &self,
         record: &FitRecord,
-        count: usize,
+        (count, stretch): (usize, f64),
         variant: impl Fn(usize) -> Variant<'v> + Sync,
     ) -> Result<Vec<RunResiduals>, FitError> {
-        self.run_in(&self.ensemble(record), record, count, variant)
+        let twins = self.twins(record, (count, stretch), variant)?.into_iter();
+        let residuals = |twin: Vec<f64>| self.residuals_beside(record, &record.measured, &twin);
+        Ok(twins.map(|twin| twin.map(residuals)).collect())
     }
 
-    /// The same in another ensemble than the record's.
-    pub(super) fn run_in<'v>(
+    /// The residuals (FR1) of measured values in a record beside a twin; those of missing values are zero.
+    pub(super) fn residuals_beside(
         &self,
-        ensemble: &Ensemble,
         record: &FitRecord,
-        count: usize,
-        variant: impl Fn(usize) -> Variant<'v> + Sync,
-    ) -> Result<Vec<RunResiduals>, FitError> {
-        self.run_against(ensemble, record, |_| &record.measured, count, variant)
-    }
-
-    /// The same for variants that have measured values of their own.
-    pub(super) fn run_against<'v, 'm>(
-        &self,
-        ensemble: &Ensemble,
-        record: &FitRecord,
-        measured: impl Fn(usize) -> &'m [f64] + Sync,
-        count: usize,
-        variant: impl Fn(usize) -> Variant<'v> + Sync,
-    ) -> Result<Vec<RunResiduals>, FitError> {
-        let deviations = self.deviations(record);
-        let first = self.first_sample(record);
-        let mut found: Vec<Option<RunResiduals>> = vec![None; count];
-        let sink = |job| Compare {
-            measured: measured(job),
-            deviations: &deviations,
-            first,
-            residuals: Vec::with_capacity(record.measured.len()),
+        measured: &[f64],
+        twin: &[f64],
+    ) -> Residuals {
+        let residual = |((measured, twin), deviation): ((&f64, &f64), &f64)| {
+            if measured.is_nan() { 0.0 } else { (measured - twin) / deviation }
         };
-        ensemble.run(count, variant, sink, |job, compare, outcome| {
-            found[job] = Some(match outcome {
-                Ok(_) => Ok(compare.residuals),
-                Err(failure) => Err(FitError::run(self.system, failure)),
-            });
+        let pairs = measured.iter().zip(twin).skip(record.first_sample() * record.sensors.len());
+        pairs.zip(self.deviations(record).iter().cycle()).map(residual).collect()
+    }
+
+    /// The sensors of a number of variants at the samples of a record, ordered as in the record.
+    pub(super) fn twins<'v>(
+        &self,
+        record: &FitRecord,
+        (count, stretch): (usize, f64),
+        variant: impl Fn(usize) -> Variant<'v> + Sync,
+    ) -> Result<Vec<Result<Vec<f64>, FitError>>, FitError> {
+        let ensemble = Ensemble {
+            settings: self.solver,
+            threads: self.threads,
+            cancel: self.cancel,
+            record: self.system.sensor_slots(&record.sensors),
+            duration_s: record.duration_s() * stretch,
+            sample_period_s: record.period_s * stretch,
+            ..Ensemble::of(self.system)
+        };
+        let mut found = vec![None; count];
+        let sink = |_| Vec::with_capacity(record.measured.len());
+        ensemble.run(count, variant, sink, |job, twin, outcome| {
+            let stopped = |failure| FitError::Run(Stopped::new(self.system, failure));
+            found[job] = Some(outcome.map(|_| twin).map_err(stopped));
             (self.progress)();
         });
         if self.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
             return Err(FitError::Cancelled);
         }
-        Ok(found.into_iter().map(|one| one.expect("every variant ends")).collect())
+        Ok(found.into_iter().map(|run| run.expect("every variant ends")).collect())
     }
 
     /// The residuals and derivatives at a point.
@@ -196,37 +192,38 @@ impl<'s> Fit<'s> {
         z: &[f64],
         difference: DerivativeScheme,
     ) -> Result<Linear, FitError> {
-        let mut points = vec![z.to_vec()];
-        let mut moves = Vec::new();
-        for (k, unknown) in self.unknowns.iter().enumerate() {
-            let ends = ends(unknown, z[k], difference);
-            for end in ends {
+        let ends: Vec<[f64; 2]> =
+            self.unknowns.iter().zip(z).map(|(u, &z)| ends(u, z, difference)).collect();
+        let moved = |(k, ends): (usize, &[f64; 2])| {
+            ends.map(|end| {
                 let mut point = z.to_vec();
                 point[k] = end;
-                points.push(point);
-            }
-            moves.push(ends[1] - ends[0]);
-        }
+                point
+            })
+        };
+        let moved = ends.iter().enumerate().flat_map(moved);
+        let points: Vec<Vec<f64>> = [z.to_vec()].into_iter().chain(moved).collect();
         let mut found = self.residuals(&points)?.into_iter();
-        let base = found.next().expect("the point itself")?;
-        let mut columns = Vec::new();
-        for moved in moves {
+        let residuals = found.next().expect("the point itself")?;
+        let mut columns: Vec<Vec<f64>> = Vec::new();
+        for [low, high] in ends {
             let mut end = || found.next().expect("two ends for each unknown");
-            let (low, high) = (end()?, end()?);
-            columns.push(low.iter().zip(&high).map(|(low, high)| (low - high) / moved).collect());
+            let pairs = end()?.into_iter().zip(end()?);
+            columns
+                .push(pairs.map(|(at_low, at_high)| (at_low - at_high) / (high - low)).collect());
         }
-        Ok(Linear::new(z.to_vec(), base, columns))
+        let information = Symmetric::new(columns.len(), |i, j| dot(&columns[i], &columns[j]));
+        let curvature = information.plus_diagonal(&self.priors());
+        Ok(Linear { z: z.to_vec(), residuals, columns, curvature })
     }
 }
 
 /// Appends the residuals of another record; a failed simulation stays failed.
-pub(super) fn append(all: &mut [RunResiduals], more: Vec<RunResiduals>) {
-    for (all, own) in all.iter_mut().zip(more) {
-        match (all.as_mut(), own) {
-            (Ok(all), Ok(own)) => all.extend(own),
-            (Ok(_), Err(error)) => *all = Err(error),
-            (Err(_), _) => {}
-        }
+pub(super) fn append(all: &mut RunResiduals, own: RunResiduals) {
+    match (all.as_mut(), own) {
+        (Ok(all), Ok(own)) => all.extend(own),
+        (Ok(_), Err(error)) => *all = Err(error),
+        (Err(_), _) => {}
     }
 }
 

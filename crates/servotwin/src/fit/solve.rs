@@ -7,9 +7,9 @@
 //! A Gauss–Newton step is tried in several lengths, one per lane, so that the line search costs no time. While a step
 //! gains what (FS2) promised, the next one keeps its J. The last steps use a central-difference J.
 
-use super::linear::{Symmetric, dot};
+use super::linear::dot;
 use super::response::{DerivativeScheme, Linear, Residuals, RunResiduals};
-use super::{Fit, FitError};
+use super::{Fit, FitError, Unknown};
 
 /// The fractions of a step that are tried together.
 const LENGTHS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
@@ -32,7 +32,7 @@ const LEAST_PROGRESS: f64 = 0.05;
 
 /// The result of a fit.
 #[derive(Clone, Debug)]
-pub(crate) struct Minimum {
+pub(super) struct Minimum {
     /// The linearization used last.
     pub linear: Linear,
     /// The unknowns at the minimum.
@@ -58,50 +58,38 @@ impl Fit<'_> {
         0.5 * dot(residuals, residuals) + 0.5 * prior
     }
 
-    /// How far every unknown may still move, down and up.
-    pub(super) fn room(&self, z: &[f64]) -> Vec<(f64, f64)> {
-        self.unknowns.iter().zip(z).map(|(u, z)| (u.range.0 - z, u.range.1 - z)).collect()
-    }
-
-    /// The step (FS2) from a point, and the promised reduction of F.
+    /// The step (FS2) from a point, and the promised reduction of F. An unknown may be held.
     pub(super) fn step(
         &self,
-        curvature: &Symmetric,
+        linear: &Linear,
         z: &[f64],
         pull: &[f64],
-    ) -> Result<(Vec<f64>, f64), FitError> {
-        self.step_within(curvature, z, pull, &self.room(z))
-    }
-
-    /// The same with explicit limits for the step of each unknown.
-    pub(super) fn step_within(
-        &self,
-        curvature: &Symmetric,
-        z: &[f64],
-        pull: &[f64],
-        room: &[(f64, f64)],
+        held: Option<usize>,
     ) -> Result<(Vec<f64>, f64), FitError> {
         let pairs = self.unknowns.iter().zip(z).zip(pull);
         let slope: Vec<f64> = pairs.map(|((u, z), pull)| pull - u.prior * z).collect();
-        let step = curvature.minimum_within(&slope, room).ok_or(FitError::Undetermined)?;
-        let gain = dot(&slope, &step) - 0.5 * dot(&step, &curvature.times(&step));
+        let room = |(k, (u, z)): (usize, (&Unknown, &f64))| match held == Some(k) {
+            true => (0.0, 0.0),
+            false => (u.range.0 - z, u.range.1 - z),
+        };
+        let room: Vec<(f64, f64)> = self.unknowns.iter().zip(z).enumerate().map(room).collect();
+        let step = linear.curvature.minimum_within(&slope, &room).ok_or(FitError::Undetermined)?;
+        let gain = dot(&slope, &step) - 0.5 * dot(&step, &linear.curvature.times(&step));
         Ok((step, gain))
     }
 
-    /// The lowest F that J at a minimum predicts near a point, with these limits for the step of each unknown; infinite
-    /// for a twin that cannot be simulated.
-    pub(super) fn cost_within(
+    /// The lowest F that J predicts near a point, where an unknown may be held; infinite for a twin that cannot be
+    /// simulated.
+    pub(super) fn predicted_cost(
         &self,
-        minimum: &Minimum,
-        point: &[f64],
+        linear: &Linear,
+        z: &[f64],
         residuals: &RunResiduals,
-        room: &[(f64, f64)],
+        held: Option<usize>,
     ) -> Result<f64, FitError> {
         let Ok(residuals) = residuals else { return Ok(f64::INFINITY) };
-        let curvature = minimum.linear.information.plus_diagonal(&self.priors());
-        let pull = minimum.linear.pull(residuals);
-        let (_, gain) = self.step_within(&curvature, point, &pull, room)?;
-        Ok(self.cost(point, residuals) - gain)
+        let (_, gain) = self.step(linear, z, &linear.pull(residuals), held)?;
+        Ok(self.cost(z, residuals) - gain)
     }
 
     /// Finds the minimum from a first guess.
@@ -125,13 +113,12 @@ impl Fit<'_> {
 
     /// Takes steps with a constant J.
     fn steps_around(&self, linear: Linear) -> Result<Minimum, FitError> {
-        let curvature = linear.information.plus_diagonal(&self.priors());
         let mut z = linear.z.clone();
         let mut residuals = linear.residuals.clone();
         let mut cost = self.cost(&z, &residuals);
         let (mut converged, mut steps) = (false, 0);
         for _ in 0..MOST_STEPS {
-            let (step, promised) = self.step(&curvature, &z, &linear.pull(&residuals))?;
+            let (step, promised) = self.step(&linear, &z, &linear.pull(&residuals), None)?;
             if promised < SMALL_GAIN {
                 converged = true;
                 break;

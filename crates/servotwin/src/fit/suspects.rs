@@ -14,20 +14,20 @@
 //!
 //! (FF2)  F = ½ |r|² − max_z (zᵀJᵀr − ½ zᵀA z),  every z inside of its tolerance
 
+use super::intensity::Diagnosed;
 use super::linear::{Symmetric, dot};
-use super::onset::{Begun, FoundOnset, Moments};
-use super::record::{FitRecord, RecordError};
+use super::onset::{FoundOnset, Moments};
+use super::record::FitRecord;
 use super::response::{DerivativeScheme, Linear, RunResiduals, append};
 use super::solve::Minimum;
 use super::{Fit, FitError};
-use crate::ensemble::Ensemble;
+use serde::Serialize;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::cmp::Ordering;
-use std::fmt;
 
 /// Largest score that is attributed to chance among a hundred suspects, in standard deviations.
-pub(crate) const SCORE_LIMIT: f64 = 5.0;
+pub(super) const SCORE_LIMIT: f64 = 5.0;
 /// The intensity whose effect is compared.
 const INTENSITY: f64 = 0.2;
 /// The fraction by which a clock runs fast in the comparison: less time has passed than it shows.
@@ -37,7 +37,7 @@ const LEAST_CLOCK: f64 = 0.001;
 /// The intensities at which all suspects of a finding are simulated.
 const COARSE: [f64; 4] = [0.03, 0.12, 0.35, 0.8];
 /// The intensities at which the likeliest suspects are simulated.
-const FINE: [f64; 12] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
+pub(super) const FINE: [f64; 12] = [0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0];
 /// The number of these suspects.
 const LIKELIEST: usize = 5;
 /// How many of them are fitted if one may have begun within the record.
@@ -53,15 +53,10 @@ const CLEARLY: f64 = 2.0;
 /// Number of runs whose residuals are kept in memory.
 const AT_ONCE: usize = 96;
 
-/// The name of the suspect *fast clock*.
-pub(crate) const CLOCK: &str = "clock";
-/// The name of the suspect *late sensors*.
-pub(crate) const DELAY: &str = "delay";
-
 /// A possible cause of a finding.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Suspect {
-    /// The fault's full name, or `CLOCK` or `DELAY`.
+    /// The fault's full name, `clock` or `delay`.
     pub name: String,
     /// (FF1); for a finding √(2 ΔF) by (FF2), where ΔF is the reduction of F by the suspect.
     pub score: f64,
@@ -69,54 +64,92 @@ pub struct Suspect {
     pub intensity: f64,
     /// When it began, if within the record.
     pub onset: Option<FoundOnset>,
+    #[serde(skip)]
+    pub(super) cause: Cause,
 }
 
 impl Suspect {
     /// Whether the score exceeds chance.
     pub(super) fn is_finding(&self) -> bool {
-        match self.name == CLOCK {
-            true => self.score.abs() > SCORE_LIMIT && self.intensity.abs() > LEAST_CLOCK,
-            false => self.score > SCORE_LIMIT,
+        match self.cause {
+            Cause::Clock => self.strength() > SCORE_LIMIT && self.intensity.abs() > LEAST_CLOCK,
+            _ => self.score > SCORE_LIMIT,
         }
+    }
+
+    /// The score (FF1); a clock may be fast or slow.
+    fn strength(&self) -> f64 {
+        if self.cause == Cause::Clock { self.score.abs() } else { self.score }
     }
 
     /// The suspect as a sentence.
-    pub(crate) fn sentence(&self) -> String {
+    pub(super) fn sentence(&self) -> String {
         let Self { name, intensity, .. } = self;
         let (size, is_more) = (intensity.abs(), *intensity > 0.0);
-        match name.as_str() {
-            CLOCK => {
-                let way = if is_more { "fast" } else { "slow" };
-                format!("the clock of the record seems to run {:.1} % {way}", 100.0 * size)
+        match (self.cause, self.onset) {
+            (Cause::Fault(_), None) => {
+                format!("it looks like {name} of intensity {intensity:.2} or so")
             }
-            DELAY => {
+            (Cause::Fault(_), Some(FoundOnset { at_s, low_s, high_s, .. })) => format!(
+                "it looks like {name} of intensity {intensity:.2} from {at_s:.2} s on (95 %: {low_s:.2} … {high_s:.2} s)"
+            ),
+            (Cause::Delay, _) => {
                 let way = if is_more { "late" } else { "early" };
                 format!("the sensors seem to come {size:.4} s too {way} for the inputs")
             }
-            _ => match self.onset {
-                None => format!("it looks like {name} of intensity {intensity:.2} or so"),
-                Some(FoundOnset { at_s, interval_s: (low, high), .. }) => format!(
-                    "it looks like {name} of intensity {intensity:.2} from {at_s:.2} s on (95 %: {low:.2} … {high:.2} s)"
-                ),
-            },
+            (Cause::Clock | Cause::Drift, _) => {
+                let way = if is_more { "fast" } else { "slow" };
+                format!("the clock of the record seems to run {:.1} % {way}", 100.0 * size)
+            }
         }
     }
 }
 
-impl fmt::Display for Suspect {
-    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(out, "{} {:.2} (score {:.1})", self.name, self.intensity, self.score)
+/// What may explain a record, of some size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Cause {
+    /// A fault of an intensity: (component, fault).
+    Fault((usize, usize)),
+    /// Sensors that come late, by a number of samples.
+    Delay,
+    /// A record whose clock runs fast, by a fraction.
+    Clock,
+    /// Sensors on a clock of their own, on which they become increasingly late, by a fraction.
+    Drift,
+}
+
+impl Cause {
+    /// The fault, if it is one.
+    pub(super) fn fault(self) -> Option<(usize, usize)> {
+        if let Cause::Fault(fault) = self { Some(fault) } else { None }
+    }
+
+    /// The inputs of a record whose times are wrong by a size, and the time that passes per unit of recorded time.
+    pub(super) fn retimed(self, record: &FitRecord, size: f64) -> (Vec<Piecewise>, f64) {
+        let (delay_s, input_stretch, stretch) = match self {
+            Cause::Fault(_) => (0.0, 1.0, 1.0),
+            Cause::Delay => (size * record.period_s, 1.0, 1.0),
+            Cause::Clock => (0.0, 1.0 - size, 1.0 - size),
+            Cause::Drift => (0.0, 1.0 + size, 1.0),
+        };
+        let s = input_stretch;
+        let moved = |signal: &Piecewise| {
+            let breaks = signal.breaks_s().iter().map(|time_s| time_s * s + delay_s).collect();
+            let piece = |[c0, c1, c2, c3]: &[f64; 4]| [*c0, c1 / s, c2 / (s * s), c3 / (s * s * s)];
+            let pieces = signal.pieces().iter().map(piece).collect();
+            Piecewise::new(breaks, pieces).expect("breaks still increase")
+        };
+        (record.inputs.iter().map(moved).collect(), stretch)
     }
 }
 
-/// A fault that may explain the records.
+/// A cause of a certain size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Guess {
-    /// The fault: (component, fault).
-    pub fault: (usize, usize),
+    pub cause: Cause,
     /// F of (FF2), or with an onset of (FO1).
     pub cost: f64,
-    pub intensity: f64,
+    pub size: f64,
     /// When it begins, s; `None` if it precedes the records.
     pub at_s: Option<f64>,
 }
@@ -132,10 +165,20 @@ impl Guess {
     }
 }
 
-/// The best guess of a fault without an onset, and the best one with an onset.
-type Guesses = (Guess, Option<Guess>);
+/// The best guesses of some causes: those without an onset, and those with one, which some causes lack.
+type Guesses = [Vec<Guess>; 2];
 
 impl Fit<'_> {
+    fn suspect(&self, cause: Cause, score: f64, size: f64) -> Suspect {
+        let period_s = self.records.last().map_or(0.0, |record| record.period_s);
+        let (name, intensity) = match cause {
+            Cause::Fault(fault) => (self.fault_name(fault), size),
+            Cause::Delay => ("delay".into(), size * period_s),
+            Cause::Clock | Cause::Drift => ("clock".into(), size),
+        };
+        Suspect { name, score, intensity, onset: None, cause }
+    }
+
     /// The scores (FF1) of all suspects, the largest first. A fault whose twin cannot be simulated, or without an effect
     /// of its own, has the score 0.
     pub(super) fn suspects(
@@ -143,27 +186,22 @@ impl Fit<'_> {
         found: &Minimum,
         covariance: &Symmetric,
     ) -> Result<Vec<Suspect>, FitError> {
-        let score = |name: String, step: f64, residuals: &RunResiduals| {
+        let score = |cause: Cause, step: f64, residuals: &RunResiduals| {
             let effects = residuals.iter().flat_map(|own| found.residuals.iter().zip(own));
             let effect: Vec<f64> = effects.map(|(left, own)| (left - own) / step).collect();
             let (with, square) = (dot(&effect, &found.residuals), dot(&effect, &effect));
             let along = found.linear.pull(&effect);
             // The part of the effect that tolerances leave.
             let rest = square - dot(&along, &covariance.times(&along));
-            let (score, intensity) = match rest <= 1e-6 * square || square == 0.0 {
-                true => (0.0, 0.0),
-                false => (with / rest.sqrt(), with / rest),
-            };
-            Suspect { name, score, intensity, onset: None }
+            Ok(match rest <= 1e-6 * square || square == 0.0 {
+                true => self.suspect(cause, 0.0, 0.0),
+                false => self.suspect(cause, with / rest.sqrt(), with / rest),
+            })
         };
-        let jobs: Vec<_> = self.suspects.iter().map(|&fault| (fault, INTENSITY)).collect();
-        let mut all = self.with_faults(&found.z, &jobs, |&(fault, _), residuals| {
-            Ok(score(self.fault_name(fault), INTENSITY, residuals))
-        })?;
-        let (clock, _) = self.retimed(&found.z, &[FAST], on_fast_clock)?;
-        all.push(score(CLOCK.into(), FAST, &clock[0]));
-        let strength = |s: &Suspect| if s.name == CLOCK { s.score.abs() } else { s.score };
-        all.sort_by(|a, b| strength(b).total_cmp(&strength(a)));
+        let faults = self.suspects.iter().map(|&fault| (Cause::Fault(fault), INTENSITY));
+        let jobs: Vec<_> = faults.chain([(Cause::Clock, FAST)]).collect();
+        let mut all = self.with_causes(&found.z, &jobs, score)?;
+        all.sort_by(|a, b| b.strength().total_cmp(&a.strength()));
         Ok(all)
     }
 
@@ -171,26 +209,22 @@ impl Fit<'_> {
     /// others.
     pub(super) fn likeliest(&self) -> Result<Vec<Suspect>, FitError> {
         let linear = self.linear(&self.nominal(), DerivativeScheme::Forward)?;
-        let healthy = self.explained(&linear, &linear.residuals)?;
-        let suspect = |name: String, cost: f64, intensity: f64| {
-            let score = (2.0 * (healthy - cost).max(0.0)).sqrt();
-            Suspect { name, score, intensity, onset: None }
-        };
+        let healthy =
+            self.predicted_cost(&linear, &linear.z, &Ok(linear.residuals.clone()), None)?;
+        let score = |cost: f64| (2.0 * (healthy - cost).max(0.0)).sqrt();
         let moments = Moments::new(self, &linear);
         let [constant, begun] = self.likeliest_faults(&linear, moments.as_ref())?;
-        let of_guess =
-            |guess: &Guess| suspect(self.fault_name(guess.fault), guess.cost, guess.intensity);
-        let mut all: Vec<Suspect> = constant.iter().map(of_guess).collect();
-        let (cost, delay_s) = self.best_times(&linear, &DELAYS, delayed)?;
-        all.push(suspect(DELAY.into(), cost, delay_s));
-        let (cost, fast) = self.best_times(&linear, &CLOCKS, on_fast_clock)?;
-        all.push(suspect(CLOCK.into(), cost, fast));
+        let [delay, _] = self.guesses(&linear, None, &[Cause::Delay], &DELAYS)?;
+        let [clock, _] = self.guesses(&linear, None, &[Cause::Clock], &CLOCKS)?;
+        let guesses = constant.iter().chain(&delay).chain(&clock);
+        let mut all: Vec<Suspect> =
+            guesses.map(|own| self.suspect(own.cause, score(own.cost), own.size)).collect();
         all.sort_by(|a, b| b.score.total_cmp(&a.score));
-        if let Some((begun, onset)) = self.begun(&constant, &begun, moments.as_ref())? {
-            let intensity = *begun.minimum.z.last().expect("the fault is an unknown");
-            let named = suspect(self.fault_name(begun.fault), begun.minimum.cost, intensity);
-            all.retain(|other| other.name != named.name);
-            all.insert(0, Suspect { onset: Some(onset), ..named });
+        if let Some(begun) = self.begun(&constant, &begun, moments.as_ref())? {
+            let cause = Cause::Fault(begun.fault);
+            let named = self.suspect(cause, score(begun.cost), begun.intensity);
+            all.retain(|other| other.cause != cause);
+            all.insert(0, Suspect { onset: begun.onset, ..named });
         }
         Ok(all)
     }
@@ -202,67 +236,46 @@ impl Fit<'_> {
         constant: &[Guess],
         begun: &[Guess],
         moments: Option<&Moments>,
-    ) -> Result<Option<(Begun, FoundOnset)>, FitError> {
+    ) -> Result<Option<Diagnosed>, FitError> {
         let (Some(moments), Some(least)) = (moments, constant.first()) else { return Ok(None) };
         let worth: Vec<&Guess> = begun.iter().filter(|guess| guess.is_worth(least.cost)).collect();
         if worth.is_empty() {
             return Ok(None);
         }
         let mut least = f64::INFINITY;
-        for guess in constant.iter().take(FITTED) {
-            least = least.min(self.with_fault(guess.fault).constant()?.0.cost);
+        for fault in constant.iter().take(FITTED).filter_map(|guess| guess.cause.fault()) {
+            least = least.min(self.with_fault(fault).constant()?.0.cost);
         }
-        let mut best: Option<Begun> = None;
+        let mut best: Option<Diagnosed> = None;
         for guess in worth {
-            let own = self.with_fault(guess.fault).begins(guess, moments.reach_s())?;
-            if best.as_ref().is_none_or(|best| own.minimum.cost < best.minimum.cost) {
+            let Cause::Fault(fault) = guess.cause else { continue };
+            let own = self.begins(fault, guess, moments.reach_s(), least)?;
+            if best.as_ref().is_none_or(|best| own.cost < best.cost) {
                 best = Some(own);
             }
         }
-        let onset = best.as_ref().and_then(|begun| begun.onset(least));
-        Ok(best.zip(onset))
+        Ok(best.filter(|best| best.onset.is_some()))
     }
 
-    /// For each fault, a first guess of its onset and the guess's error, s; `None` unless there is a single record.
-    pub(super) fn onset_guesses(
-        &self,
-        faults: &[(usize, usize)],
-    ) -> Result<Vec<Option<(Guess, f64)>>, FitError> {
-        let linear = self.linear(&self.nominal(), DerivativeScheme::Forward)?;
-        let Some(moments) = Moments::new(self, &linear) else {
-            return Ok(vec![None; faults.len()]);
-        };
-        let guesses = self.guesses(&linear, Some(&moments), faults, &FINE)?;
-        Ok(guesses.iter().map(|(_, begun)| Some(((*begun)?, moments.reach_s()))).collect())
-    }
-
-    /// The likeliest faults, the likeliest first: those present from the first sample on, and those that begin within
-    /// the record.
+    /// The likeliest faults, the likeliest first.
     fn likeliest_faults(
         &self,
         linear: &Linear,
         moments: Option<&Moments>,
-    ) -> Result<[Vec<Guess>; 2], FitError> {
-        let coarse = self.guesses(linear, moments, &self.suspects, &COARSE)?;
-        let mut best: [Vec<Guess>; 2] = [
-            coarse.iter().map(|(constant, _)| *constant).collect(),
-            coarse.iter().filter_map(|(_, begun)| *begun).collect(),
-        ];
-        let mut faults = vec![];
+    ) -> Result<Guesses, FitError> {
+        let all: Vec<Cause> = self.suspects.iter().copied().map(Cause::Fault).collect();
+        let mut best = self.guesses(linear, moments, &all, &COARSE)?;
+        let mut causes = vec![];
         for guesses in &mut best {
             guesses.sort_by(Guess::by_cost);
             guesses.truncate(LIKELIEST);
-            let new = guesses.iter().map(|guess| guess.fault).filter(|own| !faults.contains(own));
-            faults.extend(new.collect::<Vec<_>>());
+            let new = guesses.iter().map(|guess| guess.cause).filter(|own| !causes.contains(own));
+            causes.extend(new.collect::<Vec<_>>());
         }
-        let fine = self.guesses(linear, moments, &faults, &FINE)?;
-        let fine: [Vec<Guess>; 2] = [
-            fine.iter().map(|(constant, _)| *constant).collect(),
-            fine.iter().filter_map(|(_, begun)| *begun).collect(),
-        ];
+        let fine = self.guesses(linear, moments, &causes, &FINE)?;
         for (guesses, fine) in best.iter_mut().zip(fine) {
             for guess in guesses.iter_mut() {
-                let better = |own: &&Guess| own.fault == guess.fault && own.cost < guess.cost;
+                let better = |own: &&Guess| own.cause == guess.cause && own.cost < guess.cost;
                 *guess = fine.iter().find(better).copied().unwrap_or(*guess);
             }
             guesses.sort_by(Guess::by_cost);
@@ -273,176 +286,84 @@ impl Fit<'_> {
     /// Whether a fault explains a record with apparently wrong times equally well: a valve with low gain also follows
     /// late. Such a record is fitted and gives a finding. If a time error explains it clearly better, the times are
     /// wrong.
-    pub(super) fn is_rather_a_fault(
-        &self,
-        record: &FitRecord,
-        error: &RecordError,
-    ) -> Result<bool, FitError> {
-        let (size, change): (f64, fn(&FitRecord, f64) -> Retimed) = match error {
-            RecordError::Shifted { by_s } => (by_s / record.period_s, delayed),
-            RecordError::Clock { share } => (*share, drifting),
-            _ => return Ok(false),
-        };
-        let own = Fit { records: vec![record.clone()], ..self.clone() };
-        let linear = own.linear(&own.nominal(), DerivativeScheme::Forward)?;
-        let [faults, _] = own.likeliest_faults(&linear, None)?;
+    pub(super) fn is_rather_a_fault(&self, times: Cause, size: f64) -> Result<bool, FitError> {
+        let linear = self.linear(&self.nominal(), DerivativeScheme::Forward)?;
+        let [faults, _] = self.likeliest_faults(&linear, None)?;
         let fault = faults.first().map_or(f64::INFINITY, |guess| guess.cost);
-        let (times, _) = own.best_times(&linear, &AROUND.map(|share| share * size), change)?;
-        Ok(fault < CLEARLY * times)
+        let sizes = AROUND.map(|share| share * size);
+        let [times, _] = self.guesses(&linear, None, &[times], &sizes)?;
+        Ok(fault < CLEARLY * times[0].cost)
     }
 
-    /// The best guesses of each fault, at some intensities.
-    fn guesses(
+    /// The best guesses of each cause, at some sizes; with onsets, if there are moments for them.
+    pub(super) fn guesses(
         &self,
         linear: &Linear,
         moments: Option<&Moments>,
-        faults: &[(usize, usize)],
-        intensities: &[f64],
-    ) -> Result<Vec<Guesses>, FitError> {
-        let of_fault = |&fault| intensities.iter().map(move |&intensity| (fault, intensity));
-        let jobs: Vec<_> = faults.iter().flat_map(of_fault).collect();
-        let all = self.with_faults(&linear.z, &jobs, |&(fault, intensity), residuals| {
-            let cost = self.cost_of(linear, residuals)?;
-            let constant = Guess { fault, cost, intensity, at_s: None };
+        causes: &[Cause],
+        sizes: &[f64],
+    ) -> Result<Guesses, FitError> {
+        let of_cause = |&cause| sizes.iter().map(move |&size| (cause, size));
+        let jobs: Vec<_> = causes.iter().flat_map(of_cause).collect();
+        let all = self.with_causes(&linear.z, &jobs, |cause, size, residuals| {
+            let cost = self.predicted_cost(linear, &linear.z, residuals, None)?;
+            let constant = Guess { cause, cost, size, at_s: None };
             let begun = moments.zip(residuals.as_ref().ok()).map(|(moments, residuals)| {
                 let (cost, at_s) = moments.least(self, residuals)?;
                 Ok(Guess { cost, at_s: Some(at_s), ..constant })
             });
             Ok((constant, begun.transpose()?))
         })?;
-        let best = |own: &[Guesses]| {
-            let constant = own.iter().map(|(constant, _)| *constant).min_by(Guess::by_cost);
-            let begun = own.iter().filter_map(|(_, begun)| *begun).min_by(Guess::by_cost);
-            (constant.expect("an intensity"), begun)
-        };
-        Ok(all.chunks(intensities.len()).map(best).collect())
+        let mut best = [vec![], vec![]];
+        for own in all.chunks(sizes.len()) {
+            best[0].extend(own.iter().map(|(constant, _)| *constant).min_by(Guess::by_cost));
+            best[1].extend(own.iter().filter_map(|(_, begun)| *begun).min_by(Guess::by_cost));
+        }
+        Ok(best)
     }
 
-    /// What the residuals around a point give with each of some faults at an intensity.
-    fn with_faults<T>(
+    /// What the residuals around a point give with each of some causes of a size.
+    fn with_causes<T>(
         &self,
         z: &[f64],
-        jobs: &[((usize, usize), f64)],
-        of: impl Fn(&((usize, usize), f64), &RunResiduals) -> Result<T, FitError>,
+        jobs: &[(Cause, f64)],
+        of: impl Fn(Cause, f64, &RunResiduals) -> Result<T, FitError>,
     ) -> Result<Vec<T>, FitError> {
         let mut all = Vec::new();
-        for jobs in jobs.chunks(AT_ONCE) {
-            let residuals = self.residuals_of(jobs.len(), |job, record| {
-                let ((component, fault), intensity) = jobs[job];
-                let mut variant = self.variant(z, &record.inputs);
-                variant.faults.push(FaultAt { component, fault, intensity });
-                variant
-            })?;
-            for (job, residuals) in jobs.iter().zip(&residuals) {
-                all.push(of(job, residuals)?);
+        // Faults share the lanes of one ensemble; other times are other ensembles.
+        let together =
+            jobs.chunk_by(|one, next| one.0.fault().is_some() && next.0.fault().is_some());
+        for jobs in together.flat_map(|jobs| jobs.chunks(AT_ONCE)) {
+            let residuals = match jobs {
+                [(cause, size)] if cause.fault().is_none() => vec![self.retimed(z, *cause, *size)?],
+                _ => self.residuals_of(jobs.len(), |job, record| {
+                    let mut variant = self.variant(z, &record.inputs);
+                    if let (Cause::Fault((component, fault)), intensity) = jobs[job] {
+                        variant.faults.push(FaultAt { component, fault, intensity });
+                    }
+                    variant
+                })?,
+            };
+            for ((cause, size), residuals) in jobs.iter().zip(&residuals) {
+                all.push(of(*cause, *size, residuals)?);
             }
         }
         Ok(all)
     }
 
-    /// The residuals around a point of records whose times are changed by each of some sizes, with these in the unit of
-    /// [`Suspect::intensity`].
-    fn retimed(
-        &self,
-        z: &[f64],
-        sizes: &[f64],
-        change: fn(&FitRecord, f64) -> Retimed,
-    ) -> Result<(Vec<RunResiduals>, Vec<f64>), FitError> {
-        let mut residuals = vec![Ok(Vec::new()); sizes.len()];
-        let mut in_units = sizes.to_vec();
+    /// The residuals around a point of records whose times are wrong.
+    fn retimed(&self, z: &[f64], cause: Cause, size: f64) -> Result<RunResiduals, FitError> {
+        let mut all = Ok(Vec::new());
         for record in &self.records {
-            let mut own = Vec::new();
-            for (size, shown) in sizes.iter().zip(&mut in_units) {
-                let Retimed { inputs, stretch, size } = change(record, *size);
-                *shown = size;
-                let ensemble = self.ensemble(record);
-                let ensemble = Ensemble {
-                    sample_period_s: ensemble.sample_period_s * stretch,
-                    duration_s: ensemble.duration_s * stretch,
-                    ..ensemble
-                };
-                own.extend(self.run_in(&ensemble, record, 1, |_| self.variant(z, &inputs))?);
-            }
-            append(&mut residuals, own);
+            let (inputs, stretch) = cause.retimed(record, size);
+            let own = self.residuals_in(record, (1, stretch), |_| self.variant(z, &inputs))?;
+            own.into_iter().for_each(|own| append(&mut all, own));
         }
-        Ok((residuals, in_units))
-    }
-
-    /// The lowest (FF2) of records whose times are changed by one of the sizes, with that size.
-    fn best_times(
-        &self,
-        linear: &Linear,
-        sizes: &[f64],
-        change: fn(&FitRecord, f64) -> Retimed,
-    ) -> Result<(f64, f64), FitError> {
-        let (residuals, in_units) = self.retimed(&linear.z, sizes, change)?;
-        let mut best = (f64::INFINITY, in_units[0]);
-        for (residuals, size) in residuals.iter().zip(in_units) {
-            let cost = self.cost_of(linear, residuals)?;
-            if cost < best.0 {
-                best = (cost, size);
-            }
-        }
-        Ok(best)
-    }
-
-    /// The cost (FF2) that the tolerances leave.
-    fn explained(&self, linear: &Linear, residuals: &[f64]) -> Result<f64, FitError> {
-        let curvature = linear.information.plus_diagonal(&self.priors());
-        let (_, gain) = self.step(&curvature, &linear.z, &linear.pull(residuals))?;
-        Ok(0.5 * dot(residuals, residuals) - gain)
-    }
-
-    /// The cost (FF2); infinite for a twin that cannot be simulated.
-    fn cost_of(&self, linear: &Linear, residuals: &RunResiduals) -> Result<f64, FitError> {
-        residuals.as_ref().map_or(Ok(f64::INFINITY), |residuals| self.explained(linear, residuals))
+        Ok(all)
     }
 
     pub(super) fn fault_name(&self, (component, fault): (usize, usize)) -> String {
         let instance = &self.system.network().components[component];
         format!("{}.{}", instance.id, instance.component.faults[fault].name)
     }
-}
-
-/// A record with changed times.
-struct Retimed {
-    inputs: Vec<Piecewise>,
-    /// The time that passes per unit of recorded time.
-    stretch: f64,
-    /// The size in the unit of [`Suspect::intensity`].
-    size: f64,
-}
-
-/// Delays the sensors by a number of samples.
-fn delayed(record: &FitRecord, samples: f64) -> Retimed {
-    let by_s = samples * record.period_s;
-    let later = |signal: &Piecewise| {
-        let breaks = signal.breaks_s().iter().map(|b| b + by_s).collect();
-        Piecewise::new(breaks, signal.pieces().to_vec()).expect("breaks still increase")
-    };
-    Retimed { inputs: record.inputs.iter().map(later).collect(), stretch: 1.0, size: by_s }
-}
-
-/// Simulates a record whose clock runs fast by a fraction.
-fn on_fast_clock(record: &FitRecord, share: f64) -> Retimed {
-    let stretch = 1.0 - share;
-    Retimed { inputs: stretched(record, stretch), stretch, size: share }
-}
-
-/// Simulates sensors on a separate clock, on which they become increasingly late.
-fn drifting(record: &FitRecord, share: f64) -> Retimed {
-    Retimed { inputs: stretched(record, 1.0 + share), stretch: 1.0, size: share }
-}
-
-/// The inputs of a record with stretched times.
-fn stretched(record: &FitRecord, stretch: f64) -> Vec<Piecewise> {
-    let slower = |signal: &Piecewise| {
-        let breaks = signal.breaks_s().iter().map(|b| b * stretch).collect();
-        let piece = |[c0, c1, c2, c3]: &[f64; 4]| {
-            [*c0, c1 / stretch, c2 / (stretch * stretch), c3 / (stretch * stretch * stretch)]
-        };
-        let pieces = signal.pieces().iter().map(piece).collect();
-        Piecewise::new(breaks, pieces).expect("breaks still increase")
-    };
-    record.inputs.iter().map(slower).collect()
 }

@@ -47,10 +47,10 @@ pub struct TrendState {
 }
 
 /// The trend of a series up to its last flight.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trend {
-    /// The state after each flight, using only the flights up to it.
-    pub states: Vec<TrendState>,
+    /// The state after the last flight.
+    pub last: TrendState,
     /// The factor s of (FT1), which scales the error variances.
     pub spread: f64,
     /// q of (FT1), per flight.
@@ -121,34 +121,22 @@ impl Trend {
         let filtered = |part: &f64| filtered(points, part * per_flight, range.max(error), span);
         let mut all = WALKS.iter().map(filtered);
         let line = all.next().expect("the first walk is none");
-        let best = all.fold(line.clone(), |a, b| if b.likelihood > a.likelihood { b } else { a });
-        let best = if best.likelihood > line.likelihood + CLEARLY { best } else { line };
-        Some(Trend { horizon: HORIZON * span, ..best.trend })
-    }
-
-    /// The state after the last flight.
-    pub fn last(&self) -> &TrendState {
-        self.states.last().expect("a trend has flights")
+        let best = all.fold(line, |a, b| if b.0 > a.0 { b } else { a });
+        let (_, trend) = if best.0 > line.0 + CLEARLY { best } else { line };
+        Some(Trend { horizon: HORIZON * span, ..trend })
     }
 
     /// The rate divided by its standard error.
     pub fn significance(&self) -> f64 {
-        let last = self.last();
-        last.rate / last.variance[2].sqrt()
-    }
-
-    /// The predicted level a number of flights from now, with its standard error.
-    pub fn ahead(&self, flights: f64) -> (f64, f64) {
-        let state = self.last().after(flights, self.walk);
-        (state.level, state.variance[0].sqrt())
+        self.last.rate / self.last.variance[2].sqrt()
     }
 
     /// When a threshold is reached from below.
     pub fn reaches(&self, threshold: f64) -> Reached {
         let when = |sigmas: f64| {
             let end = |flights: f64| {
-                let (level, error) = self.ahead(flights);
-                level + sigmas * error - threshold
+                let state = self.last.after(flights, self.walk);
+                state.level + sigmas * state.variance[0].sqrt() - threshold
             };
             first_passage(end, self.horizon)
         };
@@ -172,14 +160,9 @@ fn first_passage(end: impl Fn(f64) -> f64, horizon: f64) -> Option<f64> {
     Some(after)
 }
 
-#[derive(Clone)]
-struct Filtered {
-    trend: Trend,
-    likelihood: f64,
-}
-
-/// Runs the filter with one value of q. All variances are in units of s and are scaled afterwards.
-fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
+/// Runs the filter with one value of q, and returns the likelihood of the series. All variances are in units of s and are
+/// scaled afterwards.
+fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> (f64, Trend) {
     let first = points[0];
     let mut state = TrendState {
         at: first.at,
@@ -187,7 +170,7 @@ fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
         rate: 0.0,
         variance: [VAGUE * range * range, 0.0, VAGUE * (range / span).powi(2)],
     };
-    let (mut states, mut squares, mut logarithms, mut counted) = (Vec::new(), 0.0, 0.0, 0.0);
+    let (mut squares, mut logarithms, mut counted) = (0.0, 0.0, 0.0);
     for (number, point) in points.iter().enumerate() {
         let expected = state.after(point.at - state.at, walk);
         let (next, surprise, variance) = expected.measured(point.level, point.error.powi(2));
@@ -197,16 +180,12 @@ fn filtered(points: &[Point], walk: f64, range: f64, span: f64) -> Filtered {
             logarithms += variance.ln();
             counted += 1.0;
         }
-        states.push(next);
         state = next;
     }
     let spread = f64::max(squares / counted, 1.0);
-    for state in &mut states {
-        state.variance = state.variance.map(|variance| variance * spread);
-    }
+    state.variance = state.variance.map(|variance| variance * spread);
     let likelihood = -0.5 * (logarithms + counted * spread.ln() + squares / spread);
-    let trend = Trend { states, spread, walk: walk * spread, horizon: 0.0 };
-    Filtered { trend, likelihood }
+    (likelihood, Trend { last: state, spread, walk: walk * spread, horizon: 0.0 })
 }
 
 #[cfg(test)]
@@ -238,9 +217,9 @@ pub(super) mod tests {
         let (x, y) = (mean(&|p| p.at), mean(&|p| p.level));
         let slope = mean(&|p| (p.at - x) * (p.level - y)) / mean(&|p| (p.at - x).powi(2));
         assert_eq!(trend.walk, 0.0);
-        assert!((trend.last().rate / slope - 1.0).abs() < 1e-3, "{} {slope}", trend.last().rate);
+        assert!((trend.last.rate / slope - 1.0).abs() < 1e-3, "{} {slope}", trend.last.rate);
         let error = 0.02 / (n * mean(&|p| (p.at - x).powi(2))).sqrt();
-        let own = trend.last().variance[2].sqrt() / trend.spread.sqrt();
+        let own = trend.last.variance[2].sqrt() / trend.spread.sqrt();
         assert!((own / error - 1.0).abs() < 1e-3, "{own} {error}");
     }
 
@@ -266,7 +245,7 @@ pub(super) mod tests {
         let trend = Trend::of(&points).unwrap();
         assert!(trend.walk > 0.0);
         let slope = 0.5 * 3.0 * 119.0_f64.powi(2) / 200.0_f64.powi(3);
-        assert!((trend.last().rate / slope - 1.0).abs() < 0.2, "{} {slope}", trend.last().rate);
+        assert!((trend.last.rate / slope - 1.0).abs() < 0.2, "{} {slope}", trend.last.rate);
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //!
 //! and p stays within the range that its component declares. For a fault, z is its intensity.
 
+use crate::ensemble::Variant;
 use crate::study::{PlantDraw, Study, Tolerance};
 use crate::system::System;
 use servotwin_model::program::FaultAt;
@@ -22,22 +23,6 @@ const FAULT_STEP: f64 = 0.05;
 /// information.
 const FAULT_PRIOR: f64 = 1e-6;
 
-/// The quantity that an unknown changes.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Moved {
-    /// Parameters that vary together: (component, parameter, nominal value).
-    Parameters {
-        /// (component, parameter, nominal value) of each.
-        members: Vec<(usize, usize, f64)>,
-        /// One standard deviation of the tolerance.
-        sigma: f64,
-        /// Whether `sigma` is in the parameter's unit; otherwise it is a fraction of the nominal value.
-        absolute: bool,
-    },
-    /// The intensity of a fault: (component, fault).
-    Fault(usize, usize),
-}
-
 /// One number to be estimated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknown {
@@ -45,10 +30,17 @@ pub struct Unknown {
     pub name: String,
     /// The unit of its first parameter; [`Unit::None`] for a fault.
     pub unit: Unit,
-    /// The quantity that it changes.
-    pub moved: Moved,
+    /// Parameters that vary together: (component, parameter, nominal value). None for a fault.
+    pub members: Vec<(usize, usize, f64)>,
+    /// One standard deviation of their tolerance, in their unit if it `is_absolute`, or as a fraction of their nominal
+    /// values.
+    pub sigma: f64,
+    /// See above.
+    pub is_absolute: bool,
+    /// The fault whose intensity it is: (component, fault).
+    fault: Option<(usize, usize)>,
     /// The prior information: 1/variance of z.
-    pub prior: f64,
+    pub(super) prior: f64,
     /// The range of z.
     pub range: (f64, f64),
     /// The step of finite differences, in z.
@@ -69,16 +61,15 @@ impl Unknown {
             (component, parameter, components[component].parameters[parameter])
         };
         let members: Vec<_> = tolerance.parameters.iter().map(member).collect();
-        let (component, parameter, _) = members[0];
-        let spec = components[component].component;
+        let instance = &components[members[0].0];
+        let parameter = &instance.component.parameters[members[0].1];
         let mut unknown = Self {
-            name: format!("{}.{}", components[component].id, spec.parameters[parameter].name),
-            unit: spec.parameters[parameter].unit,
-            moved: Moved::Parameters {
-                members,
-                sigma: tolerance.sigma,
-                absolute: tolerance.absolute,
-            },
+            name: format!("{}.{}", instance.id, parameter.name),
+            unit: parameter.unit,
+            members,
+            sigma: tolerance.sigma,
+            is_absolute: tolerance.absolute,
+            fault: None,
             prior: 1.0,
             range: (-TOLERANCE_SIGMAS, TOLERANCE_SIGMAS),
             step: PARAMETER_STEP,
@@ -90,15 +81,10 @@ impl Unknown {
     /// The unknowns of what every plant draws on top of its tolerances (`[flights].draws`), in the study's order.
     /// Parameters that have a tolerance are left out.
     pub fn of_draws(study: &Study) -> Vec<Self> {
-        let members = |unknown: &Self| match &unknown.moved {
-            Moved::Parameters { members, .. } => members.iter().map(|own| (own.0, own.1)).collect(),
-            Moved::Fault(..) => vec![],
-        };
-        let known: Vec<(usize, usize)> = Self::of_study(study).iter().flat_map(members).collect();
-        let is_new = |unknown: &Self| members(unknown).iter().all(|own| !known.contains(own));
+        let tolerances = Self::of_study(study);
         let draws = study.flights.iter().flat_map(|flights| &flights.draws);
         let draws = draws.map(|draw| Self::draw(&study.system, draw));
-        draws.filter(is_new).collect()
+        draws.filter(|draw| !tolerances.iter().any(|own| own.has_any(&draw.places()))).collect()
     }
 
     /// The unknown of a draw, whose range is that of the draw. Its standard deviation is that of an even distribution:
@@ -120,23 +106,35 @@ impl Unknown {
     }
 
     /// The intensity of a fault, without prior knowledge.
-    pub(crate) fn fault(system: &System, component: usize, fault: usize) -> Self {
+    pub(super) fn fault(system: &System, component: usize, fault: usize) -> Self {
         let instance = &system.network().components[component];
         Self {
             name: format!("{}.{}", instance.id, instance.component.faults[fault].name),
             unit: Unit::None,
-            moved: Moved::Fault(component, fault),
+            members: vec![],
+            sigma: 1.0,
+            is_absolute: true,
+            fault: Some((component, fault)),
             prior: FAULT_PRIOR,
             range: (0.0, 1.0),
             step: FAULT_STEP,
         }
     }
 
+    /// Its parameters: (component, parameter).
+    fn places(&self) -> Vec<(usize, usize)> {
+        self.members.iter().map(|member| (member.0, member.1)).collect()
+    }
+
+    /// Whether one of its parameters is among these: (component, parameter).
+    pub(crate) fn has_any(&self, places: &[(usize, usize)]) -> bool {
+        self.places().iter().any(|own| places.contains(own))
+    }
+
     /// The range of z, limited so that all parameters stay within their declared ranges.
     fn declared_range(&self, system: &System) -> (f64, f64) {
-        let Moved::Parameters { members, .. } = &self.moved else { return self.range };
         let (mut low, mut high) = self.range;
-        for &(component, parameter, nominal) in members {
+        for &(component, parameter, nominal) in &self.members {
             let (min, max) = system.network().components[component].range(parameter);
             let per_sigma = self.per_sigma(nominal);
             if per_sigma != 0.0 {
@@ -150,19 +148,12 @@ impl Unknown {
 
     /// One standard deviation in the unit of a parameter with this nominal value; 1 for a fault.
     pub fn per_sigma(&self, nominal: f64) -> f64 {
-        match &self.moved {
-            Moved::Parameters { sigma, absolute: true, .. } => *sigma,
-            Moved::Parameters { sigma, absolute: false, .. } => nominal * sigma,
-            Moved::Fault(..) => 1.0,
-        }
+        if self.is_absolute { self.sigma } else { nominal * self.sigma }
     }
 
     /// Nominal value of its first parameter; zero for a fault.
     pub fn nominal(&self) -> f64 {
-        match &self.moved {
-            Moved::Parameters { members, .. } => members[0].2,
-            Moved::Fault(..) => 0.0,
-        }
+        self.members.first().map_or(0.0, |member| member.2)
     }
 
     /// The value of its first parameter, or the intensity.
@@ -171,31 +162,20 @@ impl Unknown {
     }
 
     /// The deviation of its first parameter in a list of overrides, in standard deviations of the tolerance; 0 if it is
-    /// not in the list, and for a fault.
+    /// not in the list.
     pub(crate) fn sigmas(&self, overrides: &[(usize, usize, f64)]) -> f64 {
-        let Moved::Parameters { members, .. } = &self.moved else { return 0.0 };
-        let (component, parameter, nominal) = members[0];
+        let (component, parameter, nominal) = self.members[0];
         let own = overrides.iter().find(|own| (own.0, own.1) == (component, parameter));
         own.map_or(0.0, |own| (own.2 - nominal) / self.per_sigma(nominal))
     }
 
     /// Adds the unknown to a variant.
-    pub(crate) fn apply(
-        &self,
-        z: f64,
-        overrides: &mut Vec<(usize, usize, f64)>,
-        faults: &mut Vec<FaultAt>,
-    ) {
-        match &self.moved {
-            Moved::Parameters { members, .. } => {
-                let moved = members.iter().map(|&(component, parameter, nominal)| {
-                    (component, parameter, nominal + z * self.per_sigma(nominal))
-                });
-                overrides.extend(moved);
-            }
-            &Moved::Fault(component, fault) => {
-                faults.push(FaultAt { component, fault, intensity: z });
-            }
-        }
+    pub(super) fn apply(&self, z: f64, variant: &mut Variant) {
+        let moved = self.members.iter().map(|&(component, parameter, nominal)| {
+            (component, parameter, nominal + z * self.per_sigma(nominal))
+        });
+        variant.overrides.extend(moved);
+        let fault = self.fault.map(|(component, fault)| FaultAt { component, fault, intensity: z });
+        variant.faults.extend(fault);
     }
 }

@@ -1,7 +1,6 @@
 //! Writes a fitted twin as a system file: fitted values with standard errors and knowledge, and a head comment with
 //! their origin.
 
-use super::unknown::Moved;
 use super::{Fit, FitResults};
 use crate::system::{NewValue, RewriteError};
 
@@ -13,12 +12,11 @@ impl FitResults {
     pub fn system_text(&self, problem: &Fit) -> Result<String, RewriteError> {
         let mut values = Vec::new();
         for (k, unknown) in problem.unknowns.iter().enumerate() {
-            let Moved::Parameters { members, .. } = &unknown.moved else { continue };
-            for &(component, parameter, nominal) in members {
+            for &(component, parameter, nominal) in &unknown.members {
                 let per_sigma = unknown.per_sigma(nominal);
                 let error = (self.known.error(k) * per_sigma).abs();
                 let value = nominal + self.z[k] * per_sigma;
-                let how = self.known.sentence(&problem.unknowns, k);
+                let how = self.known.sentence("record", &problem.unknowns, k);
                 let comment = format!("± {error:.2e}, was {nominal:?}; {how}");
                 values.push(NewValue { component, parameter, value, comment });
             }
@@ -39,7 +37,7 @@ impl FitResults {
         }
         if !self.is_update() {
             lines.push("NOT AN UPDATE: the record shows what no tolerance explains:".into());
-            lines.extend(self.findings.iter().map(|f| format!("  {}", f.sentence(problem))));
+            lines.extend(self.findings.iter().map(|finding| format!("  {finding}")));
         }
         lines.push("A value behind ± is one standard error.".into());
         lines
@@ -61,7 +59,6 @@ mod tests {
             let [tolerances, draws] = [Unknown::of_study(&study), Unknown::of_draws(&study)];
             assert!(!tolerances.is_empty(), "{name}");
             let moved = |unknown: &Unknown| {
-                let Moved::Parameters { members, .. } = &unknown.moved else { panic!() };
                 let z = 0.1 * if unknown.range.1 > 0.0 { unknown.range.1 } else { unknown.range.0 };
                 assert_ne!(z, 0.0, "{}", unknown.name);
                 let new = |&(component, parameter, nominal): &(usize, usize, f64)| NewValue {
@@ -70,7 +67,7 @@ mod tests {
                     value: nominal + z * unknown.per_sigma(nominal),
                     comment: String::new(),
                 };
-                members.iter().map(new).collect::<Vec<_>>()
+                unknown.members.iter().map(new).collect::<Vec<_>>()
             };
             let each: Vec<Vec<NewValue>> = tolerances.iter().chain(&draws).map(moved).collect();
             for values in each.iter().chain([&each.concat()]) {

@@ -6,7 +6,7 @@
 use super::twins::{RecordedRun, record_runs};
 use super::{CampaignError, Overrides, SensorChain};
 use crate::ensemble::{Ensemble, Variant};
-use crate::fit::fleet::{Fleet, Specimen};
+use crate::fit::fleet::Specimen;
 use crate::fit::{Fit, FitError, FitRecord, Unknown};
 use crate::signal::random::NormalDeviates;
 use crate::study::{Calibration, Scenario, Study};
@@ -69,28 +69,18 @@ pub(crate) fn calibration_record(
     }
 }
 
-/// Specimens with their twins, and their common standard errors.
-#[derive(Clone, Debug)]
-pub(crate) struct Calibrated {
-    /// The fitted unknowns.
-    pub unknowns: Vec<Unknown>,
-    /// The fitted specimens.
-    pub specimens: Vec<Specimen>,
-    /// The standard error of each unknown, in standard deviations of its tolerance.
-    pub errors: Vec<f64>,
-}
-
 /// Fits the twins of specimens in the calibration flight of a study, each with the noise of its own flight. The
-/// ensemble is one of the study's system and records its sensors first.
+/// ensemble is one of the study's system and records its sensors first. Also returns the standard error of each
+/// unknown, in standard deviations of its tolerance, which all specimens have in common.
 ///
 /// # Errors
 /// The study has no calibration flight, or a specimen cannot be simulated or fitted; [`CampaignError::Cancelled`].
 pub(crate) fn fit_twins(
     study: &Study,
     ensemble: &Ensemble,
-    (unknowns, specimens): (&[Unknown], &[Overrides]),
+    (unknowns, specimens): (Vec<Unknown>, &[Overrides]),
     noise: impl Fn(usize) -> Option<NormalDeviates>,
-) -> Result<Calibrated, CampaignError> {
+) -> Result<(Vec<Specimen>, Vec<f64>), CampaignError> {
     let (calibration, sensors) = (calibration_of(study)?, study.base_sensors());
     let record = ensemble.record[..sensors].to_vec();
     let ensemble = Ensemble { record, ..*ensemble };
@@ -98,7 +88,7 @@ pub(crate) fn fit_twins(
     let measured = calibration_flights(&ensemble, calibration, specimens, |_, _| (), chain)?;
     let first = measured.first().cloned().unwrap_or_default();
     let problem = Fit {
-        unknowns: unknowns.to_vec(),
+        unknowns,
         solver: ensemble.settings,
         threads: ensemble.threads,
         cancel: ensemble.cancel,
@@ -108,12 +98,8 @@ pub(crate) fn fit_twins(
         FitError::Cancelled => CampaignError::Cancelled,
         error => CampaignError::Calibration { specimen, reason: error.to_string() },
     };
-    let fleet = Fleet::new(&problem).map_err(|error| failed(0, error))?;
-    let covariance = fleet.covariance().ok_or_else(|| failed(0, FitError::Undetermined))?;
-    let errors = (0..problem.unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect();
-    let found = fleet.fit(&measured).map_err(|error| failed(0, error))?;
+    let (found, errors) = problem.fleet(&measured).map_err(|error| failed(0, error))?;
     let found = found.into_iter().enumerate();
     let specimens = found.map(|(place, fit)| fit.map_err(|error| failed(place, error)));
-    let specimens = specimens.collect::<Result<_, _>>()?;
-    Ok(Calibrated { unknowns: problem.unknowns, specimens, errors })
+    Ok((specimens.collect::<Result<_, _>>()?, errors))
 }

@@ -9,12 +9,10 @@
 
 use super::runner::Runner;
 use super::{CampaignError, Overrides, calibration_flights, calibration_of, calibration_record};
-use crate::fit::unknown::Moved;
 use crate::fit::{Fit, FitError, Unknown};
 use crate::parallel::Workers;
 use crate::study::Calibration;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 
 /// What became of the calibration flights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -73,14 +71,10 @@ pub(super) fn fit(
 /// Tolerances and draws, without what an environment sets.
 pub(super) fn unknowns(flown: &Runner) -> Vec<Unknown> {
     let environments = flown.environments.iter();
-    let told: BTreeSet<(usize, usize)> =
+    let told: Vec<(usize, usize)> =
         environments.flat_map(|e| e.parameters.iter().map(|told| (told.0, told.1))).collect();
-    let is_told = |unknown: &Unknown| match &unknown.moved {
-        Moved::Parameters { members, .. } => members.iter().any(|m| told.contains(&(m.0, m.1))),
-        Moved::Fault(..) => false,
-    };
     let all = Unknown::of_study(flown.study()).into_iter().chain(Unknown::of_draws(flown.study()));
-    all.filter(|unknown| !is_told(unknown)).collect()
+    all.filter(|unknown| !unknown.has_any(&told)).collect()
 }
 
 /// The sensor values of each plant in its calibration flight, ordered by sample.

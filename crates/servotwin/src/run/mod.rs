@@ -27,9 +27,7 @@ mod twins;
 
 pub use beside_twin::Observer;
 pub(crate) use beside_twin::Watch;
-pub(crate) use calibration::{
-    Calibrated, calibration_flights, calibration_of, calibration_record, fit_twins,
-};
+pub(crate) use calibration::{calibration_flights, calibration_of, calibration_record, fit_twins};
 pub use error::CampaignError;
 pub use plan::{Profile, Run, RunName};
 pub use runner::Runner;

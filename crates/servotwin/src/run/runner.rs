@@ -261,9 +261,9 @@ impl<'s> Runner<'s> {
     /// Fits the twin of each environment to its specimen.
     fn fit_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
         let noise = |environment| self.calibration_noise(environment);
-        let unknowns = fitted_twins::unknowns(self);
-        let found = fit_twins(self.study, &self.ensemble, (&unknowns, &self.specimens()), noise)?;
-        Ok(found.specimens.into_iter().map(|specimen| specimen.overrides).collect())
+        let plants = (fitted_twins::unknowns(self), &self.specimens()[..]);
+        let (found, _) = fit_twins(self.study, &self.ensemble, plants, noise)?;
+        Ok(found.into_iter().map(|specimen| specimen.overrides).collect())
     }
 
     /// Simulates the twins beside which there are runs.

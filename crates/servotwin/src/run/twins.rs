@@ -1,7 +1,7 @@
 //! Runs that are kept whole: the twins of an experiment, and the plants of calibration flights.
 
 use super::CampaignError;
-use crate::ensemble::{Ensemble, Rows, Variant};
+use crate::ensemble::{Ensemble, Variant};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{SolverFailure, Statistics};
 use std::collections::{BTreeMap, BTreeSet};
@@ -67,8 +67,8 @@ pub(super) fn record_runs<'v>(
     ensemble.run(
         count,
         variant,
-        |_| Rows::default(),
-        |run, Rows(mut samples), outcome| {
+        |_| Vec::<f64>::new(),
+        |run, mut samples, outcome| {
             samples.shrink_to_fit();
             runs[run] = Some(outcome.map(|work| RecordedRun { samples, work, width }));
         },

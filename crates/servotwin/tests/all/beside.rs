@@ -39,8 +39,7 @@ fn columns<'s>(system: &'s System, other: &[(&str, &str)]) -> Vec<SensorColumn<'
 /// All mistakes after a motion, for a log whose sensors of these ids are read in these units.
 fn told(other: &[(&str, &str)], log: impl Fn(usize, &mut [f64])) -> String {
     let (system, found) = after(log);
-    let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
-    found.mistakes(&columns(&system, other), &names).join("; ")
+    found.mistakes(&columns(&system, other)).join("; ")
 }
 
 fn place(id: &str) -> usize {
@@ -77,7 +76,6 @@ fn exchanged_columns_are_found_in_pairs_and_cycles_and_a_healthy_log_has_none() 
 #[test]
 fn one_pressure_without_the_atmosphere_is_in_doubt_while_nothing_moves() {
     let (system, pressure) = (System::default(), place("p_a_1"));
-    let names: Vec<&str> = system.sensors.iter().map(|sensor| &*sensor.id).collect();
     let looks = |offset_pa: f64| {
         let twin: Vec<f64> = system.sensors.iter().map(|sensor| 0.2 * sensor.scale).collect();
         let mut measured = twin.clone();
@@ -85,7 +83,7 @@ fn one_pressure_without_the_atmosphere_is_in_doubt_while_nothing_moves() {
         let mut found = Comparisons::new(twin.len());
         (0..400).for_each(|_| found.take(&measured, &twin));
         let columns = columns(&system, &[]);
-        (found.mistakes(&columns, &names).join("; "), found.atmosphere_at_rest(&columns, &names))
+        (found.mistakes(&columns).join("; "), found.atmosphere_at_rest(&columns))
     };
     let (certain, doubt) = looks(-ATMOSPHERE_PA);
     let doubt = doubt.unwrap();

@@ -1,7 +1,7 @@
 //! How exact campaigns are, fault by fault: every state against a run with the settings of references.
 
 use servotwin::campaign::ensemble;
-use servotwin::ensemble::{Ensemble, Rows, Variant};
+use servotwin::ensemble::{Ensemble, Variant};
 use servotwin::study::{FaultCase, Study};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::SolverSettings;
@@ -27,10 +27,10 @@ fn runs(
     ensemble.run(
         faults.len(),
         variant,
-        |_| Rows::default(),
+        |_| Vec::<f64>::new(),
         |k, rows, outcome| {
             outcome.unwrap();
-            all[k] = rows.0;
+            all[k] = rows;
         },
     );
     all
