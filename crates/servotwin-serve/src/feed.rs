@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin_watch::WatchError;
+use servotwin_watch::player::PlayerSignal;
 use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
@@ -34,16 +35,13 @@ pub enum RunError {
     Watch(#[from] WatchError),
 }
 
-/// What a server shows: a flight, a session that is replayed, or a stream.
+/// What a server shows: a flight or a stream.
 pub trait LiveSource: Sync {
     /// Everything that a viewer must know to show frames, and to inject faults.
     fn about(&self) -> Value;
 
-    /// The page of a source that is complete, which holds all of it with this description; `None` if viewers follow the
-    /// source.
-    fn page(&self, _about: &Value) -> Option<String> {
-        None
-    }
+    /// The signals of a frame.
+    fn signals(&self) -> Vec<PlayerSignal>;
 
     /// Fills the feed until `stop` is set.
     ///

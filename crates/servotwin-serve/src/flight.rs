@@ -5,7 +5,7 @@ use crate::feed::{Feed, Frames, LiveSource, RunError};
 use crate::injection::Injection;
 use crate::request::Request;
 use crate::signals::{ShownSample, Signals};
-use crate::state::{Act, KnownOutcome, SourceKind, State, about, event};
+use crate::state::{Act, KnownOutcome, SourceKind, State, about};
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin::flight::runtime::RuntimeError;
@@ -13,6 +13,7 @@ use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
+use servotwin_watch::player::{PlayerSignal, event};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -46,8 +47,17 @@ enum End {
 
 impl LiveSource for Live {
     fn about(&self) -> Value {
-        let list = Signals::of_flights(&self.study, &self.diagnoser).list;
-        about(SourceKind::Flight, &self.study.system.title, &self.study, &self.diagnoser, &list)
+        about(
+            SourceKind::Flight,
+            &self.study.system.title,
+            &self.study,
+            &self.diagnoser,
+            &self.signals(),
+        )
+    }
+
+    fn signals(&self) -> Vec<PlayerSignal> {
+        Signals::of_flights(&self.study, &self.diagnoser).list
     }
 
     /// Flies until `stop` is set, one flight after the other.
@@ -201,9 +211,9 @@ impl Flown<'_> {
             self.event("finding", about);
         }
         let raised = action.map(|action| action.raised);
-        let sample = ShownSample::of_flights(&self.flight, &self.ghost, raised);
+        let sample = ShownSample { flight: &self.flight, ghost: &self.ghost, raised };
         let is_sent = self.frames.take(self.feed, |values| self.signals.fill(&sample, values));
-        if is_sent && self.known.is_new(Some(self.flight.session().outcome())) {
+        if is_sent && self.known.is_new(self.flight.session().outcome()) {
             self.tell_state();
         }
         Ok(())
@@ -227,7 +237,6 @@ impl Flown<'_> {
     fn tell_state(&self) {
         let state = State {
             session: self.flight.session(),
-            is_judged: true,
             actions: &self.actions,
             injections: &self.injections,
             is_paused: self.is_paused,

@@ -3,11 +3,11 @@
 //! Numbers are stored as their bits, so that a resumed watch gives the same results as an uninterrupted one.
 //!
 //! The file has two lines of JSON. The first holds the format and the SHA-256 of the second; the second holds the
-//! content. A checkpoint is validated like any other input before a watch resumes from it: checksum, widths and every
-//! number. A damaged or hand-written file is rejected with a message.
+//! content. A file that is damaged, or was changed by hand, has another checksum and is rejected with a message.
 
 use super::Progress;
 use super::map::Map;
+use super::sink::{Sample, Sink, SinkError};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use servotwin_io::files::{self, FileError};
 use sha2::{Digest, Sha256};
@@ -15,6 +15,7 @@ use std::fmt;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The format of checkpoints that this version writes and reads.
 const FORMAT: u32 = 1;
@@ -28,14 +29,6 @@ struct Head {
     format: u32,
     /// The checksum of the second line without its end.
     sha256: String,
-}
-
-/// The properties that a watch requires of a checkpoint.
-pub(super) struct Expected<'e> {
-    pub map: &'e Map,
-    pub period_s: f64,
-    /// The unit that the source counts.
-    pub counted: &'e str,
 }
 
 /// The state of a watch between two rows.
@@ -52,13 +45,10 @@ pub struct Checkpoint {
     pub(super) observer: Vec<u8>,
 }
 
-/// Why a checkpoint cannot be written or used.
+/// Why a checkpoint cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum CheckpointError {
-    /// The file cannot be written.
-    #[error(transparent)]
-    File(FileError),
     /// The file is missing or cannot be read.
     #[error(transparent)]
     Unreadable(FileError),
@@ -68,15 +58,25 @@ pub enum CheckpointError {
     /// It was written with another map or period.
     #[error("the checkpoint was written with another {what}")]
     Other { what: &'static str },
-    /// A number has a value that no watch writes.
-    #[error("the checkpoint cannot be used: {what} cannot be what a watch has written")]
-    Damaged { what: &'static str },
     /// The log is shorter than it was.
     #[error("the log ends before row {needed}, where the checkpoint was written")]
     ShortLog { needed: u64 },
     /// The observer rejects its stored state.
     #[error("the diagnosis cannot go on from the checkpoint: {0}")]
     Observer(String),
+}
+
+/// A file that holds the last checkpoint.
+pub struct CheckpointFile(pub PathBuf);
+
+impl Sink for CheckpointFile {
+    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    fn save(&mut self, checkpoint: &Arc<Checkpoint>, _is_last: bool) -> Result<(), SinkError> {
+        Ok(checkpoint.write(&self.0)?)
+    }
 }
 
 impl Checkpoint {
@@ -116,10 +116,7 @@ impl Checkpoint {
     }
 
     /// Writes a checkpoint, whole or not at all.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub(crate) fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+    fn write(&self, path: &Path) -> Result<(), FileError> {
         let fill = |out: &mut dyn std::io::Write| {
             let body = serde_json::to_vec(self)?;
             let head = Head { format: FORMAT, sha256: hex(&Sha256::digest(&body)) };
@@ -128,7 +125,7 @@ impl Checkpoint {
             out.write_all(&body)?;
             out.write_all(b"\n")
         };
-        files::write_atomically(path, fill).map_err(CheckpointError::File)
+        files::write_atomically(path, fill)
     }
 
     /// How many changes the observer had reported.
@@ -136,16 +133,15 @@ impl Checkpoint {
         self.progress.changes
     }
 
-    pub(super) fn progress(&self, expected: &Expected) -> Result<Progress, CheckpointError> {
-        if self.map != fingerprint(expected.map) {
-            return Err(CheckpointError::Other { what: "map" });
-        }
-        if self.period_s.to_bits() != expected.period_s.to_bits() {
-            return Err(CheckpointError::Other { what: "period" });
-        }
-        match self.progress.wrong(expected) {
-            Some(what) => Err(CheckpointError::Damaged { what }),
-            None => Ok(self.progress.clone()),
+    pub(super) fn progress(&self, map: &Map, period_s: f64) -> Result<&Progress, CheckpointError> {
+        let checks = [
+            (self.map == fingerprint(map), "map"),
+            (self.period_s.to_bits() == period_s.to_bits(), "period"),
+            (self.progress.held.len() == map.width(), "system"),
+        ];
+        match checks.into_iter().find(|(holds, _)| !holds) {
+            Some((_, what)) => Err(CheckpointError::Other { what }),
+            None => Ok(&self.progress),
         }
     }
 }

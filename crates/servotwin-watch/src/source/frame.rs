@@ -65,7 +65,7 @@ impl Frames {
             let _ = self.header.is_none() && self.find_header(names);
             return Read::Nothing;
         }
-        self.begin(row);
+        row.begin(self.wanted.names.len());
         if let Some(object) = object(text) {
             return match self.add("", object, row) {
                 Ok(()) => self.end(row),
@@ -74,13 +74,6 @@ impl Frames {
         }
         // A tab at the end separates an empty last cell.
         self.cells(line, row).unwrap_or_else(Read::Flawed)
-    }
-
-    /// Resets a row.
-    pub(crate) fn begin(&self, row: &mut LogRow) {
-        row.values.clear();
-        row.values.resize(self.wanted.names.len(), f64::NAN);
-        row.forget_bad();
     }
 
     /// Adds the values of an object to a row; `prefix` precedes the names of its columns.

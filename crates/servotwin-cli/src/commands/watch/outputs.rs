@@ -12,14 +12,14 @@ use servotwin::sanitize;
 use servotwin_view::document::{Document, Table, Value};
 use servotwin_view::row;
 use servotwin_watch::DiagnosisState;
-use servotwin_watch::checkpoint::Checkpoint;
+use servotwin_watch::checkpoint::{Checkpoint, CheckpointFile};
 use servotwin_watch::counts::WatchCounts;
 use servotwin_watch::guard;
 use servotwin_watch::map::Map as LogMap;
+use servotwin_watch::player::{PlayerRecord, Watched};
 use servotwin_watch::sink::events::{Events, is_change};
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
-use servotwin_watch::sink::timeline::Timeline;
 use servotwin_watch::sink::{Sample, Scene, Sink, SinkError, open_mcap};
 use servotwin_watch::source::Address;
 use servotwin_watch::watchdog::{Notice, Silences, SinkLoss, WatchEvent, without_name};
@@ -73,12 +73,19 @@ impl Outputs {
             threads
                 .add(rules(&path.to_string_lossy(), file_delivery, true, SinkKind::File), events);
         }
+        if let Some(path) = &options.checkpoint {
+            let rules =
+                rules(&path.to_string_lossy(), terminal_delivery, true, SinkKind::Checkpoint);
+            threads.add(rules, Box::new(CheckpointFile(path.clone())));
+        }
         if global.json {
             let lines = Box::new(Events::new(out::stdout()));
             threads.add(rules("standard output", file_delivery, true, SinkKind::Stream), lines);
         }
-        let timeline = options.html.is_some().then(|| Timeline::new(scene));
-        let shown = Shown { strip: Strip::default(), timeline, unjudged: vec![], last: None };
+        let record = || PlayerRecord::new(&scene.title, scene.period_s, scene.signals());
+        let record = options.html.is_some().then(record);
+        let page = record.map(|record| Watched::new(scene, record));
+        let shown = Shown { strip: Strip::default(), page, unjudged: vec![], last: None };
         Ok(Outputs { shown, threads, bar })
     }
 
@@ -92,32 +99,17 @@ impl Outputs {
         }
     }
 
-    /// Ends all outputs.
+    /// Ends all outputs that are written while samples arrive.
     ///
     /// # Errors
     /// An output of a log cannot be written.
     pub(crate) fn end(
         mut self,
-        options: &Options,
         counts: WatchCounts,
         silences: Silences,
-        saved: Option<SinkLoss>,
-        is_live: bool,
     ) -> Result<(Totals, Shown), Failure> {
-        let mut losses = self.threads.finish()?;
+        let losses = self.threads.finish()?;
         self.bar.finish_and_clear();
-        losses.extend(saved);
-        if let (Some(path), Some(timeline)) = (&options.html, &self.shown.timeline) {
-            match timeline.write(path, &counts) {
-                Err(error) if is_live => losses.push(SinkLoss {
-                    sink: path.display().to_string(),
-                    lost: 0,
-                    failure: Some(error.to_string()),
-                    is_file: true,
-                }),
-                written => written?,
-            }
-        }
         Ok((Totals { counts, silences, losses }, self.shown))
     }
 }
@@ -126,7 +118,8 @@ impl Outputs {
 pub(crate) struct Shown {
     /// The strip of states, and the changes.
     pub strip: Strip,
-    timeline: Option<Timeline>,
+    /// The page of the watch, if one is wanted.
+    pub page: Option<Watched<PlayerRecord>>,
     /// The states without a judgment, in the order of their first appearance.
     pub unjudged: Vec<DiagnosisState>,
     /// The finding of the last sample in words.
@@ -142,13 +135,16 @@ impl Sink for Shown {
         if sample.changed || self.last.is_none() {
             self.last = Some(sample.finding.words());
         }
-        if let Some(timeline) = &mut self.timeline {
-            timeline.sample(sample)?;
+        if let Some(page) = &mut self.page {
+            page.sample(sample)?;
         }
         self.strip.sample(sample)
     }
 
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        if let Some(page) = &mut self.page {
+            page.notice(notice)?;
+        }
         self.strip.notice(notice)
     }
 }
@@ -276,10 +272,10 @@ impl Totals {
     }
 
     /// Adds the totals.
-    pub(crate) fn describe(&self, map: &LogMap, signals: &[&str], document: &mut Document) {
+    pub(crate) fn describe(&self, map: &LogMap, document: &mut Document) {
         let Totals { counts, silences, losses } = self;
-        let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
-        let missing: BTreeMap<&str, u64> = missing.map(|(id, count)| (*id, *count)).collect();
+        let missing = counts.missing.iter().enumerate().filter(|(_, count)| **count > 0);
+        let missing: BTreeMap<&str, u64> = missing.map(|(k, count)| (map.id(k), *count)).collect();
         let lost = losses.iter().filter(|loss| loss.lost > 0);
         let unsent: BTreeMap<&str, u64> = lost.map(|own| (own.sink.as_str(), own.lost)).collect();
         let failed = losses.iter().filter_map(|loss| Some((&*loss.sink, loss.failure.as_deref()?)));
