@@ -179,6 +179,7 @@ async function record(browser) {
     return [player.window(), top >= 0 && height > 0];
   });
   assert.ok(kept, "the axis of time stays in sight");
+  await page.evaluate(() => window.scrollTo(0, 0));
   const chart = await page.$("#plots .residual .u-over");
   const { x, y, width } = await chart.boundingBox();
   await page.mouse.move(x + 0.2 * width, y + 20);

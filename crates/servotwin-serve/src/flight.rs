@@ -5,7 +5,7 @@ use crate::feed::{Feed, Frames, LiveSource, RunError};
 use crate::injection::Injection;
 use crate::request::Request;
 use crate::signals::{ShownSample, Signals};
-use crate::state::{Act, KnownOutcome, SourceKind, State, about};
+use crate::state::{SourceKind, about, named, state};
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin::flight::runtime::RuntimeError;
@@ -88,7 +88,6 @@ impl LiveSource for Live {
                 acting: vec![],
                 actions: vec![],
                 frames: Frames::new(signals.list.len(), self.diagnoser.period_s),
-                known: KnownOutcome::default(),
                 is_paused: false,
             };
             if flown.until_the_end(requests, stop)? == End::Stop {
@@ -109,9 +108,8 @@ struct Flown<'f> {
     injections: Vec<Injection>,
     /// The faults as they act on the plant now.
     acting: Vec<FaultAt>,
-    actions: Vec<Act>,
+    actions: Vec<Value>,
     frames: Frames,
-    known: KnownOutcome,
     is_paused: bool,
 }
 
@@ -199,9 +197,11 @@ impl Flown<'_> {
         self.ghost.sample()?;
         let action = self.flight.react()?;
         if let Some(action) = &action {
-            let act = Act { time_s: action.time_s, raised: action.raised };
-            self.tell_action(&act);
-            self.actions.push(act);
+            let mut about = named(&self.live.diagnoser, &action.raised);
+            about["after_s"] = json!(self.onset_s().map(|onset_s| action.time_s - onset_s));
+            let event = event(action.time_s, "action", about);
+            self.feed.event(&event);
+            self.actions.push(event);
         }
         if let Some(change) = change {
             let finding = self.live.diagnoser.describe(change.finding);
@@ -212,8 +212,7 @@ impl Flown<'_> {
         }
         let raised = action.map(|action| action.raised);
         let sample = ShownSample { flight: &self.flight, ghost: &self.ghost, raised };
-        let is_sent = self.frames.take(self.feed, |values| self.signals.fill(&sample, values));
-        if is_sent && self.known.is_new(self.flight.session().outcome()) {
+        if self.frames.take(self.feed, |values| self.signals.fill(&sample, values)) {
             self.tell_state();
         }
         Ok(())
@@ -224,23 +223,12 @@ impl Flown<'_> {
         self.injections.iter().map(|one| one.since_s).reduce(f64::min)
     }
 
-    fn tell_action(&self, act: &Act) {
-        let mut about = act.named(&self.live.diagnoser);
-        about["after_s"] = json!(self.onset_s().map(|onset_s| act.time_s - onset_s));
-        self.event("action", about);
-    }
-
     fn event(&self, kind: &str, about: Value) {
         self.feed.event(&event(self.flight.time_s(), kind, about));
     }
 
     fn tell_state(&self) {
-        let state = State {
-            session: self.flight.session(),
-            actions: &self.actions,
-            injections: &self.injections,
-            is_paused: self.is_paused,
-        };
-        self.feed.state(&state.json());
+        let Flown { flight, actions, injections, is_paused, .. } = self;
+        self.feed.state(&state(flight.session(), actions, injections, *is_paused));
     }
 }

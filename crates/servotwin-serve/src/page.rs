@@ -98,11 +98,11 @@ mod tests {
         let messages = [Message::Frame(frame.bytes()), Message::Event(event.to_string().into())];
         let html = page_of(HOSTILE, 0.01, &[signal], &messages);
         assert!(html.contains("alert(1)&lt;/script&gt;") && html.contains(", off at 0.01 s"));
-        assert_eq!(html.matches("</script>").count(), 4, "the record and three scripts");
+        assert_eq!(html.matches("</script>").count(), 5, "the record and its scripts");
         for loaded in ["src=\"", "href=\"", "@import", "url(", "<img"] {
             assert!(!html.contains(loaded), "{loaded}");
         }
-        assert!(html.contains("default-src 'none'") && html.matches("'sha256-").count() == 3);
+        assert!(html.contains("default-src 'none'") && html.matches("'sha256-").count() == 4);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::injection::Injection;
 use serde::Serialize;
 use serde_json::{Value, json};
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Raised, Session, UnjudgedCounts};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_report::schematic;
 use servotwin_watch::player::PlayerSignal;
 
@@ -82,77 +82,34 @@ fn effects(kind: SourceKind, study: &Study, diagnoser: &Diagnoser) -> Value {
     Value::Object(names.actions.iter().map(effect).collect())
 }
 
-/// An action of the diagnosis, and when viewers saw it.
-pub(crate) struct Act {
-    /// The time, s.
-    pub time_s: f64,
-    /// The action.
-    pub raised: Raised,
+/// An action of the diagnosis in names.
+pub(crate) fn named(diagnoser: &Diagnoser, raised: &Raised) -> Value {
+    let names = diagnoser.names();
+    json!({
+        "actuator": names.actuators[raised.actuator as usize],
+        "command": names.actions[raised.action as usize],
+        "detail": raised.detail.map(|detail| &names.details[detail as usize]),
+    })
 }
 
-impl Act {
-    /// The action in names.
-    pub(crate) fn named(&self, diagnoser: &Diagnoser) -> Value {
-        let (names, raised) = (diagnoser.names(), &self.raised);
-        json!({
-            "actuator": names.actuators[raised.actuator as usize],
-            "command": names.actions[raised.action as usize],
-            "detail": raised.detail.map(|detail| &names.details[detail as usize]),
-        })
-    }
-}
-
-/// What makes up a state.
-pub(crate) struct State<'s> {
-    /// The diagnosis.
-    pub session: &'s Session,
-    /// All actions so far.
-    pub actions: &'s [Act],
-    /// The faults that were injected by hand.
-    pub injections: &'s [Injection],
-    /// Whether the flight is paused.
-    pub is_paused: bool,
-}
-
-impl State<'_> {
-    /// The state as viewers get it.
-    pub(crate) fn json(&self) -> Value {
-        let State { session, actions, injections, is_paused } = *self;
-        let (outcome, diagnoser) = (session.outcome(), session.diagnoser());
-        let injected = injections.iter().map(|Injection { name, fault, onset, since_s }| {
-            json!({
-                "fault": name, "intensity": fault.intensity, "onset": onset, "since_s": since_s,
-            })
-        });
-        let actions = actions.iter().map(|act| {
-            let mut action = act.named(diagnoser);
-            action["time_s"] = json!(act.time_s);
-            action
-        });
-        // Confidence moves with every window: what a viewer reads needs no more than a percent.
-        let confidence = (100.0 * outcome.confidence).round() / 100.0;
-        json!({
-            "alarm": outcome.alarm,
-            "finding": diagnoser.describe(outcome.finding),
-            "confidence": confidence,
-            "worst_sensor": outcome.worst_sensor.map(|s| &diagnoser.sensors[s as usize].name),
-            "injected": injected.collect::<Vec<_>>(),
-            "actions": actions.collect::<Vec<_>>(),
-            "is_paused": is_paused,
-        })
-    }
-}
-
-/// The outcome that viewers know.
-#[derive(Default)]
-pub(crate) struct KnownOutcome(Option<Outcome>);
-
-impl KnownOutcome {
-    /// Whether an outcome differs in more than its sample number and its counts: most frames lie within a window.
-    pub(crate) fn is_new(&mut self, outcome: &Outcome) -> bool {
-        let told = Some(Outcome { sample: 0, counts: UnjudgedCounts::default(), ..*outcome });
-        let is_new = self.0 != told;
-        self.0 = told;
-        is_new
-    }
+/// The state of a flight as viewers get it, with all actions so far and the faults that were injected by hand.
+pub(crate) fn state(
+    session: &Session,
+    actions: &[Value],
+    injections: &[Injection],
+    is_paused: bool,
+) -> Value {
+    let (outcome, diagnoser) = (session.outcome(), session.diagnoser());
+    let injected = injections.iter().map(|Injection { name, fault, onset, since_s }| {
+        let intensity = fault.intensity;
+        json!({ "fault": name, "intensity": intensity, "onset": onset, "since_s": since_s })
+    });
+    json!({
+        "alarm": outcome.alarm,
+        "finding": diagnoser.describe(outcome.finding),
+        "worst_sensor": outcome.worst_sensor.map(|s| &diagnoser.sensors[s as usize].name),
+        "injected": injected.collect::<Vec<_>>(),
+        "actions": actions,
+        "is_paused": is_paused,
+    })
 }

@@ -334,9 +334,7 @@ class Player {
 
 /** Shows the record that the page holds, the worst residuals first. */
 function showRecord({ signals, stretches, events, bucket_s: bucketS, count }) {
-  // Charts are finer than a screen, so that a print is sharp.
-  window.devicePixelRatio = Math.max(2, devicePixelRatio);
-  const times = Array.from({ length: 2 * count }, (_, k) => k / 2 * bucketS);
+  const times = Array.from({ length: 2 * count }, (_, k) => Math.floor(k / 2) * bucketS);
   const values = ({ data, low, high }) => {
     if (!data) return times.map(() => low);
     const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0)), step = (high - low) / 65534;

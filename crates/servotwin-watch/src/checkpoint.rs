@@ -8,10 +8,9 @@
 use super::Progress;
 use super::map::Map;
 use super::sink::{Sample, Sink, SinkError};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
+use servotwin::manifest::sha256_of_text;
 use servotwin_io::files::{self, FileError};
-use sha2::{Digest, Sha256};
-use std::fmt;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -41,8 +40,7 @@ pub struct Checkpoint {
     period_s: f64,
     progress: Progress,
     /// The observer as it saved itself.
-    #[serde(serialize_with = "to_hex", deserialize_with = "from_hex")]
-    pub(super) observer: Vec<u8>,
+    pub(super) observer: String,
 }
 
 /// Why a checkpoint cannot be used.
@@ -81,8 +79,8 @@ impl Sink for CheckpointFile {
 
 impl Checkpoint {
     /// Captures the current state.
-    pub(super) fn new(progress: &Progress, map: &Map, period_s: f64, observer: Vec<u8>) -> Self {
-        let map = fingerprint(map);
+    pub(super) fn new(progress: &Progress, map: &Map, period_s: f64, observer: String) -> Self {
+        let map = sha256_of_text(map.text());
         Checkpoint { map, period_s, progress: progress.clone(), observer }
     }
 
@@ -97,33 +95,29 @@ impl Checkpoint {
         if bytes.len() as u64 > LARGEST {
             return Err(content(format!("it is larger than {} MiB", LARGEST >> 20)));
         }
-        Self::parse(&bytes).map_err(content)
+        Self::parse(&String::from_utf8_lossy(&bytes)).map_err(content)
     }
 
-    /// A checkpoint from the bytes of its file.
-    fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
-        let (first, rest) = bytes.split_at(end);
-        let head: Head = serde_json::from_slice(first).map_err(|error| error.to_string())?;
+    /// A checkpoint from the text of its file.
+    fn parse(text: &str) -> Result<Self, String> {
+        let (first, body) = text.split_once('\n').unwrap_or((text, ""));
+        let head: Head = serde_json::from_str(first).map_err(|error| error.to_string())?;
         if head.format != FORMAT {
             return Err(format!("format {}, this version reads {FORMAT}", head.format));
         }
-        let body = rest.trim_ascii();
-        if hex(&Sha256::digest(body)) != head.sha256 {
+        let body = body.trim_end();
+        if sha256_of_text(body) != head.sha256 {
             return Err("its checksum is wrong: it is damaged, or was changed by hand".into());
         }
-        serde_json::from_slice(body).map_err(|error| error.to_string())
+        serde_json::from_str(body).map_err(|error| error.to_string())
     }
 
     /// Writes a checkpoint, whole or not at all.
     fn write(&self, path: &Path) -> Result<(), FileError> {
         let fill = |out: &mut dyn std::io::Write| {
-            let body = serde_json::to_vec(self)?;
-            let head = Head { format: FORMAT, sha256: hex(&Sha256::digest(&body)) };
-            serde_json::to_writer(&mut *out, &head)?;
-            out.write_all(b"\n")?;
-            out.write_all(&body)?;
-            out.write_all(b"\n")
+            let body = serde_json::to_string(self)?;
+            let head = Head { format: FORMAT, sha256: sha256_of_text(&body) };
+            writeln!(out, "{}\n{body}", serde_json::to_string(&head)?)
         };
         files::write_atomically(path, fill)
     }
@@ -135,7 +129,7 @@ impl Checkpoint {
 
     pub(super) fn progress(&self, map: &Map, period_s: f64) -> Result<&Progress, CheckpointError> {
         let checks = [
-            (self.map == fingerprint(map), "map"),
+            (self.map == sha256_of_text(map.text()), "map"),
             (self.period_s.to_bits() == period_s.to_bits(), "period"),
             (self.progress.held.len() == map.width(), "system"),
         ];
@@ -154,32 +148,4 @@ fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = vec![];
     File::open(path)?.take(LARGEST + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
-}
-
-fn fingerprint(map: &Map) -> String {
-    hex(&Sha256::digest(map.text().as_bytes()))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    use fmt::Write;
-    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
-}
-
-fn to_hex<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(&hex(bytes))
-}
-
-fn from_hex<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
-    let text = String::deserialize(from)?;
-    let pair = |pair: &[u8; 2]| {
-        let text = std::str::from_utf8(pair).ok()?;
-        u8::from_str_radix(text, 16).ok()
-    };
-    let (pairs, rest) = text.as_bytes().as_chunks();
-    let bytes: Option<Vec<u8>> = pairs.iter().map(pair).collect();
-    let wrong = || serde::de::Error::custom("the observer's part is no hexadecimal text");
-    bytes.filter(|_| rest.is_empty()).ok_or_else(wrong)
 }

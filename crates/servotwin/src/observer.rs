@@ -15,14 +15,14 @@ pub trait Observer {
     /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
     fn reset_alarm(&mut self) {}
 
-    /// Saves the complete state.
-    fn save(&self) -> Vec<u8>;
+    /// Saves the complete state as text.
+    fn save(&self) -> String;
 
     /// Restores a saved state.
     ///
     /// # Errors
     /// The reason, as text.
-    fn restore(&mut self, saved: &[u8]) -> Result<(), String>;
+    fn restore(&mut self, saved: &str) -> Result<(), String>;
 }
 
 /// The result of one sample.

@@ -26,6 +26,8 @@ pub const CHARTS_STYLE: &str = include_str!("../../page/uplot.css");
 pub const PLAYER_SCRIPT: &str = include_str!("../../page/player.js");
 /// The styles of a page with such charts.
 pub const PLAYER_STYLE: &str = include_str!("../../page/player.css");
+/// Charts of a record are finer than a screen, so that a print is sharp.
+const FINE: &str = "window.devicePixelRatio = Math.max(2, devicePixelRatio);";
 /// Begins the page of a record.
 const START: &str = "const player = showRecord(JSON.parse($(\"record\").textContent));";
 
@@ -135,7 +137,7 @@ impl PlayerRecord {
             [&self.title, verdict, &self.summary(), report].map(escaped);
         // A text in JSON must not end the script element.
         let data = self.data().to_string().replace('<', "\\u003c");
-        let scripts = [CHARTS_SCRIPT, PLAYER_SCRIPT, START];
+        let scripts = [FINE, CHARTS_SCRIPT, PLAYER_SCRIPT, START];
         let allowed =
             scripts.map(|script| format!(" 'sha256-{}'", base64(&Sha256::digest(script))));
         let mut html = format!(

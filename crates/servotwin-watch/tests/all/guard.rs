@@ -64,11 +64,11 @@ impl Observer for Replayed {
 
     fn restart(&mut self) {}
 
-    fn save(&self) -> Vec<u8> {
-        vec![]
+    fn save(&self) -> String {
+        String::new()
     }
 
-    fn restore(&mut self, _: &[u8]) -> Result<(), String> {
+    fn restore(&mut self, _: &str) -> Result<(), String> {
         Ok(())
     }
 }

@@ -352,7 +352,7 @@ impl Observer for Watcher<'_> {
         self.last = None;
     }
 
-    fn save(&self) -> Vec<u8> {
+    fn save(&self) -> String {
         let Checkpoint { twin, session, buses, reactions } = self.runtime.save();
         let twin = twin.map(|twin| StoredTwin {
             sample: twin.sample,
@@ -374,11 +374,11 @@ impl Observer for Watcher<'_> {
             scatter: self.scatter,
             panes: self.panes,
         };
-        serde_json::to_vec(&stored).expect("numbers and names are always JSON")
+        serde_json::to_string(&stored).expect("numbers and names are always JSON")
     }
 
-    fn restore(&mut self, saved: &[u8]) -> Result<(), String> {
-        let stored: Stored = serde_json::from_slice(saved).map_err(|error| error.to_string())?;
+    fn restore(&mut self, saved: &str) -> Result<(), String> {
+        let stored: Stored = serde_json::from_str(saved).map_err(|error| error.to_string())?;
         if stored.is_seen_off.len() != self.off.len() {
             return Err("it is of another number of actuators".into());
         }
