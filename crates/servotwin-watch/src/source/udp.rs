@@ -4,8 +4,8 @@
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};
-use super::live::{LineReader, Live, News};
-use super::{LogRow, PAUSE, Read, Source, SourceError, Wanted};
+use super::live::{Live, News};
+use super::{PAUSE, Read, Source, SourceError, Wanted};
 use crate::counts::{Flaw, Irregularity};
 use socket2::SockRef;
 use std::io;
@@ -114,38 +114,12 @@ impl Senders {
     }
 }
 
-/// Reads datagrams, and locks onto the sender of the first row.
-struct Datagrams {
-    frames: Frames,
-    senders: Arc<Mutex<Senders>>,
-}
-
-impl LineReader<SocketAddr> for Datagrams {
-    fn read(
-        &mut self,
-        sender: &SocketAddr,
-        line: &[u8],
-        row: &mut LogRow,
-    ) -> Result<Read, SourceError> {
-        // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
-        let read = self.frames.read(line, row);
-        if read == Read::Row {
-            locked(&self.senders).lock(*sender, Instant::now());
-        }
-        Ok(read)
-    }
-
-    fn zone_s(&self) -> Option<f64> {
-        self.frames.zone_s()
-    }
-}
-
 fn locked(senders: &Mutex<Senders>) -> MutexGuard<'_, Senders> {
     senders.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A UDP source.
-type Udp = Live<SocketAddr, Datagrams>;
+type Udp = Live<SocketAddr>;
 
 fn failed(address: SocketAddr, cause: &io::Error) -> SourceError {
     SourceError::Connection { address: format!("udp://{address}"), cause: cause.to_string() }
@@ -173,8 +147,15 @@ fn start(socket: UdpSocket, address: SocketAddr, allowed: Allowed, wanted: &Want
     let senders = Arc::new(Mutex::new(Senders { allowed, locked: None }));
     let of_thread = Arc::downgrade(&senders);
     thread::spawn(move || receive(&socket, &queue, &of_thread));
-    let reader = Datagrams { frames: Frames::new(wanted), senders };
-    Live::new(format!("udp://{address}"), "datagram", news, reader)
+    let mut frames = Frames::new(wanted);
+    Live::new(format!("udp://{address}"), "datagram", news, move |sender, line, row| {
+        // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
+        let read = frames.read(line, row);
+        if read == Read::Row {
+            locked(&senders).lock(*sender, Instant::now());
+        }
+        Ok(read)
+    })
 }
 
 /// Receives datagrams until the reader, who owns the senders, is dropped.
@@ -270,6 +251,7 @@ pub(crate) fn columns(address: SocketAddr, allowed: &Allowed) -> Result<Vec<Stri
 
 #[cfg(test)]
 mod tests {
+    use super::super::LogRow;
     use super::*;
 
     fn wanted() -> Wanted {
