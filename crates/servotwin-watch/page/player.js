@@ -74,14 +74,16 @@ function told(key, value) {
 class Player {
   /** `spanS` is how much of the end is shown; `stretches` are the beginnings of parts with a clock of their own. */
   constructor({ signals, stretches = [[0, 0]] }, spanS = Infinity) {
-    Object.assign(this, { signals, stretches, spanS, columns: [[], ...signals.map(() => [])], view: null, explainedMs: 0, isPaper: false, isChosen: false });
+    Object.assign(this, { signals, stretches, spanS, columns: [[], ...signals.map(() => [])] });
+    Object.assign(this, { view: null, explainedMs: 0, isPaper: false, isChosen: false });
     this.forget();
     this.panels = [{ group: "state", title: "State", unit: "", lines: [], isShown: true }];
     signals.forEach((signal, k) => this.add(signal, k));
     $("plots").onkeydown = (event) => this.key(event);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw(true));
     new ResizeObserver(() => { if (this.width !== $("plots").clientWidth) this.draw(true); }).observe($("plots"));
-    const button = (textContent, title, onclick) => $("tools").append(element("button", { type: "button", textContent, title, onclick }));
+    const button = (textContent, title, onclick) =>
+      $("tools").append(element("button", { type: "button", textContent, title, onclick }));
     button("+", "closer", () => this.zoom(0.5));
     button("−", "further", () => this.zoom(2));
     button("all", "everything, and what comes", () => this.look(null));
@@ -128,7 +130,8 @@ class Player {
   /** The residuals, the one farthest outside of its band first. */
   worst() {
     const residuals = this.panels.filter(({ group }) => group === "residual");
-    const share = ({ lines, band }) => this.columns[lines[0] + 1].reduce((most, v) => Math.max(most, Math.abs(v ?? 0)), 0) / (band ?? 1);
+    const largest = (values) => values.reduce((most, value) => Math.max(most, Math.abs(value ?? 0)), 0);
+    const share = ({ lines, band }) => largest(this.columns[lines[0] + 1]) / (band ?? 1);
     return residuals.map((panel) => [panel, share(panel)]).sort(([, one], [, other]) => other - one).map(([panel]) => panel);
   }
 
@@ -273,15 +276,19 @@ class Player {
       else u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
     };
     const dash = (k) => (/ghost$|^twin/.test(this.signals[k].id) || this.signals[k].group === "twin" ? [6, 4] : undefined);
+    const marks = { ...axis, size: 18, gap: 2, space: 90, values: (u, all) => all.map((at) => this.mark(at)),
+      splits: (u, place, min, max, step) => this.splits(min, max, step) };
+    const values = { ...axis, size: LEFT, space: 13, gap: 6, values: (u, all) => all.map((v) => (isState ? "" : number(v, 12))) };
+    const line = (k, own) => ({ stroke: color(HUES[own % HUES.length]), width: 1.4, dash: dash(k), points: { show: false } });
+    const edges = group === "evidence" ? [1] : band ? [-band, band] : [];
     panel.plot = new uPlot({
       width, height: isState ? 48 : lines.length > 1 ? 96 : 68, padding: [6, RIGHT, 6, 0], legend: { show: false },
       cursor: { y: false, points: { show: false }, sync: { key: "player" }, drag: { x: true, y: false, setScale: false },
         bind: { dblclick: () => () => this.look(null) } },
       scales: { x: { time: false, range: () => this.window() }, y: { range: (u, low, high) => this.range(panel, low, high) } },
-      axes: [isState ? { ...axis, size: 18, gap: 2, space: 90, splits: (u, k, min, max, step) => this.splits(min, max, step), values: (u, all) => all.map((at) => this.mark(at)) } : { show: false },
-        { ...axis, size: LEFT, space: 13, gap: 6, values: (u, all) => all.map((v) => (isState ? "" : number(v, 12))) }],
-      series: [{}, ...(isState ? [{}] : lines.map((k, own) => ({ stroke: color(HUES[own % HUES.length]), width: 1.4, dash: dash(k), points: { show: false } })))],
-      hooks: { drawAxes: isState ? [(u) => this.drawStates(u)] : [], draw: [(u) => this.drawMarks(u, group === "evidence" ? [1] : band ? [-band, band] : [])],
+      axes: [isState ? marks : { show: false }, values],
+      series: [{}, ...(isState ? [{}] : lines.map(line))],
+      hooks: { drawAxes: isState ? [(u) => this.drawStates(u)] : [], draw: [(u) => this.drawMarks(u, edges)],
         setCursor: [read], setData: [read], setSelect: [select] },
     }, [[], ...(isState ? [[]] : lines.map(() => []))], chart);
   }

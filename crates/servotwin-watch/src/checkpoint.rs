@@ -7,14 +7,12 @@
 
 use super::Progress;
 use super::map::Map;
-use super::sink::{Sample, Sink, SinkError};
 use serde::{Deserialize, Serialize};
 use servotwin::manifest::sha256_of_text;
 use servotwin_io::files::{self, FileError};
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// The format of checkpoints that this version writes and reads.
 const FORMAT: u32 = 1;
@@ -64,19 +62,6 @@ pub enum CheckpointError {
     Observer(String),
 }
 
-/// A file that holds the last checkpoint.
-pub struct CheckpointFile(pub PathBuf);
-
-impl Sink for CheckpointFile {
-    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
-    fn save(&mut self, checkpoint: &Arc<Checkpoint>, _is_last: bool) -> Result<(), SinkError> {
-        Ok(checkpoint.write(&self.0)?)
-    }
-}
-
 impl Checkpoint {
     /// Captures the current state.
     pub(super) fn new(progress: &Progress, map: &Map, period_s: f64, observer: String) -> Self {
@@ -113,7 +98,7 @@ impl Checkpoint {
     }
 
     /// Writes a checkpoint, whole or not at all.
-    fn write(&self, path: &Path) -> Result<(), FileError> {
+    pub(super) fn write(&self, path: &Path) -> Result<(), FileError> {
         let fill = |out: &mut dyn std::io::Write| {
             let body = serde_json::to_string(self)?;
             let head = Head { format: FORMAT, sha256: sha256_of_text(&body) };

@@ -6,7 +6,6 @@
 //! no request and no script but its own.
 
 mod series;
-mod watched;
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -15,8 +14,6 @@ use servotwin_io::moment;
 use servotwin_io::text::{base64, escaped};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
-
-pub use watched::{Screen, Watched};
 
 /// The library that draws the charts.
 pub const CHARTS_SCRIPT: &str = include_str!("../../page/uplot.js");
@@ -85,6 +82,21 @@ impl PlayerSignal {
         let (id, label, unit) = (id.into(), label.into(), unit.into());
         PlayerSignal { id, label, unit, group, actuator: None, band: None }
     }
+}
+
+/// Receives what a watch shows.
+pub trait Screen {
+    /// A sample follows, which was taken at a time, s.
+    fn begin(&mut self, time_s: f64);
+
+    /// The time of the sample, s, from the beginning without its gaps.
+    fn now_s(&self) -> f64;
+
+    /// Receives what happened.
+    fn event(&mut self, event: Value);
+
+    /// Receives the value of each signal, in its unit; what is not finite is a gap.
+    fn sample(&mut self, values: impl IntoIterator<Item = f64>);
 }
 
 /// An event: its time, s, its kind, and what there is to say of it.

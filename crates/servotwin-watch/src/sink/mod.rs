@@ -5,6 +5,7 @@ pub mod events;
 pub mod mcap;
 pub mod strip;
 pub mod threads;
+mod watched;
 
 use super::checkpoint::Checkpoint;
 use super::player::{PlayerSignal, SignalGroup};
@@ -18,8 +19,10 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::FileError;
 use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+pub use watched::Watched;
 
 /// One period with its measurements and the observer's results.
 #[derive(Debug, Clone)]
@@ -134,6 +137,19 @@ pub enum SinkError {
     /// An output whose writer is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },
+}
+
+/// A file that holds the last checkpoint.
+pub struct CheckpointFile(pub PathBuf);
+
+impl Sink for CheckpointFile {
+    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    fn save(&mut self, checkpoint: &Arc<Checkpoint>, _is_last: bool) -> Result<(), SinkError> {
+        Ok(checkpoint.write(&self.0)?)
+    }
 }
 
 /// Opens an MCAP file.

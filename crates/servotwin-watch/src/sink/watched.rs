@@ -1,27 +1,12 @@
 //! A watch as signals and events, for a page or for viewers.
 
-use super::event;
-use crate::sink::{Sample, Scene, Sink, SinkError};
+use super::{Sample, Scene, Sink, SinkError};
+use crate::player::{Screen, event};
 use crate::watchdog::Notice;
 use serde_json::{Value, json};
 use servotwin::observer::{Finding, Phase};
 use servotwin_io::moment;
 use std::sync::Arc;
-
-/// Receives what a watch shows.
-pub trait Screen {
-    /// A sample follows, which was taken at a time, s.
-    fn begin(&mut self, time_s: f64);
-
-    /// The time of the sample, s, from the beginning without its gaps.
-    fn now_s(&self) -> f64;
-
-    /// Receives what happened.
-    fn event(&mut self, event: Value);
-
-    /// Receives the value of each signal, in its unit; what is not finite is a gap.
-    fn sample(&mut self, values: impl IntoIterator<Item = f64>);
-}
 
 /// Shows command, inputs, residuals, measurements beside the twin, and findings on a screen.
 #[derive(Debug)]
