@@ -9,7 +9,7 @@
 //! - `injection`: faults as they are injected by hand: a step, a ramp, or intermittent
 //! - [`signals`]: what a frame contains
 //! - `state`: what viewers receive besides samples
-//! - [`feed`]: frames and events for every viewer, and the last minute for those that come later
+//! - `feed`: frames and events for every viewer, and the last minute for those that come later
 //! - `session`: the present flight as a table
 //! - `page`: the page, and the present flight as a page of its own
 //! - `request`: what a viewer may ask for
@@ -18,7 +18,7 @@
 //! The flight never waits for a browser: it puts a frame into the feed and goes on. A viewer that is too slow loses
 //! frames, and the feed reports how many. The diagnosis never loses a sample.
 
-pub mod feed;
+pub(crate) mod feed;
 pub(crate) mod flight;
 pub(crate) mod injection;
 pub(crate) mod measured;
@@ -29,7 +29,7 @@ pub(crate) mod session;
 pub mod signals;
 pub(crate) mod state;
 
-pub use feed::{LiveSource, RunError};
+pub use feed::{Feed, LiveSource, RunError};
 pub use flight::Live;
 pub use measured::Stream;
 pub use server::{Access, ServeError, Server};

@@ -1,6 +1,6 @@
 //! The page: its parts, which the server sends one by one, and the present flight as a page of its own.
 
-use crate::feed::{Frame, Message};
+use crate::feed::{Message, values_in};
 use serde_json::Value;
 use servotwin_watch::player::{
     CHARTS_SCRIPT, CHARTS_STYLE, PLAYER_SCRIPT, PLAYER_STYLE, PlayerRecord, PlayerSignal, Screen,
@@ -52,7 +52,7 @@ pub(crate) fn page_of(
     for message in messages {
         match message {
             Message::Frame(bytes) => {
-                let values: Vec<f64> = Frame::values_in(bytes).map(f64::from).collect();
+                let values: Vec<f64> = values_in(bytes).map(f64::from).collect();
                 for sample in values.chunks_exact(signals.len()) {
                     record.begin(record.now_s());
                     record.sample(sample.iter().copied());
@@ -83,6 +83,7 @@ pub(crate) fn page_of(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::feed::Frames;
     use serde_json::json;
     use servotwin_watch::player::SignalGroup;
 
@@ -91,11 +92,10 @@ mod tests {
     #[test]
     fn a_page_loads_nothing_and_no_text_of_the_flight_is_html() {
         let signal = PlayerSignal::new("a", HOSTILE, HOSTILE, SignalGroup::Reading);
-        let mut frame = Frame::new(0, 1);
-        frame.values().extend([0.5, f32::NAN]);
+        let frame = Frames::frame_of(0, 1, &[0.5, f32::NAN]);
         let event =
             json!({ "time_s": 0.01, "kind": "action", "actuator": HOSTILE, "command": "off" });
-        let messages = [Message::Frame(frame.bytes()), Message::Event(event.to_string().into())];
+        let messages = [frame, Message::Event(event.to_string().into())];
         let html = page_of(HOSTILE, 0.01, &[signal], &messages);
         assert!(html.contains("alert(1)&lt;/script&gt;") && html.contains(", off at 0.01 s"));
         assert_eq!(html.matches("</script>").count(), 5, "the record and its scripts");

@@ -1,6 +1,6 @@
 //! The present flight as a table: everything that its viewers were sent, in this order.
 
-use crate::feed::{Frame, Message};
+use crate::feed::{Message, values_in};
 use servotwin::table::{Column, Table, TableError};
 use servotwin_watch::player::PlayerSignal;
 
@@ -23,7 +23,7 @@ pub(crate) fn table_of(
             Message::Event(event) => waiting.push(format!("{{\"event\":{event}}}")),
             Message::State(state) => waiting.push(format!("{{\"state\":{state}}}")),
             Message::Frame(bytes) => {
-                for (place, value) in Frame::values_in(bytes).enumerate() {
+                for (place, value) in values_in(bytes).enumerate() {
                     signals[place % list.len()].push(f64::from(value));
                 }
                 messages.push(std::mem::take(&mut waiting).join("\n"));
@@ -42,14 +42,13 @@ pub(crate) fn table_of(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::feed::Frames;
     use servotwin_watch::player::SignalGroup;
 
     #[test]
     fn a_flight_is_a_table_with_its_events_between_the_samples() {
         let frame = |first: u64| {
-            let mut frame = Frame::new(first, 1);
-            frame.values().extend((first..first + 2).map(|k| 0.1 * k as f32));
-            Message::Frame(frame.bytes())
+            Frames::frame_of(first, 1, &[0.1 * first as f32, 0.1 * (first + 1) as f32])
         };
         let state = Message::State(r#"{"confidence":0.30000000000000004}"#.into());
         let sent = [Message::Event("{}".into()), state, frame(0), frame(2)];

@@ -61,7 +61,7 @@ fn other_pages_and_other_names_are_refused() {
                        Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
         let with_upgrade = format!("{evil}{upgrade}").replace("Connection: close\r\n", "");
         assert_ne!(get(address, "/live", &own_host, &with_upgrade).0, 101);
-        assert_eq!(own(address, "/counts")["refused_visits"], 5);
+        assert_eq!(own(address, "/counts")["refused_visits"], 6);
         let port = address.port();
         assert_eq!(get(address, "/about", &format!("localhost:{port}"), "").0, 200);
     });

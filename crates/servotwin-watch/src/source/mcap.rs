@@ -8,7 +8,7 @@
 //! into memory and sorted.
 
 use super::frame::Frames;
-use super::object::Leaves;
+use super::object::Leaf;
 use super::survey::{LogColumn, Objects};
 use super::{Bad, LogRow, Read, Source, SourceError, Wanted};
 use crate::counts::{Flaw, Irregularity};
@@ -162,7 +162,7 @@ fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Survey, SourceError> {
         is_in_order &= last_ns <= message.log_time_ns;
         last_ns = message.log_time_ns;
         if !has_all {
-            found.number(LOG_TIME, message.log_time_ns as f64);
+            found.take(LOG_TIME, &Leaf::Number(message.log_time_ns as f64));
             found.add(&message.prefix, &message.data);
             has_all = wanted.is_some_and(|wanted| found.has_all(wanted));
         }

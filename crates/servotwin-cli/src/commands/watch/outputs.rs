@@ -50,20 +50,19 @@ impl Outputs {
         let is_live = address.is_live();
         let bar = bar(global, is_live);
         let mut threads = SinkThreads::new(is_live);
-        // A file or the writer of standard input can wait for slow outputs, but for no terminal.
+        // A file or the writer of standard input can wait for slow outputs, but for no checkpoint.
         let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
-        let terminal_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
+        let checkpoint_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
         let rules = |name: &str, delivery, only_changes, kind| SinkRules {
             name: name.into(),
             delivery,
             only_changes,
             kind,
         };
-        let terminal = Terminal { bar: bar.clone(), is_live, global };
-        threads.add(
-            rules("terminal", terminal_delivery, false, SinkKind::Terminal),
-            Box::new(terminal),
-        );
+        if is_live {
+            let rules = rules("terminal", Delivery::Drop, false, SinkKind::Terminal);
+            threads.add(rules, Box::new(Terminal { bar: bar.clone(), global }));
+        }
         if let Some(path) = &options.mcap {
             let rules = rules(&path.to_string_lossy(), file_delivery, false, SinkKind::File);
             threads.add(rules, open_mcap(path, &scene)?);
@@ -75,7 +74,7 @@ impl Outputs {
         }
         if let Some(path) = &options.checkpoint {
             let rules =
-                rules(&path.to_string_lossy(), terminal_delivery, true, SinkKind::Checkpoint);
+                rules(&path.to_string_lossy(), checkpoint_delivery, true, SinkKind::Checkpoint);
             threads.add(rules, Box::new(CheckpointFile(path.clone())));
         }
         if global.json {
@@ -149,18 +148,15 @@ impl Sink for Shown {
     }
 }
 
-/// Prints every change on a line as it arrives. A live source also shows its current state below.
+/// Prints every change of a live source on a line as it arrives, and its current state below.
 struct Terminal {
     bar: ProgressBar,
-    is_live: bool,
     global: Global,
 }
 
 impl Terminal {
     fn holds(&self, time_s: f64, state: DiagnosisState) {
-        if self.is_live {
-            self.bar.set_message(format!("{}  {}", moment::shown(time_s), state.words()));
-        }
+        self.bar.set_message(format!("{}  {}", moment::shown(time_s), state.words()));
     }
 }
 
@@ -182,10 +178,6 @@ impl Sink for Terminal {
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         let time_s = notice.time_s.unwrap_or(0.0);
         let Some(words) = notice.words() else { return Ok(()) };
-        if !self.is_live {
-            // A log ends with all warnings.
-            return Ok(());
-        }
         let is_over = matches!(
             notice.event,
             WatchEvent::DataAgain | WatchEvent::ChannelDataAgain { .. } | WatchEvent::Reconnected
