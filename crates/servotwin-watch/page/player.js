@@ -151,7 +151,8 @@ class Player {
     for (const event of events) {
       const { time_s: time, kind, at, ...more } = event;
       if (kind === "begin" && !time) this.begin();
-      const state = more.state ?? more.alarm;
+      // What is not judged is not healthy.
+      const state = more.finding === "not judged" ? "no_data" : more.state ?? more.alarm;
       if (kind === "finding") {
         const isQuiet = (name) => !["detected", "isolated", "unknown", "pending", "raised"].includes(name);
         if (isQuiet(this.states.at(-1)?.state) && !isQuiet(state)) this.marks.push({ time, kind });
