@@ -31,4 +31,7 @@ visit() {
 visit flight --out "$out/study"
 visit embedded --out "$out/study"
 look saved ''
-visit replay --replay "$out/$browser.parquet"
+"$binary" simulate aileron_dual --command noise:rms=4deg,bandwidth=0.7Hz,seed=5 --noise 4 \
+    --fault actuator_1.leakage_a.leakage=0.5@4s --duration 8s --out "$out/leak.csv" > /dev/null
+"$binary" watch "$out/leak.csv" --html "$out/leak.html" > /dev/null 2>> "$out/server.log"
+look record "$PWD/$out/leak.html"

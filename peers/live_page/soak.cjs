@@ -84,7 +84,7 @@ const quantile = (sorted, share) => sorted[Math.min(sorted.length - 1, Math.floo
 /** What the page holds. */
 const held = (page) => page.evaluate(() => ({
   points: data.columns[0].length, columns: data.columns.length, lost,
-  lines: plots.reduce((sum, { signals }) => sum + signals.length, 0), nodes: document.querySelectorAll("*").length,
+  lines: player.panels.reduce((sum, { plot, lines }) => sum + (plot ? lines.length : 0), 0), nodes: document.querySelectorAll("*").length,
 }));
 
 async function soak(browser) {

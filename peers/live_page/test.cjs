@@ -1,24 +1,22 @@
 "use strict";
 // A first visit to the live page: inject a leak, wait for the action by an attribute, compare page and server, and look
-// at gaps, peaks, keyboard, dark mode and narrow screens. The flight is saved; with "replay" a second visit looks at that
-// session, which has to end with the same action after the same time. With "saved" the page that holds the session is
-// opened from its file, and with "embedded" the page is shown inside of others, as Jupyter does.
+// at gaps, peaks, keyboard, dark mode and narrow screens. The flight is saved as a page, which "saved" opens from its
+// file; "record" looks at the page of a log. With "embedded" the page is shown inside of others, as Jupyter does.
 const { launch } = require("puppeteer-core");
 const assert = require("node:assert");
 const fs = require("node:fs");
 const http = require("node:http");
 const { pathToFileURL } = require("node:url");
-const zlib = require("node:zlib");
 
 const [, , name, link, out, what] = process.argv;
 const path = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" }[name];
 const PATIENCE_MS = 60_000;
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
-/** Colors of a column of pixels of a chart's canvas, from top to bottom. */
+/** How many pixels of a column of the first residual's canvas have ink. */
 async function inkAt(page, share) {
   return page.evaluate((at) => {
-    const canvas = document.querySelectorAll("#plots canvas")[2];
+    const canvas = document.querySelector("#plots .residual canvas");
     const x = Math.round(canvas.width * at);
     const { data } = canvas.getContext("2d").getImageData(x, 0, 3, canvas.height);
     let inked = 0;
@@ -62,18 +60,11 @@ async function visit(browser) {
   // What has failed follows where the evidence told it before the actuator was off.
   const headline = await page.$eval("#alarm", (one) => one.textContent);
   assert.match(headline, action.detail ? /^Actuator 1 shut down: / : /^Actuator 1 shut down$/);
-  assert.match(await page.$eval("#choices input:checked", (box) => box.parentNode.textContent), /_[AB]1/);
+  const shown = await page.$$eval("#plots .residual b", (list) => list.map((one) => one.textContent));
+  assert.match(shown.join(), /^Residual of \S+_[AB]1$/);
   assert.ok(Math.abs(Number(latency) - action.after_s) < 0.02, `${latency} ${action.after_s}`);
   await page.screenshot({ path: `${out}/${name}-1280.png` });
-  const bytes = await page.evaluate(async () => {
-    const session = await fetch(document.getElementById("save").href);
-    return Array.from(new Uint8Array(await session.arrayBuffer()));
-  });
-  fs.writeFileSync(`${out}/${name}.parquet`, Buffer.from(bytes));
   fs.writeFileSync(`${out}/${name}.latency`, latency);
-  await page.waitForFunction(() => data.next > 500);
-  const shown = await page.evaluate(() => data.columns.map((column) => column.slice(-500)));
-  fs.writeFileSync(`${out}/${name}.shown.json`, JSON.stringify(shown));
   const html = await page.evaluate(async () => (await fetch(document.getElementById("save-page").href)).text());
   fs.writeFileSync(`${out}/${name}.html`, html);
 
@@ -89,11 +80,10 @@ async function visit(browser) {
   });
   await pause(500);
   const drawn = await page.evaluate(() => {
-    const { plot } = plots[2];
+    const { plot } = player.panels.find(({ group, plot: own }) => group === "residual" && own);
     const values = plot.data[1];
-    const area = plot.bbox;
     const at = (x) => Math.round(plot.valToPos(x, "x", true)) / plot.ctx.canvas.width;
-    return { peak: Math.max(...values.filter((v) => v !== null)), gaps: values.filter((v) => v === null).length, gapAt: at(32), lineAt: at(45), peakAt: at(15), area };
+    return { peak: Math.max(...values.filter((v) => v !== null)), gaps: values.filter((v) => v === null).length, gapAt: at(32), lineAt: at(45), peakAt: at(15) };
   });
   assert.equal(drawn.peak, 50);
   assert.ok(drawn.gaps > 10, `${drawn.gaps} gaps`);
@@ -104,7 +94,7 @@ async function visit(browser) {
   await page.waitForSelector('body[data-connected="yes"]');
   await pause(1500);
   await page.evaluate(() => { document.documentElement.style.colorScheme = "dark"; });
-  await page.evaluate(() => makeCharts());
+  await page.evaluate(() => player.draw(true));
   await pause(500);
   await page.screenshot({ path: `${out}/${name}-dark.png` });
   await page.setViewport({ width: 390, height: 844 });
@@ -118,38 +108,8 @@ async function visit(browser) {
   console.log(`${name}: action after ${latency} s as the server says; ink: gap ${inGap}, line ${onLine}, peak ${atPeak}`);
 }
 
-/** Holds a replay and returns to its beginning: one that goes on is soon at its action again. */
-async function holdAtTheBeginning(page) {
-  await page.click("#pause");
-  await page.waitForFunction(() => document.getElementById("pause").textContent === "Go on");
-  await page.click("#restart");
-  await page.waitForSelector('body[data-action=""]');
-}
-
-/** Looks at a saved session. */
-async function replay(browser) {
-  const page = await browser.newPage();
-  await page.setViewport({ width: 1280, height: 720 });
-  page.setDefaultTimeout(PATIENCE_MS);
-  await page.goto(link);
-  await page.waitForSelector('body[data-connected="yes"][data-mode="replay"]');
-  assert.equal(await page.$eval("#inject", (form) => form.hidden), true, "a replay takes no faults");
-  await page.select("#speed", "16");
-  await page.waitForSelector('body[data-action="actuator_1 shut_down"]');
-  const latency = await page.$eval("body", (body) => body.dataset.latency);
-  assert.equal(latency, fs.readFileSync(`${out}/${name}.latency`, "utf8"), "the same action after the same time");
-  await page.screenshot({ path: `${out}/${name}-replay.png` });
-  await holdAtTheBeginning(page);
-  await page.setViewport({ width: 390, height: 844 });
-  await pause(500);
-  const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-  assert.ok(overflow <= 0, `a replay is ${overflow} px too wide for 390 px`);
-  await page.screenshot({ path: `${out}/${name}-replay-390.png` });
-  console.log(`${name}: the replayed session has its action after ${latency} s too`);
-}
-
-/** Opens a page from a file and waits for its replay; what it asked for and what went wrong is collected. */
-async function openSaved(browser, file) {
+/** Opens a page from a file; what it asked for and what went wrong is collected. */
+async function openFile(browser, file) {
   const page = await browser.newPage();
   await page.setViewport({ width: 1280, height: 720 });
   page.setDefaultTimeout(PATIENCE_MS);
@@ -159,42 +119,18 @@ async function openSaved(browser, file) {
   page.on("console", (message) => { if (message.type() === "error") problems.push(message.text()); });
   page.on("pageerror", (error) => problems.push(error.message));
   await page.goto(pathToFileURL(file).href);
-  await page.waitForSelector('body[data-connected="yes"][data-mode="replay"]');
+  await page.waitForSelector("#plots .residual canvas");
   return { page, asked, problems };
 }
 
-/** Looks at a session in a page of its own, without a server. */
+/** Looks at a flight in a page of its own, without a server. */
 async function saved(browser) {
   const file = `${out}/${name}.html`;
-  const { page, asked, problems } = await openSaved(browser, file);
-  for (const id of ["inject", "save", "save-page"]) assert.ok(await page.$eval(`#${id}`, (one) => one.hidden), id);
-  await page.select("#speed", "16");
-  await page.waitForSelector('body[data-action="actuator_1 shut_down"]');
-  const latency = await page.$eval("body", (body) => body.dataset.latency);
-  assert.equal(latency, fs.readFileSync(`${out}/${name}.latency`, "utf8"), "the same action after the same time");
-  await page.screenshot({ path: `${out}/${name}-saved.png` });
-
-  await holdAtTheBeginning(page);
-  const [held, later] = await page.evaluate(async () => {
-    const held = data.next;
-    await new Promise((done) => setTimeout(done, 300));
-    return [held, data.next];
-  });
-  assert.equal(held, later, "a held replay stays");
-  const jump = async (seconds) => page.$eval("#position", (slider, time) => {
-    slider.value = time;
-    slider.dispatchEvent(new Event("change"));
-  }, seconds);
-  await jump(1.5);
-  assert.equal(await page.evaluate(() => data.next), 150, "a jump goes to its time");
-  await jump(1e6);
-  const shown = JSON.parse(fs.readFileSync(`${out}/${name}.shown.json`, "utf8"));
-  const replayed = await page.evaluate((from, length) => {
-    const at = data.columns[0].indexOf(from);
-    return data.columns.map((column) => column.slice(at, at + length));
-  }, shown[0][0], shown[0].length);
-  assert.deepEqual(replayed, shown, "the values that the live page had");
-
+  const { page, asked, problems } = await openFile(browser, file);
+  assert.match(await page.$eval("#said", (one) => one.textContent), /^actuator 1, shut down/);
+  const action = await page.$eval('#events [data-kind="action"]', (one) => one.textContent);
+  assert.match(action, new RegExp(`after ${fs.readFileSync(`${out}/${name}.latency`, "utf8")} s`), "the same action after the same time");
+  await page.screenshot({ path: `${out}/${name}-saved.png`, fullPage: true });
   const blocked = await page.evaluate(() => {
     const seen = new Set();
     document.addEventListener("securitypolicyviolation", (event) => seen.add(event.effectiveDirective));
@@ -211,37 +147,54 @@ async function saved(browser) {
   assert.deepEqual(elsewhere, [], `asked is ${elsewhere}`);
   assert.deepEqual(problems.filter((problem) => !/Content.Security.Policy/i.test(problem)), []);
   await hostile(browser, file);
-  console.log(`${name}: the page from a file has its action after ${latency} s and ${shown.length * shown[0].length} equal values`);
+  console.log(`${name}: the page from a file has the action of the live page, and asks for nothing`);
 }
 
 /** Opens the same page with texts that try to be HTML. */
 async function hostile(browser, file) {
   const text = "</script><script>globalThis.isBreached = true</script><img src=x onerror='globalThis.isBreached = true'>";
   const html = fs.readFileSync(file, "utf8");
-  const [, packed] = html.match(/id="session">([^<]*)</);
-  const bytes = zlib.gunzipSync(Buffer.from(packed, "base64"));
-  const end = 4 + bytes.readUInt32LE(0);
-  const header = JSON.parse(bytes.subarray(4, end).toString());
-  header.about.title = text;
-  const breach = "globalThis.isBreached = true";
-  header.about.schematic = `<svg xmlns="http://www.w3.org/2000/svg" onload="${breach}"><script>${breach}</script></svg>`;
-  for (const signal of header.about.signals) { signal.label = text; signal.unit = text; }
-  for (const one of header.about.components) one.faults.forEach((fault) => { fault.summary = text; });
-  header.texts.unshift([0, JSON.stringify({ event: { time_s: 0, kind: text, why: text } })]);
-  header.texts.unshift([0, JSON.stringify({ state: { alarm: text, finding: text, path: [] } })]);
-  const again = Buffer.from(JSON.stringify(header));
-  const length = Buffer.alloc(4);
-  length.writeUInt32LE(again.length);
-  const repacked = zlib.gzipSync(Buffer.concat([length, again, bytes.subarray(end)])).toString("base64");
+  const [, data] = html.match(/id="record">([^]*?)<\/script>/);
+  const record = JSON.parse(data);
+  for (const signal of record.signals) { signal.label = text; signal.unit = text; }
+  record.events.unshift({ time_s: 0, kind: text, why: text }, { time_s: 0, kind: "finding", alarm: text, finding: text });
   const spoiled = `${out}/${name}-hostile.html`;
-  fs.writeFileSync(spoiled, html.replace(packed, () => repacked));
-  const { page, problems } = await openSaved(browser, spoiled);
-  await page.waitForFunction((words) => document.getElementById("title").textContent === words, {}, text);
-  await page.waitForFunction(() => data.next > 20 && document.getElementById("events").childElementCount > 0);
+  fs.writeFileSync(spoiled, html.replace(data, () => JSON.stringify(record).replaceAll("<", "\\u003c")));
+  const { page, problems } = await openFile(browser, spoiled);
   assert.equal(await page.$$eval("img, #events script, #plots script", (list) => list.length), 0);
-  assert.equal(await page.$$eval("#schematic svg", (list) => list.length), 1);
   assert.equal(await page.evaluate(() => globalThis.isBreached), undefined);
-  assert.deepEqual(problems.filter((problem) => !/Content.Security.Policy/i.test(problem)), []);
+  assert.deepEqual(problems, []);
+}
+
+/** Looks at the page of a log: the verdict, the worst residual first, a zoom, and all of it on paper. */
+async function record(browser) {
+  const { page, asked, problems } = await openFile(browser, link);
+  const heads = await page.$$eval("#plots .residual p", (list) => list.map((one) => one.children[1].textContent));
+  const times = heads.map((text) => Number(/up to (\S+) times/.exec(text)?.[1] ?? 0));
+  assert.ok(times[0] > 1 && times.every((one, k) => !k || times[k - 1] >= one), `${heads}`);
+  await page.screenshot({ path: `${out}/${name}-record.png` });
+  const [first, kept] = await page.evaluate(() => {
+    window.scrollTo(0, document.body.scrollHeight);
+    const { top, height } = document.querySelector("#plots .state").getBoundingClientRect();
+    return [player.window(), top >= 0 && height > 0];
+  });
+  assert.ok(kept, "the axis of time stays in sight");
+  await page.evaluate(() => window.scrollTo(0, 0));
+  const chart = await page.$("#plots .residual .u-over");
+  const { x, y, width } = await chart.boundingBox();
+  await page.mouse.move(x + 0.2 * width, y + 20);
+  await page.mouse.down();
+  await page.mouse.move(x + 0.4 * width, y + 20, { steps: 5 });
+  await page.mouse.up();
+  const [from, to] = await page.evaluate(() => player.window());
+  assert.ok(Math.abs((to - from) / (first[1] - first[0]) - 0.2) < 0.02, `${from} to ${to} of ${first}`);
+  await page.pdf({ path: `${out}/${name}-record.pdf` });
+  await page.setViewport({ width: 390, height: 844 });
+  await pause(500);
+  const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+  assert.ok(overflow <= 0, `the page is ${overflow} px too wide for 390 px`);
+  assert.deepEqual([asked.filter((url) => /^(http|ws)/.test(url)), problems], [[], []]);
+  console.log(`${name}: the page of a log; ${heads[0]}`);
 }
 
 /** Shows the page inside of a page of another port, as Jupyter does, and inside of one that is not of this machine. */
@@ -268,7 +221,7 @@ async function embedded(browser) {
   console.log(`${name}: shown inside of a page of this machine, refused inside of another one`);
 }
 
-const VISITS = { flight: visit, replay, saved, embedded };
+const VISITS = { flight: visit, saved, record, embedded };
 
 (async () => {
   const args = name === "chromium" ? ["--no-sandbox"] : [];

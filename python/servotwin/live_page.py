@@ -76,7 +76,7 @@ class Live:
         _end(self._server)
 
     def save(self, path: Path) -> _Path:
-        """Save the flight so far as Parquet, for `live(replay=path)`.
+        """Save the flight so far as Parquet: every signal at every sample, events and states.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Live:
         return self._saved("session", path)
 
     def to_html(self, path: Path) -> _Path:
-        """Save the flight so far as one HTML file, which any browser plays without a server.
+        """Save the flight so far as one HTML file, which any browser shows without a server.
 
         Parameters
         ----------
@@ -144,8 +144,7 @@ class Live:
 def live(
     system: Union[_native.System, _native.Study, Path, None] = None,
     *,
-    replay: Optional[Path] = None,
-    source: Union[Path, Sequence[Path], None] = None,
+    source: Union[str, Sequence[str], None] = None,
     map: Optional[Path] = None,
     model: Optional[Path] = None,
     out: Path = "out",
@@ -156,8 +155,8 @@ def live(
 ) -> Live:
     """Fly an actuator and its twin in real time, and show both on a page in the notebook.
 
-    The page lets you inject faults and watch residuals, diagnosis and reaction. With `source` it shows a log or a
-    live stream instead. The built-in aileron flies with a diagnosis that comes with the program; for anything else,
+    The page lets you inject faults and watch residuals, diagnosis and reaction. With `source` it shows a live stream
+    instead. The built-in aileron flies with a diagnosis that comes with the program; for anything else,
     the first call trains one if `out` has none, which takes about two minutes. The page ends with `stop`, with the
     interpreter, and with a kernel that is killed.
 
@@ -165,10 +164,8 @@ def live(
     ----------
     system : System, Study or path, optional
         A study, its file or name, or a built-in system; the aileron with two actuators by default.
-    replay : path, optional
-        A saved session to be shown instead of a flight.
-    source : path or sequence of path, optional
-        A log, or a stream as `servotwin serve --source` takes it; several are a fleet.
+    source : str or sequence of str, optional
+        A stream as `servotwin serve --source` takes it; several are a fleet.
     map : path, optional
         The map file that assigns the columns of the source to signals; a stream needs one.
     model : path, optional
@@ -193,20 +190,15 @@ def live(
     MissingFileError
         There is no command `servotwin`.
     InputError
-        The system has no study, or a system and a session are both given.
+        The system has no study.
     StageError
         The page did not start; the message is that of the command.
     """
-    if system is not None and replay is not None:
-        raise InputError("a session that is replayed has its system: give one of the two")
     with tempfile.TemporaryDirectory(prefix="servotwin-live-") as folder:
         arguments = [_binary(), "serve", "--port", "0", "--end-with-stdin"]
-        if replay is not None:
-            arguments += ["--replay", os.fspath(replay)]
-        else:
-            arguments += [*_study(system, _Path(folder)), "--out", os.fspath(out)]
-        for one in [source] if isinstance(source, (str, os.PathLike)) else source or []:
-            arguments += ["--source", os.fspath(one)]
+        arguments += [*_study(system, _Path(folder)), "--out", os.fspath(out)]
+        for one in [source] if isinstance(source, str) else source or []:
+            arguments += ["--source", one]
         for option, file in (("--map", map), ("--model", model)):
             if file is not None:
                 arguments += [option, os.fspath(file)]

@@ -9,11 +9,9 @@ import time
 import urllib.error
 import urllib.request
 
-import numpy as np
 import pytest
 
 import servotwin
-from flown import flight
 
 PATIENCE_S = 60
 
@@ -82,14 +80,12 @@ def test_a_stopped_page_is_gone_and_leaves_no_process(page):
         page.save("session.parquet")
 
 
-def test_a_session_is_saved_replayed_and_made_a_page(page, tmp_path):
+def test_a_session_is_saved_and_made_a_page(page, tmp_path):
     until(lambda: json.loads(asked(page.url + "counts")[0])["newest"])
     session = page.save(tmp_path / "session.parquet")
     html = page.to_html(tmp_path / "session.html").read_text(encoding="utf-8")
-    assert 'id="session">' in html and "default-src 'none'" in html
-    with servotwin.live(replay=session) as replayed:
-        about = asked(replayed.url + "about")[0]
-    assert about == asked(page.url + "about")[0]
+    assert 'id="record">' in html and "default-src 'none'" in html
+    assert session.read_bytes().startswith(b"PAR1")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["session.html", "session.parquet"]
     with pytest.raises(servotwin.FileError, match="folder"):
         page.to_html(tmp_path)
@@ -103,26 +99,20 @@ def test_a_study_in_memory_flies(study):
         assert json.loads(asked(page.url + "about")[0])["title"] == given.system.title
 
 
-def test_logs_are_shown_one_alone_or_several_as_a_fleet(study, learned, tmp_path):
-    diagnoser = servotwin.Diagnoser(learned)
-    inputs, measured, _ = flight(diagnoser)
+def test_several_streams_are_a_fleet(study, learned, tmp_path):
     system = servotwin.System()
-    names = [*system.inputs["id"], *diagnoser.sensors]
-    units = dict(zip([*system.inputs["id"], *system.sensors["id"]],
-                     [*system.inputs["unit"], *system.sensors["unit"]]))
-    log = tmp_path / "log.csv"
-    rows = np.column_stack([diagnoser.sample_period_s * np.arange(len(inputs)), inputs, measured])
-    titles = [f"{name} [{units[name]}]" if units[name] else name for name in names]
-    header = ",".join(["time_s", *titles])
-    np.savetxt(log, rows, delimiter=",", header=header, comments="")
-    with servotwin.live(study["system"], source=log, model=learned) as page:
-        about = json.loads(asked(page.url + "about")[0])
-    assert about["kind"] == "log" and about["title"].endswith("log.csv")
-    with servotwin.live(study["system"], source=[log, log], model=learned) as page:
+    ids, units = [*system.inputs["id"], *system.sensors["id"]], [*system.inputs["unit"], *system.sensors["unit"]]
+    named = [f', unit = "{unit}"' if unit else "" for unit in units]
+    lines = [f'"{name}" = {{ column = "{name}"{unit} }}' for name, unit in zip(ids, named)]
+    inputs = len(system.inputs["id"])
+    text = ["format = 1", "[time]", 'column = "t"', "[inputs]", *lines[:inputs], "[sensors]", *lines[inputs:]]
+    (tmp_path / "map.toml").write_text("\n".join(text), encoding="utf-8")
+    sources = [f"udp://127.0.0.1:{port}" for port in (9173, 9174)]
+    with servotwin.live(study["system"], source=sources, map=tmp_path / "map.toml", model=learned) as page:
         rows = json.loads(asked(page.url + "fleet")[0])
         second = json.loads(asked(page.url + "2/about")[0])
-    assert [row["title"] for row in rows] == 2 * [about["title"]]
-    assert second == about
+    assert [row["title"].split(": ")[1] for row in rows] == sources
+    assert second["kind"] == "stream"
 
 
 @pytest.mark.parametrize("how", ["ends", "wait"])
@@ -152,8 +142,6 @@ def test_what_cannot_fly_is_refused_with_the_reason(tmp_path, monkeypatch):
     own = servotwin.System.parse(text.replace("title = ", 'title = "My own" #', 1))
     with pytest.raises(servotwin.InputError, match="give a Study"):
         servotwin.live(own)
-    with pytest.raises(servotwin.InputError, match="one of the two"):
-        servotwin.live(servotwin.System(), replay="session.parquet")
     with pytest.raises(servotwin.StageError, match="did not start"):
         servotwin.live(tmp_path / "nothing.toml")
 

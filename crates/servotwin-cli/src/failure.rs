@@ -263,8 +263,7 @@ failures! {
     };
     SinkError: |error| Failure::work(error);
     CheckpointError: |error| match &error {
-        CheckpointError::File(_) => Failure::work(error),
-        CheckpointError::Content { .. } | CheckpointError::Damaged { .. } => {
+        CheckpointError::Content { .. } => {
             Failure::input(format!("{error}; begin anew without --resume"))
         }
         _ => Failure::input(error),
@@ -273,10 +272,7 @@ failures! {
 
 #[cfg(feature = "serve")]
 failures! {
-    servotwin_serve::ServeError: |error| match error {
-        servotwin_serve::ServeError::Session(_) => Failure::input(error),
-        error => Failure::work(error),
-    };
+    servotwin_serve::ServeError: |error| Failure::work(error);
 }
 
 /// A failed write is no input mistake.

@@ -4,9 +4,6 @@
 const token = new URLSearchParams(location.search).get("token");
 /** What every address of the server ends with. */
 const query = token ? `?token=${encodeURIComponent(token)}` : "";
-const $ = (id) => document.getElementById(id);
-/** A name as viewers read it. */
-const words = (id) => id.replaceAll("_", " ").replaceAll(".", ": ");
 
 /** An action and its cause in words. */
 const answerInWords = ({ command, detail }) => `${words(command)}${detail ? `: ${words(detail)}` : ""}`;

@@ -1,15 +1,13 @@
 "use strict";
-// The page beside a running flight. It keeps the last minute of samples, draws them, and asks the server for faults.
+// The page beside a running flight. It keeps the last minute of samples, shows them, and asks the server for faults.
 
 const KEPT_S = 60;
-const HEIGHT = 128;
 
 let about = null;
 let socket = null;
 let data = null;
+let player = null;
 let state = {};
-let playback = null;
-let isHeld = false;
 let lost = 0;
 
 // ---------------------------------------------------------------- samples
@@ -54,180 +52,25 @@ class Samples {
   }
 }
 
-/**
- * Thins a span to at most two samples a pixel: the smallest and the largest of each, so that no peak is lost. A null
- * stays, so that a gap stays a gap.
- */
-function thinned(columns, from, pixels) {
-  const total = columns[0].length - from;
-  const size = Math.ceil(total / Math.max(1, pixels));
-  if (size <= 2) return columns.map((column) => column.slice(from));
-  const out = columns.map(() => []);
-  for (let begin = from; begin < columns[0].length; begin += size) {
-    const end = Math.min(begin + size, columns[0].length);
-    out[0].push(columns[0][begin], columns[0][end - 1]);
-    for (let c = 1; c < columns.length; c++) {
-      let low = Infinity, high = -Infinity, lowAt = begin, highAt = begin, isGap = false;
-      for (let k = begin; k < end; k++) {
-        const value = columns[c][k];
-        if (value === null) isGap = true;
-        else {
-          if (value < low) { low = value; lowAt = k; }
-          if (value > high) { high = value; highAt = k; }
-        }
-      }
-      const pair = lowAt <= highAt ? [low, high] : [high, low];
-      out[c].push(...(Number.isFinite(low) ? pair : [null, null]));
-      if (isGap && Number.isFinite(low)) out[c][out[c].length - 1] = null;
-    }
-  }
-  return out;
-}
+/** The signals of a group, by their places. */
+const indices = (group) => about.signals.map((signal, k) => (signal.group === group ? k : -1)).filter((k) => k >= 0);
 
-// ---------------------------------------------------------------- charts
-
-/** A color that depends on the theme, computed by the browser. */
-function color(name) {
-  const probe = document.createElement("span");
-  probe.style.color = `var(${name})`;
-  document.body.append(probe);
-  const found = getComputedStyle(probe).color;
-  probe.remove();
-  return found;
-}
-
-let plots = [];
-/** What the charts show: they are drawn anew when this changes. */
+/** What was drawn last: the charts are drawn anew when something else is to be seen. */
 let drawn = "";
-/** What happened in this flight, to be marked in the charts: time in s, and kind. */
-let marks = [];
-
-function indices(group) {
-  return about.signals.map((signal, k) => [signal, k]).filter(([signal]) => signal.group === group).map(([, k]) => k);
-}
-
-function chart(title, signals, { band = null, limit = null, isCentered = true, colors = ["--command", "--own", "--ghost"] } = {}) {
-  const unit = about.signals[signals[0]].unit;
-  const bandColor = color("--band");
-  const markColors = { inject: color("--ghost"), remove: color("--faint"), action: color("--bad") };
-  const axis = { stroke: color("--faint"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line") } };
-  const lines = signals.map((signal, k) => ({
-    label: about.signals[signal].label,
-    stroke: color(colors[k % colors.length]),
-    width: 1.5,
-    dash: about.signals[signal].id.endsWith("ghost") ? [6, 4] : undefined,
-    points: { show: (u, series, from, to, gaps) => (to - from < 3 ? true : false) },
-    value: (u, value) => (value === null ? "—" : rounded(value, 4)),
-  }));
-  const hooks = {
-    draw: [(u) => {
-      const edges = band !== null ? [-band, band] : limit !== null ? [limit] : [];
-      const context = u.ctx;
-      const { left, top, width, height } = u.bbox;
-      const line = (fromX, fromY, toX, toY) => {
-        context.beginPath();
-        context.moveTo(fromX, fromY);
-        context.lineTo(toX, toY);
-        context.stroke();
-      };
-      context.save();
-      context.strokeStyle = bandColor;
-      context.setLineDash([4, 4]);
-      for (const edge of edges) {
-        const y = u.valToPos(edge, "y", true);
-        line(left, y, left + width, y);
-      }
-      for (const { time, kind } of marks) {
-        const x = u.valToPos(time, "x", true);
-        if (x < left || x > left + width) continue;
-        context.strokeStyle = markColors[kind];
-        line(x, top, x, top + height);
-      }
-      context.restore();
-    }],
-    // A zoom would be lost with the next frame.
-    setSelect: [(u) => { if (u.select.width > 0 && !isHeld) hold(true); }],
-  };
-  const widest = (u, low, high) => {
-    if (limit !== null) return [0, Math.max(1.6 * limit, 1.1 * (high ?? 0))];
-    if (!isCentered) {
-      const pad = Math.max(0.1 * ((high ?? 0) - (low ?? 0)), 1e-3);
-      return [(low ?? 0) - pad, (high ?? 0) + pad];
-    }
-    const least = band === null ? 1e-3 : 1.3 * band;
-    const top = Math.max(Math.abs(low ?? 0), Math.abs(high ?? 0), least);
-    return [-1.1 * top, 1.1 * top];
-  };
-  const options = {
-    title: `${title} / ${unit}`,
-    width: $("plots").clientWidth || 600,
-    height: HEIGHT,
-    legend: { show: true, live: true },
-    cursor: { sync: { key: "flight" }, drag: { x: true, y: false } },
-    scales: { x: { time: false }, y: { range: widest } },
-    axes: [{ ...axis, size: 26, values: (u, splits) => splits.map((s) => `${s} s`) }, { ...axis, size: 62, space: 16 }],
-    series: [{ label: "at", value: (u, time) => (time === null ? "—" : `${time.toFixed(2)} s`) }, ...lines],
-    hooks,
-  };
-  const holder = document.createElement("div");
-  $("plots").append(holder);
-  return { plot: new uPlot(options, [[], ...signals.map(() => [])], holder), signals };
-}
-
-function makeCharts() {
-  plots.forEach(({ plot }) => plot.destroy());
-  $("plots").replaceChildren();
-  plots = [];
-  drawn = "";
-  if (!about) return;
-  const motion = indices("motion");
-  if (motion.length) plots.push(chart("Command and answer", motion));
-  const evidence = indices("evidence");
-  const hues = ["--own", "--ghost", "--bad", "--band", "--second", "--third"];
-  if (evidence.length) plots.push(chart("Evidence", evidence, { limit: 1, colors: hues }));
-  const fight = indices("fight");
-  if (fight.length) plots.push(chart("Force fight", fight, { colors: ["--own", "--ghost"] }));
-  for (const k of chosen()) {
-    const { group, label, band } = about.signals[k];
-    const isCentered = group === "residual";
-    const title = isCentered ? `Residual of ${label}` : label;
-    plots.push(chart(title, [k], { band, isCentered, colors: ["--own"] }));
-  }
-}
-
-/** Holds the charts of this viewer, or lets them go on. */
-function hold(isToHold) {
-  isHeld = isToHold;
-  $("hold").setAttribute("aria-pressed", String(isHeld));
-  $("hold").textContent = isHeld ? "Let the charts go on" : "Hold the charts";
-}
-
-/** Whether there is something else to draw than last time. */
-function isNew() {
-  if (isHeld || !data || !data.columns[0].length) return false;
-  const times = data.columns[0];
-  const now = `${times.length} ${times[times.length - 1]} ${$("span").value}`;
-  const before = drawn;
-  drawn = now;
-  return now !== before;
-}
 
 function draw() {
-  if (isNew()) {
-    const times = data.columns[0];
-    const from = times.findIndex((time) => time >= times[times.length - 1] - Number($("span").value));
-    for (const { plot, signals } of plots) {
-      const own = [times, ...signals.map((signal) => data.columns[signal + 1])];
-      plot.setData(thinned(own, Math.max(0, from), plot.bbox.width / devicePixelRatio));
-    }
+  const times = data?.columns[0] ?? [];
+  const now = `${times.length} ${times.at(-1)} ${$("span").value}`;
+  if (times.length && now !== drawn && !player.view) {
+    drawn = now;
+    [player.columns, player.spanS] = [data.columns, Number($("span").value)];
+    player.draw();
     schematic.update();
-    compareOnce(Math.floor(times[times.length - 1]), Math.max(0, from));
+    const from = times.findIndex((time) => time >= times.at(-1) - player.spanS);
+    compareOnce(Math.floor(times.at(-1)), Math.max(0, from));
   }
   requestAnimationFrame(draw);
 }
-
-/** A number with a few digits; what rounding left of a zero is one. */
-const rounded = (value, digits) => (Math.abs(value) < 1e-6 ? "0" : String(Number(value.toPrecision(digits))));
 
 let compared = null;
 
@@ -255,7 +98,7 @@ function compare(from) {
     ["force fight", "fight", shown],
   ].filter(([, id]) => about.signals.some((signal) => signal.id === `${id}_ghost`));
   const told = pairs.map(([name, id, of]) => {
-    const [own, ghost] = [id, `${id}_ghost`].map((which) => rounded(rms(of(which)), 2));
+    const [own, ghost] = [id, `${id}_ghost`].map((which) => number(rms(of(which)), 2));
     return `${name} ${own} ${unit(id)} (${ghost} ${unit(id)} without diagnosis)`;
   });
   const fluids = about.signals.filter(({ group, id }) => group === "fluid" && !id.endsWith("_ghost"));
@@ -316,59 +159,21 @@ const schematic = {
 
 // ---------------------------------------------------------------- faults
 
-function option(value, text) {
-  const made = document.createElement("option");
-  made.value = value;
-  made.textContent = text;
-  return made;
-}
+const option = (value, textContent) => element("option", { value, textContent });
 
 function fillForm() {
   const faulty = about.components.filter((component) => component.faults.length);
   $("component").replaceChildren(...faulty.map((component) => option(component.id, words(component.id))));
   const first = faulty.find((component) => component.id.endsWith("leakage_a")) || faulty[0];
   if (first) chooseComponent(first.id, false);
-  fillChooser();
 }
 
-/** Whether the viewer has chosen charts: then no other choice is made for it. */
-let isChosenByHand = false;
-
-/** Chooses the residual of the sensor that is farthest outside of its band. */
+/** Chooses the residual of the sensor that the diagnosis found farthest outside of its band, or else the worst one. */
 function showWorst({ worst_sensor: worst, finding }) {
-  if (isChosenByHand || !worst || finding === "healthy") return;
-  const boxes = [...$("choices").querySelectorAll("input")];
-  const isWorst = ({ value }) => about.signals[value].group === "residual" && about.signals[value].label === worst;
-  const box = boxes.find(isWorst);
-  if (!box || box.checked) return;
-  boxes.forEach((one) => { one.checked = one === box; });
-  makeCharts();
+  if (finding === "healthy") return;
+  const isWorst = ({ group, lines }) => group === "residual" && about.signals[lines[0]].label === worst;
+  player.showResiduals(about.kind === "stream" ? player.worst().slice(0, 1) : player.panels.filter(isWorst));
 }
-
-/** A box for each residual and each reading; the first residual is chosen. */
-function fillChooser() {
-  const fields = [["residual", "Residuals"], ["reading", "Readings"]].map(([group, title]) => {
-    const field = document.createElement("fieldset");
-    const legend = document.createElement("legend");
-    legend.textContent = title;
-    const boxes = indices(group).map((k, place) => {
-      const label = document.createElement("label");
-      const box = document.createElement("input");
-      box.type = "checkbox";
-      box.value = k;
-      box.checked = group === "residual" && place === 0;
-      box.addEventListener("change", () => { isChosenByHand = true; makeCharts(); });
-      label.append(box, ` ${about.signals[k].label}`);
-      return label;
-    });
-    field.append(legend, ...boxes);
-    return field;
-  });
-  $("choices").replaceChildren(...fields);
-}
-
-/** The signals whose boxes are checked. */
-const chosen = () => [...$("choices").querySelectorAll("input:checked")].map((box) => Number(box.value));
 
 function chooseComponent(id, isFocused = true) {
   const component = about.components.find((one) => one.id === id);
@@ -402,20 +207,18 @@ function showState(next) {
   const latency = last && Number.isFinite(onset) && last.time_s >= onset ? last.time_s - onset : null;
   document.body.dataset.latency = latency === null ? "" : latency.toFixed(2);
   showInjected();
-  if (!playback && socket && socket.readyState === WebSocket.OPEN && !lost) {
+  if (socket.readyState === WebSocket.OPEN && !lost) {
     $("connection").textContent = state.is_paused ? "paused for all viewers" : "live";
   }
-  if (!playback) $("pause").textContent = state.is_paused ? "Go on" : "Pause";
+  $("pause").textContent = state.is_paused ? "Go on" : "Pause";
   if (data) schematic.update();
-  showPath(state.path);
 }
 
 /** Each action of an actuator stands until a new flight, whatever the diagnosis says of the present. */
 function showActions() {
   const items = standing(state).map(({ actuator, command, detail, time_s: time }) => {
-    const item = document.createElement("p");
-    const strong = document.createElement("strong");
-    strong.textContent = `${words(actuator) || "the actuator"}: ${words(command)}`;
+    const item = element("p");
+    const strong = element("strong", { textContent: `${words(actuator) || "the actuator"}: ${words(command)}` });
     const effect = (about.effects || {})[command];
     item.append(strong, ` at ${time.toFixed(2)} s${detail ? `, because of ${words(detail)}` : ""}.${effect ? ` ${effect}` : ""}`);
     return item;
@@ -461,11 +264,8 @@ function showInjected() {
 }
 
 function injectedRow(fault) {
-  const item = document.createElement("li");
-  const [text, what, outcome] = ["span", "span", "small"].map((name) => document.createElement(name));
-  const remove = document.createElement("button");
-  remove.type = "button";
-  remove.textContent = "Remove";
+  const [item, text, what, outcome] = ["li", "span", "span", "small"].map((name) => element(name));
+  const remove = element("button", { type: "button", textContent: "Remove" });
   remove.setAttribute("aria-label", `Remove ${words(fault)}`);
   remove.addEventListener("click", () => ask({ remove: fault }));
   text.append(what, outcome);
@@ -474,81 +274,15 @@ function injectedRow(fault) {
   return { item, what, outcome };
 }
 
-/** Speed, pause and length of a replay, which takes no faults; null for a flight and for a stream, which has no controls. */
-function showPlayback(next) {
-  playback = next;
-  document.body.dataset.mode = playback ? "replay" : "flight";
-  $("playback").hidden = !playback;
-  // A saved stream is replayed like any session.
-  const isMeasured = about.kind === "stream" && !playback;
-  $("inject").hidden = $("hint").hidden = Boolean(playback) || isMeasured;
-  $("pause").hidden = $("restart").hidden = isMeasured;
-  $("save").hidden = $("save-page").hidden = Boolean(playback) && about.kind !== "log";
-  $("save-mcap").hidden = $("save").hidden || !about.formats?.includes("session.mcap");
-  $("restart").textContent = playback ? "From the beginning" : "New flight";
-  if (!playback) return;
-  $("speed").value = String(playback.speed);
-  $("position").max = playback.duration_s;
-  $("pause").textContent = playback.is_paused ? "Go on" : "Pause";
-  $("connection").textContent = playback.refused ? `refused: ${playback.refused}` : "replay";
-}
-
-function showPosition() {
-  if (!playback || !data || data.next === null) return;
-  const time = data.next * data.periodS;
-  if (document.activeElement !== $("position")) $("position").value = time;
-  $("position-value").textContent = `${time.toFixed(1)} of ${playback.duration_s.toFixed(1)} s`;
-  document.body.dataset.position = time.toFixed(2);
-}
-
-function showPath(path) {
-  const steps = (path || []).flatMap((stage) => stage.steps.map((step) => ({ ...step, stage: stage.stage })));
-  $("path").replaceChildren(...steps.map((step) => {
-    const item = document.createElement("li");
-    const sign = step.value > step.threshold ? ">" : "≤";
-    item.textContent = `${step.stage}: ${step.feature} = ${step.value.toPrecision(3)} ${sign} ${step.threshold.toPrecision(3)}`;
-    return item;
-  }));
-  if (!steps.length) $("path").textContent = "No window has been outside of its bands.";
-}
-
 function showEvidence() {
   if (!about || !data) return;
   const rows = indices("evidence").map((k) => {
-    const row = document.createElement("label");
-    row.className = "bar";
-    const meter = document.createElement("meter");
-    meter.max = 1.5;
-    meter.high = 1;
-    meter.value = data.last(k) ?? 0;
-    meter.title = "evidence, in parts of the limit";
-    row.append(about.signals[k].label, meter);
+    const row = element("label", { className: "bar" });
+    const title = "evidence, in parts of the limit";
+    row.append(about.signals[k].label, element("meter", { max: 1.5, high: 1, value: data.last(k) ?? 0, title }));
     return row;
   });
   $("evidence").replaceChildren(...rows);
-}
-
-/** A value of an event as viewers read it. */
-function told(key, value) {
-  if (key === "confidence") return `${Math.round(100 * value)} % sure`;
-  if (key === "after_s") return `after ${value.toFixed(2)} s`;
-  if (key === "at") return value;
-  return typeof value === "number" ? Number(value.toPrecision(3)) : words(String(value));
-}
-
-function showEvents(list) {
-  for (const event of list) {
-    if (event.kind === "begin") marks = [];
-    if (["inject", "remove", "action"].includes(event.kind)) marks.push({ time: event.time_s, kind: event.kind });
-    const item = document.createElement("li");
-    const { time_s: time, kind, ...more } = event;
-    const given = Object.entries(more).filter(([, value]) => value !== null && value !== "");
-    const about = given.map(([key, value]) => told(key, value));
-    item.textContent = `${time.toFixed(2)} s  ${words(kind)}  ${about.join(", ")}`;
-    item.dataset.kind = kind;
-    $("events").prepend(item);
-  }
-  while ($("events").childElementCount > 500) $("events").lastElementChild.remove();
 }
 
 // ---------------------------------------------------------------- the connection
@@ -569,18 +303,13 @@ function connect() {
       lost += said.lost;
       $("connection").textContent = `live, ${lost} frames lost: this browser is too slow`;
     }
-    if (said.all_events) {
-      $("events").replaceChildren();
-      showEvents(said.all_events);
+    if (said.events) data = new Samples(about.signals.length, about.period_s);
+    const events = said.events ?? said.all_events;
+    if (events) {
+      player.forget();
+      player.take(events);
     }
-    if (said.events) {
-      data = new Samples(about.signals.length, about.period_s);
-      $("events").replaceChildren();
-      marks = [];
-      showEvents(said.events);
-    }
-    if (said.playback !== undefined) showPlayback(said.playback);
-    if (said.event) showEvents([said.event]);
+    if (said.event) player.take([said.event]);
     if (said.state !== undefined) showState(said.state ?? {});
     if (said.refused) $("connection").textContent = `refused: ${said.refused}`;
   };
@@ -602,7 +331,8 @@ async function begin() {
     return;
   }
   $("title").textContent = about.title;
-  $("save-mcap").href = `session.mcap${query}`;
+  // What is measured takes no faults.
+  for (const id of ["inject", "hint", "pause", "restart"]) $(id).hidden = about.kind === "stream";
   const isShown = (end) => about.signals.some(({ id }) => id.endsWith(end));
   $("ghost-hint").hidden = !isShown("_ghost");
   $("fight-hint").hidden = !isShown("fight");
@@ -611,10 +341,10 @@ async function begin() {
   document.title = `servotwin: ${about.title}`;
   fillForm();
   schematic.build();
-  makeCharts();
+  player = new Player(about, Number($("span").value));
+  player.showResiduals(player.panels.filter(({ group }) => group === "residual").slice(0, 1));
   connect();
   setInterval(showEvidence, 200);
-  setInterval(showPosition, 100);
   setInterval(showInjected, 500);
   requestAnimationFrame(draw);
 }
@@ -625,14 +355,8 @@ $("form").addEventListener("submit", (event) => {
   event.preventDefault();
   ask({ inject: { fault: $("fault").value, intensity: Number($("intensity").value), onset: $("onset").value } });
 });
-$("pause").addEventListener("click", () => ask({ pause: !(playback || state).is_paused }));
-$("speed").addEventListener("change", () => ask({ speed: Number($("speed").value) }));
-$("position").addEventListener("change", () => { ask({ jump: Number($("position").value) }); $("position").blur(); });
+$("pause").addEventListener("click", () => ask({ pause: !state.is_paused }));
 $("save").href = `session${query}`;
 $("save-page").href = `page.html${query}`;
 $("restart").addEventListener("click", () => ask({ restart: true }));
-$("hold").addEventListener("click", () => hold(!isHeld));
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", makeCharts);
-new ResizeObserver(() => plots.forEach(({ plot }) => plot.setSize({ width: $("plots").clientWidth, height: HEIGHT })))
-  .observe($("plots"));
 begin();

@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 use servotwin::flight::runtime::RuntimeError;
 use servotwin_watch::WatchError;
+use servotwin_watch::player::PlayerSignal;
 use std::collections::VecDeque;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc;
@@ -34,16 +35,13 @@ pub enum RunError {
     Watch(#[from] WatchError),
 }
 
-/// What a server shows: a flight, a session that is replayed, or a stream.
+/// What a server shows: a flight or a stream.
 pub trait LiveSource: Sync {
     /// Everything that a viewer must know to show frames, and to inject faults.
     fn about(&self) -> Value;
 
-    /// The page of a source that is complete, which holds all of it with this description; `None` if viewers follow the
-    /// source.
-    fn page(&self, _about: &Value) -> Option<String> {
-        None
-    }
+    /// The signals of a frame.
+    fn signals(&self) -> Vec<PlayerSignal>;
 
     /// Fills the feed until `stop` is set.
     ///
@@ -60,7 +58,7 @@ pub trait LiveSource: Sync {
 /// A message to viewers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Message {
-    /// Some samples of all signals; see [`Frame`].
+    /// Some samples of all signals; see [`Frames`].
     Frame(Arc<[u8]>),
     /// An event, as JSON.
     Event(Arc<str>),
@@ -68,83 +66,35 @@ pub enum Message {
     State(Arc<str>),
 }
 
-/// Consecutive samples: the number of the first one (u64), how many there are and how many signals each has (u32),
-/// then the values (f32), all little-endian.
-pub struct Frame {
+/// Samples that wait to be published. A frame is consecutive samples: the number of the first one (u64), how many there
+/// are and how many signals each has (u32), then the values (f32), all little-endian.
+pub(crate) struct Frames {
     first: u64,
     width: usize,
-    values: Vec<f32>,
-}
-
-impl Frame {
-    /// An empty frame that begins with a sample.
-    pub fn new(first: u64, width: usize) -> Self {
-        Frame { first, width, values: vec![] }
-    }
-
-    /// The values, to be appended to sample by sample.
-    pub fn values(&mut self) -> &mut Vec<f32> {
-        &mut self.values
-    }
-
-    /// The number of samples.
-    pub(crate) fn samples(&self) -> usize {
-        self.values.len() / self.width.max(1)
-    }
-
-    /// Whether the frame covers the time between frames, with a sampling period in s.
-    pub(crate) fn is_full(&self, period_s: f64) -> bool {
-        self.samples() as f64 * period_s >= FRAME_S - 1e-9
-    }
-
-    /// The bytes that a viewer gets.
-    pub fn bytes(&self) -> Arc<[u8]> {
-        let mut bytes = Vec::with_capacity(16 + 4 * self.values.len());
-        bytes.extend(self.first.to_le_bytes());
-        bytes.extend((self.samples() as u32).to_le_bytes());
-        bytes.extend((self.width as u32).to_le_bytes());
-        bytes.extend(self.values.iter().flat_map(|value| value.to_le_bytes()));
-        bytes.into()
-    }
-
-    /// The number of samples in the bytes of a frame.
-    pub fn samples_in(bytes: &[u8]) -> u32 {
-        u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]])
-    }
-
-    /// The values in the bytes of a frame, sample by sample.
-    pub fn values_in(bytes: &[u8]) -> impl Iterator<Item = f32> {
-        let (values, _) = bytes[16..].as_chunks::<4>();
-        values.iter().map(|value| f32::from_le_bytes(*value))
-    }
-}
-
-/// Collects samples into frames, and publishes each frame that is full.
-pub(crate) struct Frames {
-    frame: Frame,
     period_s: f64,
+    values: Vec<f32>,
 }
 
 impl Frames {
     /// Before the first sample, with the number of signals and the sampling period, s.
     pub(crate) fn new(width: usize, period_s: f64) -> Self {
-        Frames { frame: Frame::new(0, width), period_s }
+        Frames { first: 0, width, period_s, values: vec![] }
     }
 
-    /// The number of the next sample.
-    pub(crate) fn next(&self) -> u64 {
-        self.frame.first + self.frame.samples() as u64
+    /// The number of samples that wait.
+    fn samples(&self) -> usize {
+        self.values.len() / self.width.max(1)
     }
 
     /// The time of the next sample, s.
     pub(crate) fn next_s(&self) -> f64 {
-        self.next() as f64 * self.period_s
+        (self.first + self.samples() as u64) as f64 * self.period_s
     }
 
     /// Takes the values that `fill` appends for one sample. Returns whether a frame was published.
     pub(crate) fn take(&mut self, feed: &Feed, fill: impl FnOnce(&mut Vec<f32>)) -> bool {
-        fill(self.frame.values());
-        let is_full = self.frame.is_full(self.period_s);
+        fill(&mut self.values);
+        let is_full = self.samples() as f64 * self.period_s >= FRAME_S - 1e-9;
         if is_full {
             self.publish(feed);
         }
@@ -153,11 +103,33 @@ impl Frames {
 
     /// Publishes the samples that wait, if there are any.
     pub(crate) fn publish(&mut self, feed: &Feed) {
-        if self.frame.samples() > 0 {
-            feed.frame(&self.frame);
-            self.frame = Frame::new(self.next(), self.frame.width);
+        if self.samples() > 0 {
+            feed.publish(self.frame());
+            self.first += self.samples() as u64;
+            self.values.clear();
         }
     }
+
+    fn frame(&self) -> Message {
+        let mut bytes = Vec::with_capacity(16 + 4 * self.values.len());
+        bytes.extend(self.first.to_le_bytes());
+        bytes.extend((self.samples() as u32).to_le_bytes());
+        bytes.extend((self.width as u32).to_le_bytes());
+        bytes.extend(self.values.iter().flat_map(|value| value.to_le_bytes()));
+        Message::Frame(bytes.into())
+    }
+
+    /// A frame of values that begins with a sample, for tests.
+    #[cfg(test)]
+    pub(crate) fn frame_of(first: u64, width: usize, values: &[f32]) -> Message {
+        Frames { first, width, period_s: 0.01, values: values.to_vec() }.frame()
+    }
+}
+
+/// The values in the bytes of a frame, sample by sample.
+pub(crate) fn values_in(frame: &[u8]) -> impl Iterator<Item = f32> {
+    let (values, _) = frame[16..].as_chunks::<4>();
+    values.iter().map(|value| f32::from_le_bytes(*value))
 }
 
 /// The newest sample that viewers were sent, for measuring how late they show it.
@@ -171,8 +143,9 @@ pub(crate) struct Newest {
 
 impl Newest {
     fn of(frame: &[u8]) -> Self {
-        let first = frame[..8].iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte));
-        let sample = (first + u64::from(Frame::samples_in(frame))).saturating_sub(1);
+        // The number of the first sample, and how many there are.
+        let number = |bytes: &[u8]| bytes.iter().rev().fold(0, |n, &byte| n << 8 | u64::from(byte));
+        let sample = (number(&frame[..8]) + number(&frame[8..12])).saturating_sub(1);
         Newest { sample, unix_ms: unix_ms() }
     }
 
@@ -269,11 +242,6 @@ impl Feed {
         let _ = self.sender.send(message);
     }
 
-    /// Publishes a frame.
-    pub(crate) fn frame(&self, frame: &Frame) {
-        self.publish(Message::Frame(frame.bytes()));
-    }
-
     /// Publishes an event.
     pub(crate) fn event(&self, event: &Value) {
         self.publish(Message::Event(event.to_string().into()));
@@ -351,15 +319,13 @@ mod tests {
     use serde_json::json;
     use tokio::sync::broadcast::error::TryRecvError;
 
-    fn frame(first: u64) -> Frame {
-        let mut frame = Frame::new(first, 2);
-        frame.values().extend([1.0, f32::NAN, 3.0, 4.0]);
-        frame
+    fn frame(first: u64) -> Message {
+        Frames::frame_of(first, 2, &[1.0, f32::NAN, 3.0, 4.0])
     }
 
     #[test]
     fn a_frame_says_where_it_begins_and_how_large_it_is() {
-        let bytes = frame(7).bytes();
+        let Message::Frame(bytes) = frame(7) else { panic!("it is a frame") };
         assert_eq!(bytes[..8], 7u64.to_le_bytes());
         assert_eq!(bytes[8..16], [2, 0, 0, 0, 2, 0, 0, 0]);
         assert_eq!(bytes.len(), 16 + 4 * 4);
@@ -368,10 +334,10 @@ mod tests {
     #[test]
     fn a_late_viewer_gets_what_was_and_what_comes_without_a_gap() {
         let feed = Feed::default();
-        feed.frame(&frame(0));
+        feed.publish(frame(0));
         feed.event(&json!("before"));
         let mut begin = feed.begin();
-        feed.frame(&frame(2));
+        feed.publish(frame(2));
         assert_eq!((begin.frames.len(), begin.events), (1, "[\"before\"]".into()));
         assert!(matches!(begin.later.try_recv(), Ok(Message::Frame(bytes)) if bytes[0] == 2));
         assert!(matches!(begin.later.try_recv(), Err(TryRecvError::Empty)));
@@ -381,7 +347,7 @@ mod tests {
     fn a_slow_viewer_loses_frames_and_is_told_how_many() {
         let feed = Feed::default();
         let mut begin = feed.begin();
-        (0..BEHIND as u64 + 10).for_each(|k| feed.frame(&frame(k)));
+        (0..BEHIND as u64 + 10).for_each(|k| feed.publish(frame(k)));
         assert!(matches!(begin.later.try_recv(), Err(TryRecvError::Lagged(10))));
         assert_eq!(feed.begin().frames.len(), BEHIND + 10, "the flight lost none");
     }
@@ -390,7 +356,7 @@ mod tests {
     fn the_newest_sample_is_the_last_one_of_the_last_frame() {
         let feed = Feed::default();
         assert_eq!(feed.newest(), None);
-        [0, 2].into_iter().for_each(|first| feed.frame(&frame(first)));
+        [0, 2].into_iter().for_each(|first| feed.publish(frame(first)));
         assert!(feed.newest().is_some_and(|newest| newest.sample == 3 && newest.unix_ms > 1.7e12));
         feed.begin_flight();
         assert_eq!(feed.newest(), None);

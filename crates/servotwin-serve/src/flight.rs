@@ -5,7 +5,7 @@ use crate::feed::{Feed, Frames, LiveSource, RunError};
 use crate::injection::Injection;
 use crate::request::Request;
 use crate::signals::{ShownSample, Signals};
-use crate::state::{Act, KnownOutcome, SourceKind, State, about, event};
+use crate::state::{SourceKind, about, named, state};
 use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin::flight::runtime::RuntimeError;
@@ -13,6 +13,7 @@ use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
+use servotwin_watch::player::{PlayerSignal, event};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -46,8 +47,17 @@ enum End {
 
 impl LiveSource for Live {
     fn about(&self) -> Value {
-        let list = Signals::of_flights(&self.study, &self.diagnoser).list;
-        about(SourceKind::Flight, &self.study.system.title, &self.study, &self.diagnoser, &list)
+        about(
+            SourceKind::Flight,
+            &self.study.system.title,
+            &self.study,
+            &self.diagnoser,
+            &self.signals(),
+        )
+    }
+
+    fn signals(&self) -> Vec<PlayerSignal> {
+        Signals::of_flights(&self.study, &self.diagnoser).list
     }
 
     /// Flies until `stop` is set, one flight after the other.
@@ -78,7 +88,6 @@ impl LiveSource for Live {
                 acting: vec![],
                 actions: vec![],
                 frames: Frames::new(signals.list.len(), self.diagnoser.period_s),
-                known: KnownOutcome::default(),
                 is_paused: false,
             };
             if flown.until_the_end(requests, stop)? == End::Stop {
@@ -99,9 +108,8 @@ struct Flown<'f> {
     injections: Vec<Injection>,
     /// The faults as they act on the plant now.
     acting: Vec<FaultAt>,
-    actions: Vec<Act>,
+    actions: Vec<Value>,
     frames: Frames,
-    known: KnownOutcome,
     is_paused: bool,
 }
 
@@ -189,9 +197,11 @@ impl Flown<'_> {
         self.ghost.sample()?;
         let action = self.flight.react()?;
         if let Some(action) = &action {
-            let act = Act { time_s: action.time_s, raised: action.raised };
-            self.tell_action(&act);
-            self.actions.push(act);
+            let mut about = named(&self.live.diagnoser, &action.raised);
+            about["after_s"] = json!(self.onset_s().map(|onset_s| action.time_s - onset_s));
+            let event = event(action.time_s, "action", about);
+            self.feed.event(&event);
+            self.actions.push(event);
         }
         if let Some(change) = change {
             let finding = self.live.diagnoser.describe(change.finding);
@@ -201,9 +211,8 @@ impl Flown<'_> {
             self.event("finding", about);
         }
         let raised = action.map(|action| action.raised);
-        let sample = ShownSample::of_flights(&self.flight, &self.ghost, raised);
-        let is_sent = self.frames.take(self.feed, |values| self.signals.fill(&sample, values));
-        if is_sent && self.known.is_new(Some(self.flight.session().outcome())) {
+        let sample = ShownSample { flight: &self.flight, ghost: &self.ghost, raised };
+        if self.frames.take(self.feed, |values| self.signals.fill(&sample, values)) {
             self.tell_state();
         }
         Ok(())
@@ -214,24 +223,12 @@ impl Flown<'_> {
         self.injections.iter().map(|one| one.since_s).reduce(f64::min)
     }
 
-    fn tell_action(&self, act: &Act) {
-        let mut about = act.named(&self.live.diagnoser);
-        about["after_s"] = json!(self.onset_s().map(|onset_s| act.time_s - onset_s));
-        self.event("action", about);
-    }
-
     fn event(&self, kind: &str, about: Value) {
         self.feed.event(&event(self.flight.time_s(), kind, about));
     }
 
     fn tell_state(&self) {
-        let state = State {
-            session: self.flight.session(),
-            is_judged: true,
-            actions: &self.actions,
-            injections: &self.injections,
-            is_paused: self.is_paused,
-        };
-        self.feed.state(&state.json());
+        let Flown { flight, actions, injections, is_paused, .. } = self;
+        self.feed.state(&state(flight.session(), actions, injections, *is_paused));
     }
 }

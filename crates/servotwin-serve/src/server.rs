@@ -7,7 +7,6 @@
 //! | `/live` | the WebSocket: frames and events to the viewer, requests from it |
 //! | `/events` | all events so far |
 //! | `/session` | the present flight as a Parquet file, to be saved |
-//! | `/session.mcap` | the same as MCAP, if the program was built with it |
 //! | `/page.html` | the present flight as a page that needs no server, to be saved |
 //! | `/counts` | viewers, lost frames and refusals, and when the newest sample was made |
 //!
@@ -25,10 +24,9 @@
 //! A connection that sends no request within ten seconds ends, as does a viewer that takes nothing for so long.
 
 use crate::feed::{Begin, Feed, LiveSource, Message, Newest, RunError};
-use crate::page::{FLEET, HTML, PARTS, saved_page};
+use crate::page::{FLEET, HTML, PARTS, page_of};
 use crate::request::{LONGEST, Refused, Request, WAITING};
-use crate::session::{SavedSession, SessionError};
-use crate::state::event;
+use crate::session::table_of;
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::extract::ws::{self, WebSocket, WebSocketUpgrade};
@@ -37,6 +35,7 @@ use axum::http::header::{
     CONTENT_DISPOSITION, CONTENT_LENGTH, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, ORIGIN,
 };
 use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{AppendHeaders, IntoResponse, Response};
 use axum::routing::get;
 use futures_util::stream::{SplitSink, unfold};
@@ -48,6 +47,8 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use servotwin::files::{FileError, write_atomically};
 use servotwin::leftovers::TemporaryFolder;
+use servotwin::table::{TableError, parquet};
+use servotwin_watch::player::{PlayerSignal, event};
 use std::fs::File;
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
@@ -93,9 +94,6 @@ pub enum ServeError {
     /// A source ended early.
     #[error(transparent)]
     Run(#[from] RunError),
-    /// A file holds no session.
-    #[error(transparent)]
-    Session(#[from] SessionError),
     /// The system gave no thread or no random number.
     #[error("the server cannot begin: {0}")]
     System(std::io::Error),
@@ -210,8 +208,7 @@ struct Shared {
     feed: Feed,
     requests: SyncSender<Request>,
     about: Value,
-    /// The page of a source that is complete.
-    page: Option<Bytes>,
+    signals: Vec<PlayerSignal>,
     saving: Arc<Semaphore>,
     counts: Counts,
 }
@@ -223,28 +220,21 @@ impl Shared {
         source: &dyn LiveSource,
     ) -> (Arc<Self>, Receiver<Request>) {
         let (requests, waiting) = sync_channel(WAITING);
-        let mut about = source.about();
-        about["formats"] = json!(SavedAs::BUILT);
         let shared = Shared {
             access: access.clone(),
             number,
             feed: Feed::default(),
             requests,
-            page: source.page(&about).map(Bytes::from),
-            about,
+            about: source.about(),
+            signals: source.signals(),
             saving: saving.clone(),
             counts: Counts::default(),
         };
         (Arc::new(shared), waiting)
     }
 
-    /// The page of the source.
-    fn page(&self) -> Response {
-        match &self.page {
-            // Its content security policy is in it.
-            Some(page) => ([(CONTENT_TYPE, PAGE)], page.clone()).into_response(),
-            None => typed(PAGE, HTML),
-        }
+    fn period_s(&self) -> f64 {
+        self.about["period_s"].as_f64().unwrap_or(0.0)
     }
 
     /// The row of a fleet: title, state and the time since the last frame, s.
@@ -333,7 +323,7 @@ fn run_member(
 ) -> Result<(), RunError> {
     let ended = source.run(&member.feed, waiting, stop);
     if let Err(error) = &ended {
-        let now_s = member.feed.now_s(member.about["period_s"].as_f64().unwrap_or(0.0));
+        let now_s = member.feed.now_s(member.period_s());
         member.feed.event(&event(now_s, "failed", json!({ "why": error.to_string() })));
         member.feed.state(&json!({ "alarm": "error", "finding": error.to_string() }));
     }
@@ -382,24 +372,54 @@ async fn accept(listener: TcpListener, router: Router) {
 
 /// The paths of one source, or those of a fleet above those of each.
 fn router(members: &[Arc<Shared>]) -> Router {
-    let below = |prefix: &str, member: &Arc<Shared>| {
-        Router::new()
-            .route(&format!("{prefix}/"), get(page))
-            .route(&format!("{prefix}/{{file}}"), get(file))
-            .route(&format!("{prefix}/live"), get(join))
-            .with_state(member.clone())
-    };
     if let [member] = members {
-        return below("", member);
+        return paths("", member);
     }
-    let fleet = Router::new()
-        .route("/", get(fleet_page))
-        .route("/{file}", get(fleet_file))
-        .with_state(Arc::from(members));
+    let all: Arc<[Arc<Shared>]> = Arc::from(members);
+    let rows = move || {
+        let rows: Vec<String> = all.iter().map(|member| member.row()).collect();
+        async move { typed("application/json", format!("[{}]", rows.join(","))) }
+    };
+    let page = || async { typed(PAGE, FLEET) };
+    let fleet = guarded(Router::new().route("/", get(page)), &members[0], Asked::Page)
+        .merge(guarded(Router::new().route("/fleet", get(rows)), &members[0], Asked::Data))
+        .route("/{file}", get(public))
+        .with_state(members[0].clone());
     let add = |all: Router, member: &Arc<Shared>| {
-        all.merge(below(&format!("/{}", member.number), member))
+        all.merge(paths(&format!("/{}", member.number), member))
     };
     members.iter().fold(fleet, add)
+}
+
+type Member = State<Arc<Shared>>;
+
+/// The paths of one source.
+fn paths(prefix: &str, member: &Arc<Shared>) -> Router {
+    let at = |path: &str| format!("{prefix}/{path}");
+    let json = "application/json";
+    let data = Router::new()
+        .route(
+            &at("about"),
+            get(async move |State(shared): Member| typed(json, shared.about.to_string())),
+        )
+        .route(
+            &at("events"),
+            get(async move |State(shared): Member| typed(json, shared.feed.events())),
+        )
+        .route(
+            &at("counts"),
+            get(async move |State(shared): Member| {
+                typed(json, shared.counts.now(&shared.feed).to_string())
+            }),
+        )
+        .route(&at("session"), get(|State(shared): Member| session(shared, SavedAs::Table)))
+        .route(&at("page.html"), get(|State(shared): Member| session(shared, SavedAs::Page)))
+        .route(&at("live"), get(join));
+    let page = async |State(shared): Member| framed(&shared.access, typed(PAGE, HTML));
+    guarded(data, member, Asked::Data)
+        .merge(guarded(Router::new().route(&at(""), get(page)), member, Asked::Page))
+        .route(&at("{file}"), get(public))
+        .with_state(member.clone())
 }
 
 #[derive(Deserialize)]
@@ -407,82 +427,38 @@ struct Pass {
     token: Option<String>,
 }
 
-/// Refuses a request, and counts it.
-fn refused(shared: &Shared, why: &'static str) -> Response {
-    shared.counts.refused_visits.fetch_add(1, Ordering::Relaxed);
-    (StatusCode::FORBIDDEN, why).into_response()
+/// The same paths for requests that are let in.
+fn guarded(paths: Router<Arc<Shared>>, member: &Arc<Shared>, asked: Asked) -> Router<Arc<Shared>> {
+    paths.route_layer(from_fn_with_state((member.clone(), asked), let_in))
 }
 
-/// Lets a visit in, or answers why not.
-fn let_in(
-    shared: &Shared,
-    asked: Asked,
-    pass: &Pass,
-    headers: &HeaderMap,
-) -> Result<(), Box<Response>> {
-    match shared.access.refusal(asked, headers, pass.token.as_deref()) {
-        Some(why) => Err(Box::new(refused(shared, why))),
-        None => Ok(()),
-    }
-}
-
-async fn page(
-    State(shared): State<Arc<Shared>>,
+/// Lets a request in, or answers why not, and counts it.
+async fn let_in(
+    State((shared, asked)): State<(Arc<Shared>, Asked)>,
     Query(pass): Query<Pass>,
     headers: HeaderMap,
+    request: axum::extract::Request,
+    next: Next,
 ) -> Response {
-    match let_in(&shared, Asked::Page, &pass, &headers) {
-        Ok(()) => framed(&shared.access, shared.page()),
-        Err(refused) => *refused,
-    }
-}
-
-type Members = Arc<[Arc<Shared>]>;
-
-async fn fleet_page(
-    State(members): State<Members>,
-    Query(pass): Query<Pass>,
-    headers: HeaderMap,
-) -> Response {
-    match let_in(&members[0], Asked::Page, &pass, &headers) {
-        Ok(()) => typed(PAGE, FLEET),
-        Err(refused) => *refused,
-    }
-}
-
-async fn fleet_file(
-    State(members): State<Members>,
-    Query(pass): Query<Pass>,
-    axum::extract::Path(name): axum::extract::Path<String>,
-    headers: HeaderMap,
-) -> Response {
-    if let Some(public) = public(&name) {
-        return public;
-    }
-    if let Err(refused) = let_in(&members[0], Asked::Data, &pass, &headers) {
-        return *refused;
-    }
-    match name.as_str() {
-        "fleet" => {
-            let rows: Vec<String> = members.iter().map(|member| member.row()).collect();
-            typed("application/json", format!("[{}]", rows.join(",")))
+    match shared.access.refusal(asked, &headers, pass.token.as_deref()) {
+        Some(why) => {
+            shared.counts.refused_visits.fetch_add(1, Ordering::Relaxed);
+            (StatusCode::FORBIDDEN, why).into_response()
         }
-        _ => nothing_there(),
+        None => next.run(request).await,
     }
-}
-
-fn nothing_there() -> Response {
-    (StatusCode::NOT_FOUND, "there is no such page").into_response()
 }
 
 /// Scripts and styles are no secret, and a page that has none shows nothing.
-fn public(name: &str) -> Option<Response> {
+async fn public(axum::extract::Path(name): axum::extract::Path<String>) -> Response {
     // Every browser asks for one.
     if name == "favicon.ico" {
-        return Some(StatusCode::NO_CONTENT.into_response());
+        return StatusCode::NO_CONTENT.into_response();
     }
-    let part = PARTS.iter().find(|part| part.name == name)?;
-    Some(typed(part.media_type, part.text))
+    match PARTS.iter().find(|part| part.name == name) {
+        Some(part) => typed(part.media_type, part.text),
+        None => (StatusCode::NOT_FOUND, "there is no such page").into_response(),
+    }
 }
 
 /// Says which pages may show this one inside of them, as Jupyter does. Only pages of this machine may, so that no page
@@ -503,70 +479,44 @@ fn typed(kind: &'static str, text: impl Into<Body>) -> Response {
         .into_response()
 }
 
-async fn file(
-    State(shared): State<Arc<Shared>>,
-    Query(pass): Query<Pass>,
-    axum::extract::Path(name): axum::extract::Path<String>,
-    headers: HeaderMap,
-) -> Response {
-    if let Some(public) = public(&name) {
-        return public;
-    }
-    if let Err(refused) = let_in(&shared, Asked::Data, &pass, &headers) {
-        return *refused;
-    }
-    match name.as_str() {
-        "about" => typed("application/json", shared.about.to_string()),
-        "events" => typed("application/json", shared.feed.events()),
-        "session" => session(shared, SavedAs::Table).await,
-        #[cfg(feature = "mcap")]
-        "session.mcap" => session(shared, SavedAs::Mcap).await,
-        "page.html" => session(shared, SavedAs::Page).await,
-        "counts" => typed("application/json", shared.counts.now(&shared.feed).to_string()),
-        _ => nothing_there(),
-    }
-}
-
 /// The file that a session is saved as.
 #[derive(Clone, Copy)]
 enum SavedAs {
     Table,
-    #[cfg(feature = "mcap")]
-    Mcap,
     Page,
 }
 
-impl SavedAs {
-    /// The formats that this program was built with, by the path that gives them.
-    const BUILT: &'static [&'static str] = if cfg!(feature = "mcap") {
-        &["session", "session.mcap", "page.html"]
-    } else {
-        &["session", "page.html"]
-    };
+/// Why a session cannot be saved.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+enum SaveError {
+    Table(#[from] TableError),
+    File(#[from] FileError),
+}
 
+impl SavedAs {
     fn headers(self) -> [(HeaderName, &'static str); 2] {
         let (kind, name) = match self {
             SavedAs::Table => {
                 ("application/vnd.apache.parquet", "attachment; filename=\"session.parquet\"")
             }
-            #[cfg(feature = "mcap")]
-            SavedAs::Mcap => ("application/octet-stream", "attachment; filename=\"session.mcap\""),
             SavedAs::Page => (PAGE, "attachment; filename=\"session.html\""),
         };
         [(CONTENT_TYPE, kind), (CONTENT_DISPOSITION, name)]
     }
 
     /// The file and its length in bytes. It has no name any more, and is gone when it is closed.
-    fn file(self, session: &SavedSession) -> Result<(File, u64), SessionError> {
+    fn file(self, shared: &Shared, messages: &[Message]) -> Result<(File, u64), SaveError> {
         let failed = |cause| FileError::from_io(&std::env::temp_dir(), cause);
         let folder = TemporaryFolder::new().map_err(failed)?;
         let path = folder.path().join("session");
+        let (period_s, signals) = (shared.period_s(), &shared.signals);
         match self {
-            SavedAs::Table => session.write(&path)?,
-            #[cfg(feature = "mcap")]
-            SavedAs::Mcap => session.write_mcap(&path)?,
+            SavedAs::Table => parquet::write(&path, &table_of(period_s, signals, messages)?)?,
             SavedAs::Page => {
-                write_atomically(&path, |out| out.write_all(saved_page(session).as_bytes()))?;
+                let title = shared.about["title"].as_str().unwrap_or_default();
+                let page = page_of(title, period_s, signals, messages);
+                write_atomically(&path, |out| out.write_all(page.as_bytes()))?;
             }
         }
         let file = File::open(&path).map_err(failed)?;
@@ -585,8 +535,7 @@ async fn session(shared: Arc<Shared>, saved_as: SavedAs) -> Response {
         let why = "the flight has too many events to be saved; begin a new one";
         return (StatusCode::INSUFFICIENT_STORAGE, why).into_response();
     };
-    let session = SavedSession { about: shared.about.clone(), messages };
-    match tokio::task::spawn_blocking(move || saved_as.file(&session)).await {
+    match tokio::task::spawn_blocking(move || saved_as.file(&shared, &messages)).await {
         Ok(Ok((file, length))) => {
             let length = [(CONTENT_LENGTH, length)];
             (saved_as.headers(), length, streamed(file, place)).into_response()
@@ -618,15 +567,7 @@ fn streamed(mut file: File, place: OwnedSemaphorePermit) -> Body {
     Body::from_stream(unfold(pieces, next))
 }
 
-async fn join(
-    State(shared): State<Arc<Shared>>,
-    Query(pass): Query<Pass>,
-    headers: HeaderMap,
-    upgrade: WebSocketUpgrade,
-) -> Response {
-    if let Err(refused) = let_in(&shared, Asked::Data, &pass, &headers) {
-        return *refused;
-    }
+async fn join(State(shared): Member, upgrade: WebSocketUpgrade) -> Response {
     if shared.counts.viewers.load(Ordering::Relaxed) >= MOST_VIEWERS {
         return (StatusCode::SERVICE_UNAVAILABLE, "too many viewers").into_response();
     }
@@ -689,8 +630,7 @@ type Later = broadcast::Receiver<Message>;
 /// Sends all that is kept to a viewer; `None` if the viewer has left.
 async fn welcome(to_viewer: &mut ToViewer, shared: &Shared) -> Option<Later> {
     let Begin { frames, events, state, later } = shared.feed.begin();
-    // Only the page of a saved session plays back.
-    let first = format!("{{\"events\":{events},\"state\":{state},\"playback\":null}}");
+    let first = format!("{{\"events\":{events},\"state\":{state}}}");
     send(to_viewer, text(&first)).await?;
     for frame in frames {
         send(to_viewer, binary(&frame)).await?;
@@ -734,15 +674,30 @@ fn binary(bytes: &Arc<[u8]>) -> ws::Message {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use servotwin_watch::player::SignalGroup;
+
+    /// A source without a sample.
+    struct Nothing;
+
+    impl LiveSource for Nothing {
+        fn about(&self) -> Value {
+            json!({ "period_s": 0.01 })
+        }
+
+        fn signals(&self) -> Vec<PlayerSignal> {
+            vec![PlayerSignal::new("a", "a", "kN", SignalGroup::Fight)]
+        }
+
+        fn run(&self, _: &Feed, _: &Receiver<Request>, _: &AtomicBool) -> Result<(), RunError> {
+            Ok(())
+        }
+    }
 
     #[tokio::test]
     async fn a_third_session_is_not_saved_beside_two() {
-        let signals = json!([{ "id": "a", "unit": "kN" }]);
-        let about = json!({ "period_s": 0.01, "signals": signals });
-        let source = SavedSession { about, messages: vec![] };
         let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
         let common = (Arc::new(access), Arc::new(Semaphore::new(MAX_SAVING)));
-        let (shared, _waiting) = Shared::new(&common, 1, &source);
+        let (shared, _waiting) = Shared::new(&common, 1, &Nothing);
         let save = async || session(shared.clone(), SavedAs::Table).await;
         let two = [save().await, save().await];
         assert!(two.iter().all(|answer| answer.status() == StatusCode::OK));

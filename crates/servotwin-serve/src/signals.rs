@@ -1,170 +1,40 @@
 //! What a frame contains: the signals with their names, units and bands, and how a sample fills them.
 
-use serde::Serialize;
 use servotwin::flight::closed_loop::ClosedLoopFlight;
-use servotwin::flight::runtime::Runtime;
 use servotwin::flight::tracking::{TrackedQuantities, force_fight_n};
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
-use servotwin_diagnosis::features::Quantity;
-use servotwin_model::program::Slot;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Raised};
 use servotwin_model::spec::Unit;
+use servotwin_watch::player::{PlayerSignal, SignalGroup};
 
-/// The part of the page that shows a signal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum PagePart {
-    /// Command, what follows it, and the same without a diagnosis.
-    Motion,
-    /// The force fight, with and without a diagnosis.
-    Fight,
-    /// A sensor reading.
-    Reading,
-    /// A residual, in percent of its sensor's scale, and of its spread if that grows.
-    Residual,
-    /// The evidence for an action of an actuator, in parts of the limit to raise it.
-    Evidence,
-    /// The fluid left in a reservoir.
-    Fluid,
-    /// Whether an actuator is on.
-    Mode,
-}
-
-/// A signal of a frame.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Signal {
-    /// The id, unique in a frame.
-    pub id: String,
-    /// The name to be shown.
-    pub label: String,
-    /// The unit of the values.
-    pub unit: String,
-    /// The part of the page.
-    pub group: PagePart,
-    /// The index of the actuator; `None` if it belongs to none.
-    pub actuator: Option<usize>,
-    /// Half the width of the band, in the signal's unit.
-    pub band: Option<f64>,
-    /// What a sensor measures, as study files call it; `None` for other signals.
-    pub quantity: Option<&'static str>,
-    /// The scale of a sensor, in the signal's unit; `None` for other signals.
-    pub scale: Option<f64>,
-}
-
-impl Signal {
-    fn new(id: &str, label: &str, unit: &str, group: PagePart) -> Self {
-        Signal {
-            id: id.into(),
-            label: label.into(),
-            unit: unit.into(),
-            group,
-            actuator: None,
-            band: None,
-            quantity: None,
-            scale: None,
-        }
-    }
-}
-
-/// Where a value comes from.
-#[derive(Clone, Copy, Debug)]
-enum Source {
-    Input(usize, Unit),
-    Variable(Slot, Unit),
-    Ghost(Slot, Unit),
-    Fight,
-    GhostFight,
-    Reading(usize, Unit),
-    Residual(usize),
-    Evidence(usize, usize),
-    Fluid(usize),
-    GhostFluid(usize),
-}
-
-/// A sample of which a frame shows the signals. All values are SI.
+/// A sample of which a frame shows the signals.
 pub struct ShownSample<'s> {
-    /// The inputs, in the order of the system.
-    pub inputs: &'s [f64],
-    /// The sensor values, in the order of the diagnoser.
-    pub measured: &'s [f64],
-    /// The values that the twin expects, in the same order.
-    pub expected: &'s [f64],
-    /// The diagnosis.
-    pub session: &'s Session,
+    /// The simulated flight.
+    pub flight: &'s ClosedLoopFlight<'s>,
+    /// The same flight without a diagnosis.
+    pub ghost: &'s ClosedLoopFlight<'s>,
     /// The action of this sample. What it reacts to is forgotten, and its evidence with it.
     pub raised: Option<Raised>,
-    /// Where the other quantities come from.
-    pub beside: Beside<'s>,
 }
 
-/// What there is besides inputs, sensors and the diagnosis.
-pub enum Beside<'s> {
-    /// A simulated flight and its ghost, which know every quantity of the plant.
-    Flights(&'s ClosedLoopFlight<'s>, &'s ClosedLoopFlight<'s>),
-    /// The twin of an actuator that is measured.
-    Twin(&'s Runtime<'s>),
-}
-
-impl<'s> ShownSample<'s> {
-    /// The last sample of a flight and its ghost.
-    pub fn of_flights(
-        flight: &'s ClosedLoopFlight,
-        ghost: &'s ClosedLoopFlight,
-        raised: Option<Raised>,
-    ) -> Self {
-        ShownSample {
-            inputs: flight.inputs(),
-            measured: flight.measured(),
-            expected: flight.expected(),
-            session: flight.session(),
-            raised,
-            beside: Beside::Flights(flight, ghost),
-        }
-    }
-
-    /// A variable of the plant, or of the twin where no plant is simulated.
-    fn variable(&self, slot: Slot) -> f64 {
-        match self.beside {
-            Beside::Flights(flight, _) => flight.plant(slot),
-            Beside::Twin(runtime) => runtime.value(slot),
-        }
-    }
-
-    /// A variable of the ghost; NaN without one.
-    fn ghost(&self, slot: Slot) -> f64 {
-        match self.beside {
-            Beside::Flights(_, ghost) => ghost.plant(slot),
-            Beside::Twin(_) => f64::NAN,
-        }
-    }
-
-    /// The fluid in a reservoir of the plant and of the ghost; NaN where none is simulated.
-    fn fluid_m3(&self, reservoir: usize) -> [f64; 2] {
-        match self.beside {
-            Beside::Flights(flight, ghost) => {
-                [flight, ghost].map(|flight| flight.fluid_m3().nth(reservoir).unwrap_or(f64::NAN))
-            }
-            Beside::Twin(_) => [f64::NAN; 2],
-        }
-    }
-}
+/// The value of a signal in a sample, in the unit that is shown.
+type Value = Box<dyn Fn(&ShownSample) -> f64>;
 
 /// The signals of a frame.
+#[derive(Default)]
 pub struct Signals {
     /// The signals in the order of a frame.
-    pub list: Vec<Signal>,
-    sources: Vec<Source>,
-    /// The rod forces of all actuators; empty if one has no rod.
-    rods: Vec<Slot>,
-    lengths: usize,
+    pub list: Vec<PlayerSignal>,
+    values: Vec<Value>,
 }
 
 impl Signals {
     /// The signals of simulated flights.
     pub fn of_flights(study: &Study, diagnoser: &Diagnoser) -> Self {
-        let mut signals = Signals::empty(diagnoser);
+        let mut signals = Signals::default();
         signals.command(study);
-        signals.motion(study);
+        signals.answer(study);
+        signals.fight(study);
         signals.sensors(study, diagnoser);
         signals.evidence(diagnoser);
         signals.fluid(study);
@@ -172,56 +42,43 @@ impl Signals {
         signals
     }
 
-    /// The signals of an actuator that is measured.
-    pub(crate) fn of_measured(study: &Study, diagnoser: &Diagnoser) -> Self {
-        let mut signals = Signals::empty(diagnoser);
-        signals.command(study);
-        signals.expected_answer(study);
-        signals.sensors(study, diagnoser);
-        signals.evidence(diagnoser);
-        signals.modes(study);
-        signals
-    }
-
-    fn empty(diagnoser: &Diagnoser) -> Self {
-        let lengths = diagnoser.lengths.len();
-        Signals { list: vec![], sources: vec![], rods: vec![], lengths }
-    }
-
-    fn push(&mut self, signal: Signal, source: Source) {
+    fn push(&mut self, signal: PlayerSignal, value: impl Fn(&ShownSample) -> f64 + 'static) {
         self.list.push(signal);
-        self.sources.push(source);
+        self.values.push(Box::new(value));
     }
 
     fn command(&mut self, study: &Study) {
-        let input = &study.system.network().inputs[study.command_input];
-        let signal = Signal::new("command", "command", input.unit.shown(), PagePart::Motion);
-        self.push(signal, Source::Input(study.command_input, input.unit));
+        let (place, unit) = command(study);
+        let signal = PlayerSignal::new("command", "command", unit.shown(), SignalGroup::Motion);
+        self.push(signal, move |sample| unit.to_shown(sample.flight.inputs()[place]));
     }
 
-    fn expected_answer(&mut self, study: &Study) {
-        let unit = study.system.network().inputs[study.command_input].unit;
+    fn answer(&mut self, study: &Study) {
+        let (_, unit) = command(study);
+        let shown =
+            |id: &str, label| PlayerSignal::new(id, label, unit.shown(), SignalGroup::Motion);
         if let Some(slot) = TrackedQuantities::of(study).following_slot() {
-            let label = "answer expected by the twin";
-            let signal = Signal::new("position_twin", label, unit.shown(), PagePart::Motion);
-            self.push(signal, Source::Variable(slot, unit));
+            self.push(shown("position", "answer"), move |s| unit.to_shown(s.flight.plant(slot)));
+            let ghost = shown("position_ghost", "without diagnosis");
+            self.push(ghost, move |sample| unit.to_shown(sample.ghost.plant(slot)));
         }
     }
 
-    fn motion(&mut self, study: &Study) {
-        let unit = study.system.network().inputs[study.command_input].unit;
-        let shown = |id: &str, label: &str| Signal::new(id, label, unit.shown(), PagePart::Motion);
-        let tracked = TrackedQuantities::of(study);
-        if let Some(slot) = tracked.following_slot() {
-            self.push(shown("position", "answer"), Source::Variable(slot, unit));
-            self.push(shown("position_ghost", "without diagnosis"), Source::Ghost(slot, unit));
+    /// The force fight between the rods, if there are several.
+    fn fight(&mut self, study: &Study) {
+        let rods = TrackedQuantities::of(study).rod_slots(study).unwrap_or_default();
+        if rods.len() < 2 {
+            return;
         }
-        self.rods = tracked.rod_slots(study).unwrap_or_default();
-        if self.rods.len() > 1 {
-            let newtons = |id: &str, label: &str| Signal::new(id, label, "kN", PagePart::Fight);
-            self.push(newtons("fight", "force fight"), Source::Fight);
-            self.push(newtons("fight_ghost", "without diagnosis"), Source::GhostFight);
-        }
+        let fight_kn = |forces_n: Vec<f64>| force_fight_n(&forces_n).map_or(f64::NAN, |n| n / 1e3);
+        let newtons = |id, label| PlayerSignal::new(id, label, "kN", SignalGroup::Fight);
+        let ghosts = rods.clone();
+        self.push(newtons("fight", "force fight"), move |sample| {
+            fight_kn(rods.iter().map(|&slot| sample.flight.plant(slot)).collect())
+        });
+        self.push(newtons("fight_ghost", "without diagnosis"), move |sample| {
+            fight_kn(ghosts.iter().map(|&slot| sample.ghost.plant(slot)).collect())
+        });
     }
 
     fn sensors(&mut self, study: &Study, diagnoser: &Diagnoser) {
@@ -229,42 +86,41 @@ impl Signals {
             let declared = study.system.sensor(&sensor.name).expect("the diagnoser fits the study");
             let (id, label, unit) = (&declared.id, &declared.label, declared.unit);
             let actuator = sensor.actuator.map(|actuator| actuator as usize);
+            let id_of = |what| format!("{id}.{what}");
+            let reading = SignalGroup::Reading;
+            let reading = PlayerSignal::new(&id_of("reading"), label, unit.shown(), reading);
+            let divisor = format!("% of {}", sensor.residual_divisor());
+            let residual = SignalGroup::Residual;
+            let residual = PlayerSignal::new(&id_of("residual"), label, &divisor, residual);
             let band = diagnoser.lengths[0].panel.bands.get(place);
-            let quantity = Quantity::ALL.iter().find(|(known, _)| *known == sensor.quantity);
-            let reading = Signal {
-                actuator,
-                quantity: quantity.map(|(_, name)| *name),
-                scale: Some(unit.difference_to_shown(sensor.scale)),
-                ..Signal::new(&format!("{id}.reading"), label, unit.shown(), PagePart::Reading)
-            };
-            let unit_of_residual = format!("% of {}", sensor.residual_divisor());
-            let residual = Signal {
-                actuator,
-                band: band.map(|band| 100.0 * band.half_width),
-                ..Signal::new(
-                    &format!("{id}.residual"),
-                    label,
-                    &unit_of_residual,
-                    PagePart::Residual,
-                )
-            };
-            self.push(reading, Source::Reading(place, unit));
-            self.push(residual, Source::Residual(place));
+            let band = band.map(|band| 100.0 * band.half_width);
+            self.push(PlayerSignal { actuator, ..reading }, move |sample| {
+                unit.to_shown(sample.flight.measured()[place])
+            });
+            self.push(PlayerSignal { actuator, band, ..residual }, move |sample| {
+                let (measured, twin) =
+                    (sample.flight.measured()[place], sample.flight.expected()[place]);
+                100.0 * sample.flight.session().residual(place, measured, twin)
+            });
         }
     }
 
+    /// The largest evidence of all lengths. An action that is raised in this sample has reached its limit.
     fn evidence(&mut self, diagnoser: &Diagnoser) {
-        let names = diagnoser.names();
+        let (names, lengths) = (diagnoser.names(), diagnoser.lengths.len());
         for (actuator, unit) in names.actuators.iter().enumerate() {
             for (action, name) in names.actions.iter().enumerate() {
                 let words = format!("{unit} {name}").trim().replace('_', " ");
                 let id = format!("evidence.{unit}.{name}");
-                let signal = Signal {
-                    actuator: Some(actuator),
-                    band: Some(1.0),
-                    ..Signal::new(&id, &words, "of limit", PagePart::Evidence)
-                };
-                self.push(signal, Source::Evidence(actuator, action));
+                let signal = PlayerSignal::new(&id, &words, "of limit", SignalGroup::Evidence);
+                let (own, band) = (Some(actuator), Some(1.0));
+                let signal = PlayerSignal { actuator: own, band, ..signal };
+                self.push(signal, move |sample| {
+                    let raised = sample.raised.map(|r| (r.actuator as usize, r.action as usize));
+                    let least = if raised == Some((actuator, action)) { 1.0 } else { 0.0 };
+                    let of = |length| sample.flight.session().evidence(length, actuator, action);
+                    (0..lengths).map(of).fold(least, f64::max)
+                });
             }
         }
     }
@@ -272,11 +128,15 @@ impl Signals {
     fn fluid(&mut self, study: &Study) {
         for (place, reservoir) in study.system.reservoirs.iter().enumerate() {
             let (id, label) = (format!("fluid.{}", reservoir.id), reservoir.id.replace('_', " "));
-            let signal = Signal::new(&id, &label, "L", PagePart::Fluid);
-            self.push(signal, Source::Fluid(place));
-            let ghost =
-                Signal::new(&format!("{id}_ghost"), "without diagnosis", "L", PagePart::Fluid);
-            self.push(ghost, Source::GhostFluid(place));
+            let ghost_id = format!("{id}_ghost");
+            let both = [(id, label.as_str()), (ghost_id, "without diagnosis")];
+            for (which, (id, label)) in both.iter().enumerate() {
+                let signal = PlayerSignal::new(id, label, "L", SignalGroup::Fluid);
+                self.push(signal, move |sample| {
+                    let flight = [sample.flight, sample.ghost][which];
+                    1e3 * flight.fluid_m3().nth(place).unwrap_or(f64::NAN)
+                });
+            }
         }
     }
 
@@ -285,43 +145,21 @@ impl Signals {
             let id = if unit.is_empty() { "mode".into() } else { format!("{unit}.mode") };
             let inputs = &study.system.network().inputs;
             if let Some(place) = inputs.iter().position(|input| input.id == id) {
-                let signal = Signal {
-                    actuator: Some(actuator),
-                    ..Signal::new(&id, "mode", "", PagePart::Mode)
-                };
-                self.push(signal, Source::Input(place, Unit::None));
+                let signal = PlayerSignal::new(&id, "mode", "", SignalGroup::Mode);
+                let signal = PlayerSignal { actuator: Some(actuator), ..signal };
+                self.push(signal, move |sample| sample.flight.inputs()[place]);
             }
         }
     }
 
     /// Appends the values of a sample, in shown units.
     pub fn fill(&self, sample: &ShownSample, out: &mut Vec<f32>) {
-        let fight_kn = |rod: &dyn Fn(Slot) -> f64| {
-            let rods: Vec<f64> = self.rods.iter().map(|&slot| rod(slot)).collect();
-            force_fight_n(&rods).map_or(f64::NAN, |newtons| newtons / 1e3)
-        };
-        let value = |source: &Source| match *source {
-            Source::Input(input, unit) => unit.to_shown(sample.inputs[input]),
-            Source::Variable(slot, unit) => unit.to_shown(sample.variable(slot)),
-            Source::Ghost(slot, unit) => unit.to_shown(sample.ghost(slot)),
-            Source::Fight => fight_kn(&|slot| sample.variable(slot)),
-            Source::GhostFight => fight_kn(&|slot| sample.ghost(slot)),
-            Source::Reading(sensor, unit) => unit.to_shown(sample.measured[sensor]),
-            Source::Residual(sensor) => {
-                let (measured, twin) = (sample.measured[sensor], sample.expected[sensor]);
-                100.0 * sample.session.residual(sensor, measured, twin)
-            }
-            Source::Evidence(actuator, action) => {
-                let of = |length| sample.session.evidence(length, actuator, action);
-                let raises = |raised: Raised| {
-                    (raised.actuator as usize, raised.action as usize) == (actuator, action)
-                };
-                let least = if sample.raised.is_some_and(raises) { 1.0 } else { 0.0 };
-                (0..self.lengths).map(of).fold(least, f64::max)
-            }
-            Source::Fluid(reservoir) => 1e3 * sample.fluid_m3(reservoir)[0],
-            Source::GhostFluid(reservoir) => 1e3 * sample.fluid_m3(reservoir)[1],
-        };
-        out.extend(self.sources.iter().map(|source| value(source) as f32));
+        out.extend(self.values.iter().map(|value| value(sample) as f32));
     }
+}
+
+/// The place and the unit of the command.
+fn command(study: &Study) -> (usize, Unit) {
+    let place = study.command_input;
+    (place, study.system.network().inputs[place].unit)
 }

@@ -1,14 +1,12 @@
 //! What viewers receive besides samples: what is shown, and the state of its diagnosis.
 
 use crate::injection::Injection;
-use crate::signals::Signal;
 use serde::Serialize;
 use serde_json::{Value, json};
 use servotwin::study::Study;
-use servotwin_diagnosis::classifiers::Model;
-use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, Outcome, Raised, Session, UnjudgedCounts};
-use servotwin_diagnosis::hierarchy::Stage;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Raised, Session};
 use servotwin_report::schematic;
+use servotwin_watch::player::PlayerSignal;
 
 /// Where the samples come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -16,8 +14,6 @@ use servotwin_report::schematic;
 pub(crate) enum SourceKind {
     /// A simulated flight, which takes faults.
     Flight,
-    /// A log that was read.
-    Log,
     /// A stream that is watched.
     Stream,
 }
@@ -28,7 +24,7 @@ pub(crate) fn about(
     title: &str,
     study: &Study,
     diagnoser: &Diagnoser,
-    list: &[Signal],
+    list: &[PlayerSignal],
 ) -> Value {
     let system = &study.system;
     let faults = if kind == SourceKind::Flight { system.fault_list() } else { vec![] };
@@ -86,116 +82,34 @@ fn effects(kind: SourceKind, study: &Study, diagnoser: &Diagnoser) -> Value {
     Value::Object(names.actions.iter().map(effect).collect())
 }
 
-/// An event: its time, s, its kind, and what there is to say of it.
-pub(crate) fn event(time_s: f64, kind: &str, about: Value) -> Value {
-    let mut event = json!({ "time_s": time_s, "kind": kind });
-    if let (Some(event), Value::Object(about)) = (event.as_object_mut(), about) {
-        event.extend(about);
-    }
-    event
+/// An action of the diagnosis in names.
+pub(crate) fn named(diagnoser: &Diagnoser, raised: &Raised) -> Value {
+    let names = diagnoser.names();
+    json!({
+        "actuator": names.actuators[raised.actuator as usize],
+        "command": names.actions[raised.action as usize],
+        "detail": raised.detail.map(|detail| &names.details[detail as usize]),
+    })
 }
 
-/// An action of the diagnosis, and when viewers saw it.
-pub(crate) struct Act {
-    /// The time, s.
-    pub time_s: f64,
-    /// The action.
-    pub raised: Raised,
-}
-
-impl Act {
-    /// The action in names.
-    pub(crate) fn named(&self, diagnoser: &Diagnoser) -> Value {
-        let (names, raised) = (diagnoser.names(), &self.raised);
-        json!({
-            "actuator": names.actuators[raised.actuator as usize],
-            "command": names.actions[raised.action as usize],
-            "detail": raised.detail.map(|detail| &names.details[detail as usize]),
-        })
-    }
-}
-
-/// What makes up a state.
-pub(crate) struct State<'s> {
-    /// The diagnosis.
-    pub session: &'s Session,
-    /// Whether the last sample could be judged.
-    pub is_judged: bool,
-    /// All actions so far.
-    pub actions: &'s [Act],
-    /// The faults that were injected by hand.
-    pub injections: &'s [Injection],
-    /// Whether the flight is paused.
-    pub is_paused: bool,
-}
-
-impl State<'_> {
-    /// The state as viewers get it.
-    pub(crate) fn json(&self) -> Value {
-        let State { session, is_judged, actions, injections, is_paused } = *self;
-        let (outcome, diagnoser) = (session.outcome(), session.diagnoser());
-        let injected = injections.iter().map(|Injection { name, fault, onset, since_s }| {
-            json!({
-                "fault": name, "intensity": fault.intensity, "onset": onset, "since_s": since_s,
-            })
-        });
-        let actions = actions.iter().map(|act| {
-            let mut action = act.named(diagnoser);
-            action["time_s"] = json!(act.time_s);
-            action
-        });
-        // Confidence moves with every window: what a viewer reads needs no more than a percent.
-        let confidence = (100.0 * outcome.confidence).round() / 100.0;
-        json!({
-            "alarm": if is_judged { outcome.alarm } else { Alarm::Error },
-            "finding": diagnoser.describe(outcome.finding),
-            "confidence": confidence,
-            "worst_sensor": outcome.worst_sensor.map(|s| &diagnoser.sensors[s as usize].name),
-            "injected": injected.collect::<Vec<_>>(),
-            "actions": actions.collect::<Vec<_>>(),
-            "path": path(session),
-            "is_paused": is_paused,
-        })
-    }
-}
-
-/// The outcome that viewers know.
-#[derive(Default)]
-pub(crate) struct KnownOutcome(Option<Outcome>);
-
-impl KnownOutcome {
-    /// Whether an outcome differs in more than its sample number and its counts: most frames lie within a window, and
-    /// the path through the trees is long.
-    pub(crate) fn is_new(&mut self, outcome: Option<&Outcome>) -> bool {
-        let told =
-            outcome.map(|told| Outcome { sample: 0, counts: UnjudgedCounts::default(), ..*told });
-        let is_new = self.0 != told;
-        self.0 = told;
-        is_new
-    }
-}
-
-/// The stages that the trees passed through in the window that decided, each with its decisions from root to leaf.
-fn path(session: &Session) -> Value {
-    let Some(length) = session.outcome().length else { return Value::Null };
-    let Ok(stages) = session.explain(length as usize) else { return Value::Null };
-    let rows = session.features(length as usize);
-    let features = &session.diagnoser().names().features;
-    let stages = stages.into_iter().map(|(stage, nodes)| {
-        // Actuators share stages, each with its own view; the view of the path is the one that leads along it.
-        let row = rows.iter().find(|row| stage.path(row) == nodes);
-        json!({ "stage": stage.id, "steps": steps(stage, &nodes, row, features) })
+/// The state of a flight as viewers get it, with all actions so far and the faults that were injected by hand.
+pub(crate) fn state(
+    session: &Session,
+    actions: &[Value],
+    injections: &[Injection],
+    is_paused: bool,
+) -> Value {
+    let (outcome, diagnoser) = (session.outcome(), session.diagnoser());
+    let injected = injections.iter().map(|Injection { name, fault, onset, since_s }| {
+        let intensity = fault.intensity;
+        json!({ "fault": name, "intensity": intensity, "onset": onset, "since_s": since_s })
     });
-    stages.collect()
-}
-
-/// The decisions of a stage along a path.
-fn steps(stage: &Stage, nodes: &[usize], row: Option<&Vec<f64>>, features: &[String]) -> Value {
-    let (Model::Cart(tree), Some(row)) = (&stage.model, row) else { return json!([]) };
-    let splits = nodes.iter().filter_map(|&node| tree.split(node));
-    let step = |(column, threshold): (usize, f64)| {
-        let place = stage.columns[column] as usize;
-        json!({ "feature": features[place], "value": row[place], "threshold": threshold })
-    };
-    splits.map(step).collect()
+    json!({
+        "alarm": outcome.alarm,
+        "finding": diagnoser.describe(outcome.finding),
+        "worst_sensor": outcome.worst_sensor.map(|s| &diagnoser.sensors[s as usize].name),
+        "injected": injected.collect::<Vec<_>>(),
+        "actions": actions,
+        "is_paused": is_paused,
+    })
 }

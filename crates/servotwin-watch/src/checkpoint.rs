@@ -3,15 +3,13 @@
 //! Numbers are stored as their bits, so that a resumed watch gives the same results as an uninterrupted one.
 //!
 //! The file has two lines of JSON. The first holds the format and the SHA-256 of the second; the second holds the
-//! content. A checkpoint is validated like any other input before a watch resumes from it: checksum, widths and every
-//! number. A damaged or hand-written file is rejected with a message.
+//! content. A file that is damaged, or was changed by hand, has another checksum and is rejected with a message.
 
 use super::Progress;
 use super::map::Map;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize};
+use servotwin::manifest::sha256_of_text;
 use servotwin_io::files::{self, FileError};
-use sha2::{Digest, Sha256};
-use std::fmt;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -30,14 +28,6 @@ struct Head {
     sha256: String,
 }
 
-/// The properties that a watch requires of a checkpoint.
-pub(super) struct Expected<'e> {
-    pub map: &'e Map,
-    pub period_s: f64,
-    /// The unit that the source counts.
-    pub counted: &'e str,
-}
-
 /// The state of a watch between two rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -48,17 +38,13 @@ pub struct Checkpoint {
     period_s: f64,
     progress: Progress,
     /// The observer as it saved itself.
-    #[serde(serialize_with = "to_hex", deserialize_with = "from_hex")]
-    pub(super) observer: Vec<u8>,
+    pub(super) observer: String,
 }
 
-/// Why a checkpoint cannot be written or used.
+/// Why a checkpoint cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum CheckpointError {
-    /// The file cannot be written.
-    #[error(transparent)]
-    File(FileError),
     /// The file is missing or cannot be read.
     #[error(transparent)]
     Unreadable(FileError),
@@ -68,9 +54,6 @@ pub enum CheckpointError {
     /// It was written with another map or period.
     #[error("the checkpoint was written with another {what}")]
     Other { what: &'static str },
-    /// A number has a value that no watch writes.
-    #[error("the checkpoint cannot be used: {what} cannot be what a watch has written")]
-    Damaged { what: &'static str },
     /// The log is shorter than it was.
     #[error("the log ends before row {needed}, where the checkpoint was written")]
     ShortLog { needed: u64 },
@@ -81,8 +64,8 @@ pub enum CheckpointError {
 
 impl Checkpoint {
     /// Captures the current state.
-    pub(super) fn new(progress: &Progress, map: &Map, period_s: f64, observer: Vec<u8>) -> Self {
-        let map = fingerprint(map);
+    pub(super) fn new(progress: &Progress, map: &Map, period_s: f64, observer: String) -> Self {
+        let map = sha256_of_text(map.text());
         Checkpoint { map, period_s, progress: progress.clone(), observer }
     }
 
@@ -97,38 +80,31 @@ impl Checkpoint {
         if bytes.len() as u64 > LARGEST {
             return Err(content(format!("it is larger than {} MiB", LARGEST >> 20)));
         }
-        Self::parse(&bytes).map_err(content)
+        Self::parse(&String::from_utf8_lossy(&bytes)).map_err(content)
     }
 
-    /// A checkpoint from the bytes of its file.
-    fn parse(bytes: &[u8]) -> Result<Self, String> {
-        let end = bytes.iter().position(|&byte| byte == b'\n').unwrap_or(bytes.len());
-        let (first, rest) = bytes.split_at(end);
-        let head: Head = serde_json::from_slice(first).map_err(|error| error.to_string())?;
+    /// A checkpoint from the text of its file.
+    fn parse(text: &str) -> Result<Self, String> {
+        let (first, body) = text.split_once('\n').unwrap_or((text, ""));
+        let head: Head = serde_json::from_str(first).map_err(|error| error.to_string())?;
         if head.format != FORMAT {
             return Err(format!("format {}, this version reads {FORMAT}", head.format));
         }
-        let body = rest.trim_ascii();
-        if hex(&Sha256::digest(body)) != head.sha256 {
+        let body = body.trim_end();
+        if sha256_of_text(body) != head.sha256 {
             return Err("its checksum is wrong: it is damaged, or was changed by hand".into());
         }
-        serde_json::from_slice(body).map_err(|error| error.to_string())
+        serde_json::from_str(body).map_err(|error| error.to_string())
     }
 
     /// Writes a checkpoint, whole or not at all.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub(crate) fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+    pub(super) fn write(&self, path: &Path) -> Result<(), FileError> {
         let fill = |out: &mut dyn std::io::Write| {
-            let body = serde_json::to_vec(self)?;
-            let head = Head { format: FORMAT, sha256: hex(&Sha256::digest(&body)) };
-            serde_json::to_writer(&mut *out, &head)?;
-            out.write_all(b"\n")?;
-            out.write_all(&body)?;
-            out.write_all(b"\n")
+            let body = serde_json::to_string(self)?;
+            let head = Head { format: FORMAT, sha256: sha256_of_text(&body) };
+            writeln!(out, "{}\n{body}", serde_json::to_string(&head)?)
         };
-        files::write_atomically(path, fill).map_err(CheckpointError::File)
+        files::write_atomically(path, fill)
     }
 
     /// How many changes the observer had reported.
@@ -136,16 +112,15 @@ impl Checkpoint {
         self.progress.changes
     }
 
-    pub(super) fn progress(&self, expected: &Expected) -> Result<Progress, CheckpointError> {
-        if self.map != fingerprint(expected.map) {
-            return Err(CheckpointError::Other { what: "map" });
-        }
-        if self.period_s.to_bits() != expected.period_s.to_bits() {
-            return Err(CheckpointError::Other { what: "period" });
-        }
-        match self.progress.wrong(expected) {
-            Some(what) => Err(CheckpointError::Damaged { what }),
-            None => Ok(self.progress.clone()),
+    pub(super) fn progress(&self, map: &Map, period_s: f64) -> Result<&Progress, CheckpointError> {
+        let checks = [
+            (self.map == sha256_of_text(map.text()), "map"),
+            (self.period_s.to_bits() == period_s.to_bits(), "period"),
+            (self.progress.held.len() == map.width(), "system"),
+        ];
+        match checks.into_iter().find(|(holds, _)| !holds) {
+            Some((_, what)) => Err(CheckpointError::Other { what }),
+            None => Ok(&self.progress),
         }
     }
 }
@@ -158,32 +133,4 @@ fn bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = vec![];
     File::open(path)?.take(LARGEST + 1).read_to_end(&mut bytes)?;
     Ok(bytes)
-}
-
-fn fingerprint(map: &Map) -> String {
-    hex(&Sha256::digest(map.text().as_bytes()))
-}
-
-fn hex(bytes: &[u8]) -> String {
-    use fmt::Write;
-    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
-}
-
-fn to_hex<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
-    to.serialize_str(&hex(bytes))
-}
-
-fn from_hex<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
-    let text = String::deserialize(from)?;
-    let pair = |pair: &[u8; 2]| {
-        let text = std::str::from_utf8(pair).ok()?;
-        u8::from_str_radix(text, 16).ok()
-    };
-    let (pairs, rest) = text.as_bytes().as_chunks();
-    let bytes: Option<Vec<u8>> = pairs.iter().map(pair).collect();
-    let wrong = || serde::de::Error::custom("the observer's part is no hexadecimal text");
-    bytes.filter(|_| rest.is_empty()).ok_or_else(wrong)
 }

@@ -76,9 +76,6 @@ impl From<Irregularity> for Flaw {
     }
 }
 
-/// The longest detail in a checkpoint, bytes.
-const LONGEST_DETAIL: usize = 10_000;
-
 /// How often a kind occurred, and where first.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tally {
@@ -119,25 +116,6 @@ impl WatchCounts {
             tallies,
             missing: vec![0; channels],
         }
-    }
-
-    /// Why these counts do not fit a number of inputs and sensors; `None` if they fit.
-    pub(super) fn wrong(&self, channels: usize, counted: &str) -> Option<&'static str> {
-        let of_kinds = self.tallies.iter().flat_map(|tally| [tally.count, tally.first]);
-        let counters = [self.frames, self.samples, self.judged].into_iter().chain(of_kinds);
-        let mut counters = counters.chain(self.missing.iter().copied());
-        let is_text = |tally: &Tally| {
-            tally.detail.len() <= LONGEST_DETAIL && !tally.detail.contains(char::is_control)
-        };
-        let checks = [
-            (self.tallies.len() == Irregularity::ALL.len(), "the number of kinds"),
-            (self.missing.len() == channels, "the number of inputs and sensors"),
-            (self.counted == counted, "what is counted"),
-            (counters.all(|count| count <= super::LARGEST_COUNT), "a count"),
-            (self.judged <= self.samples, "the number of judged samples"),
-            (self.tallies.iter().all(is_text), "the first place of a kind"),
-        ];
-        checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what)
     }
 
     /// The kinds that were met, each with how often and where first.

@@ -235,7 +235,7 @@ fn first_motion(
             calls += 1000.0;
             stop.store(calls * period_s > TRIAL_S, Ordering::Relaxed);
         })?;
-        let evidence = watch.plausibility();
+        let evidence = &watch.plausibility;
         if end == End::Complete
             || evidence.moves(&study.system, map)
             || evidence.other_time_unit(period_s).is_some()
@@ -243,7 +243,7 @@ fn first_motion(
             break;
         }
     }
-    Ok((watch.plausibility().clone(), watch.counts().clone()))
+    Ok((watch.plausibility.clone(), watch.counts().clone()))
 }
 
 /// The range of each input of the system that the diagnoser accepts.

@@ -11,13 +11,13 @@
 
 mod bits;
 pub mod checkpoint;
-mod checkpoint_writer;
 pub mod counts;
 pub mod cut;
 pub mod guard;
 pub mod intake;
 pub mod map;
 pub(crate) mod plausibility;
+pub mod player;
 pub mod sequencer;
 pub mod shipped;
 pub mod sink;
@@ -28,8 +28,7 @@ pub mod whole_table;
 
 pub use servotwin::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
 
-use checkpoint::{Checkpoint, CheckpointError, Expected};
-use checkpoint_writer::CheckpointWriter;
+use checkpoint::{Checkpoint, CheckpointError};
 use counts::{Irregularity, WatchCounts};
 use map::Map;
 use plausibility::{Lookout, Plausibility};
@@ -39,6 +38,7 @@ use servotwin::study::Study;
 use servotwin_io::toml_text::NumberWithUnit;
 use sink::{Sample, Sink, SinkError};
 use source::{LogRow, Read, Source, SourceError};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use watchdog::{
@@ -53,13 +53,9 @@ pub enum WatchError {
     Source(#[from] SourceError),
     /// A result cannot be written.
     Sink(#[from] SinkError),
-    /// A checkpoint cannot be written or used.
+    /// A checkpoint cannot be used.
     Checkpoint(#[from] CheckpointError),
 }
-
-/// The largest counter in a checkpoint. JSON represents every integer up to it exactly, and a year at 1 MHz is far
-/// below it.
-const LARGEST_COUNT: u64 = 1 << 53;
 
 /// The state between two rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -85,24 +81,14 @@ struct Progress {
     time_s: f64,
 }
 
-/// Where and how often checkpoints are written.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Checkpoints {
-    /// The path of the checkpoint file.
-    pub path: std::path::PathBuf,
-    /// Interval in periods; another checkpoint is written at the end.
-    pub every: u64,
-}
-
 /// Runs the pipeline from a source through the observer to the sinks.
 pub struct Watch<'w> {
     source: &'w mut dyn Source,
     map: &'w Map,
     observer: &'w mut dyn Observer,
     sinks: Vec<&'w mut dyn Sink>,
-    checkpoints: Option<Checkpoints>,
-    /// Writes checkpoints of a live source.
-    checkpoint_writer: Option<CheckpointWriter>,
+    /// The number of periods between two checkpoints; `None` without any.
+    save_every: Option<u64>,
     /// `Some` for a live source whose silence is reported.
     watchdog: Option<Watchdog>,
     alerts: Vec<Alert>,
@@ -154,8 +140,7 @@ impl<'w> Watch<'w> {
             map,
             observer,
             sinks: vec![],
-            checkpoints: None,
-            checkpoint_writer: None,
+            save_every: None,
             watchdog: None,
             alerts: vec![],
             period_s,
@@ -178,12 +163,9 @@ impl<'w> Watch<'w> {
         self.lookout = Some(Lookout::new(study, self.map, self.period_s, self.source.counted()));
     }
 
-    /// Enables checkpoints. For a live source, a separate thread writes them, and a failed write does not end the
-    /// watch.
-    pub fn checkpoints(&mut self, checkpoints: Checkpoints) {
-        self.checkpoint_writer =
-            self.source.is_live().then(|| CheckpointWriter::new(&checkpoints.path));
-        self.checkpoints = Some(checkpoints);
+    /// Lets the sinks save a checkpoint every so many periods, and another one at the end.
+    pub fn save_every(&mut self, periods: u64) {
+        self.save_every = Some(periods);
     }
 
     /// Enables the watchdog: wall-clock reports of silence, and heartbeats.
@@ -203,14 +185,9 @@ impl<'w> Watch<'w> {
         self.watchdog.as_ref().map(|watchdog| watchdog.silences.clone()).unwrap_or_default()
     }
 
-    /// The losses of all sinks so far, including those of the checkpoint writer.
-    pub(crate) fn losses(&self) -> Vec<SinkLoss> {
-        self.sinks.iter().flat_map(|sink| sink.losses()).chain(self.checkpoint_loss()).collect()
-    }
-
-    /// The checkpoints of a live watch that were not written.
-    pub fn checkpoint_loss(&self) -> Option<SinkLoss> {
-        self.checkpoint_writer.as_ref().map(CheckpointWriter::loss)
+    /// The losses of all sinks so far.
+    fn losses(&self) -> Vec<SinkLoss> {
+        self.sinks.iter().flat_map(|sink| sink.losses()).collect()
     }
 
     /// Resumes from a checkpoint. A file is read up to its row; a stream continues with the next data.
@@ -218,8 +195,7 @@ impl<'w> Watch<'w> {
     /// # Errors
     /// The checkpoint belongs to another map or log or cannot be used, or the file is shorter.
     pub fn resume(&mut self, checkpoint: Checkpoint) -> Result<(), WatchError> {
-        let (map, period_s, counted) = (self.map, self.period_s, self.source.counted());
-        self.progress = checkpoint.progress(&Expected { map, period_s, counted })?;
+        self.progress = checkpoint.progress(self.map, self.period_s)?.clone();
         self.observer.restore(&checkpoint.observer).map_err(CheckpointError::Observer)?;
         let last = self.progress.place;
         let (mut row, mut place, mut last_row) = (LogRow::default(), 0, vec![]);
@@ -271,8 +247,7 @@ impl<'w> Watch<'w> {
                 return Ok(End::Contradicted);
             }
             let samples = self.progress.counts.samples;
-            let due = |every: u64| samples - saved >= every;
-            if self.checkpoints.as_ref().is_some_and(|checkpoints| due(checkpoints.every)) {
+            if self.save_every.is_some_and(|every| samples - saved >= every) {
                 saved = samples;
                 self.save(false)?;
             }
@@ -283,7 +258,7 @@ impl<'w> Watch<'w> {
         };
         // The checkpoint precedes draining, so that a resumed watch still holds the waiting samples.
         self.save(true)?;
-        if end == End::Complete || self.checkpoints.is_none() {
+        if end == End::Complete || self.save_every.is_none() {
             self.progress.sequencer.end(&mut self.progress.counts);
             self.drain()?;
         }
@@ -294,12 +269,8 @@ impl<'w> Watch<'w> {
 
     /// Reports a contradiction that no pane has shown.
     fn conclude(&mut self) {
-        let Some(lookout) = self.lookout.as_ref() else { return };
-        if self.plausibility.is_contradicted() {
-            return;
-        }
-        let (system, counts) = (lookout.system(), &self.progress.counts);
-        let found = self.plausibility.contradictions(system, self.map, counts);
+        let is_known = self.lookout.is_none() || self.plausibility.is_contradicted();
+        let found = if is_known { vec![] } else { self.contradictions() };
         let event = WatchEvent::Contradicted { reason: found.join("; "), from_s: None };
         self.implausible.extend((!found.is_empty()).then_some(event));
     }
@@ -309,9 +280,22 @@ impl<'w> Watch<'w> {
         &self.progress.counts
     }
 
-    /// Evidence in the log against its map.
-    pub fn plausibility(&self) -> &Plausibility {
-        &self.plausibility
+    /// What contradicts the map beyond doubt, as sentences; nothing for a watch that [`expect`](Self::expect)s nothing.
+    pub fn contradictions(&self) -> Vec<String> {
+        let counts = &self.progress.counts;
+        let of = |lookout: &Lookout| {
+            self.plausibility.contradictions(lookout.system(), self.map, counts)
+        };
+        self.lookout.as_ref().map_or(vec![], of)
+    }
+
+    /// All evidence against the map, contradictions first; see [`contradictions`](Self::contradictions).
+    pub fn doubts(&self) -> Vec<String> {
+        let (period_s, counts) = (self.period_s, &self.progress.counts);
+        let of = |lookout: &Lookout| {
+            self.plausibility.sentences(lookout.system(), self.map, period_s, counts)
+        };
+        self.lookout.as_ref().map_or(vec![], of)
     }
 
     /// Reads the next row; `false` at the end.
@@ -440,9 +424,7 @@ impl<'w> Watch<'w> {
             self.report(event, None)?;
         }
         let of_sinks = self.sinks.iter_mut().flat_map(|sink| sink.failures());
-        let failed: Vec<(String, String)> = of_sinks
-            .chain(self.checkpoint_writer.as_mut().and_then(CheckpointWriter::failure))
-            .collect();
+        let failed: Vec<(String, String)> = of_sinks.collect();
         for (sink, reason) in failed {
             self.report(WatchEvent::SinkFailed { sink, reason }, None)?;
         }
@@ -470,43 +452,25 @@ impl<'w> Watch<'w> {
         Ok(())
     }
 
-    /// Writes a checkpoint; waits for the last one.
+    /// Saves a checkpoint behind everything that was written before it.
     fn save(&mut self, is_last: bool) -> Result<(), WatchError> {
-        let Some(checkpoints) = &self.checkpoints else { return Ok(()) };
+        if self.save_every.is_none() {
+            return Ok(());
+        }
+        let state = self.observer.save();
+        let checkpoint = Checkpoint::new(&self.progress, self.map, self.period_s, state);
+        let checkpoint = Arc::new(checkpoint);
         for sink in &mut self.sinks {
             sink.flush()?;
         }
-        let checkpoint =
-            Checkpoint::new(&self.progress, self.map, self.period_s, self.observer.save());
-        match &mut self.checkpoint_writer {
-            Some(checkpoint_writer) if is_last => checkpoint_writer.finish(checkpoint),
-            Some(checkpoint_writer) => checkpoint_writer.offer(checkpoint),
-            None => checkpoint.write(&checkpoints.path)?,
+        for sink in &mut self.sinks {
+            sink.save(&checkpoint, is_last)?;
         }
         Ok(())
     }
 }
 
 impl Progress {
-    /// Why this progress does not fit the map and the period; `None` if it fits.
-    fn wrong(&self, expected: &Expected) -> Option<&'static str> {
-        let width = expected.map.width();
-        let counters = [self.place, self.rows, self.changes].into_iter();
-        let is_counter = |count: u64| count <= LARGEST_COUNT;
-        let finding = &self.finding;
-        let is_share = (0.0..=1.0).contains(&finding.confidence);
-        let checks = [
-            (self.held.len() == width && self.ages.len() == width, "the number of held values"),
-            (counters.chain(self.ages.iter().copied()).all(is_counter), "a counter"),
-            (is_share && finding.is_text(), "the finding"),
-            (!self.time_s.is_infinite(), "the time"),
-        ];
-        let wrong = checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what);
-        wrong
-            .or_else(|| self.counts.wrong(width, expected.counted))
-            .or_else(|| self.sequencer.wrong(expected.period_s, width, expected.map.rules))
-    }
-
     /// Counts a row, and its frame if that is new.
     fn begin(&mut self, place: u64) {
         self.counts.frames += u64::from(place != self.place);

@@ -32,7 +32,7 @@ pub(crate) const MOST_COARSE: f64 = 0.01;
 
 /// Evidence gathered while a log is watched.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Plausibility {
+pub(crate) struct Plausibility {
     last_s: f64,
     /// The place and the time of the first row, and of the first row with the newest time.
     ends: [(u64, f64); 2],
@@ -324,7 +324,7 @@ impl Plausibility {
     }
 
     /// All evidence as sentences, contradictions first; empty for a log that fits its map.
-    pub fn sentences(
+    pub(super) fn sentences(
         &self,
         system: &System,
         map: &Map,
@@ -362,7 +362,12 @@ impl Plausibility {
     }
 
     /// What contradicts the map beyond doubt, as sentences.
-    pub fn contradictions(&self, system: &System, map: &Map, counts: &WatchCounts) -> Vec<String> {
+    pub(super) fn contradictions(
+        &self,
+        system: &System,
+        map: &Map,
+        counts: &WatchCounts,
+    ) -> Vec<String> {
         let mut found: Vec<String> = self.late(true).collect();
         if found.is_empty() {
             found = self.beside.mistakes(&columns(system, map));

@@ -17,8 +17,8 @@
 //!
 //! A sequencer never holds more than `longest_gap_s + wait_s` of periods.
 
+use super::bits;
 use super::counts::{Irregularity, WatchCounts};
-use super::{LARGEST_COUNT, bits};
 use serde::{Deserialize, Serialize};
 use servotwin_io::moment;
 use std::collections::VecDeque;
@@ -135,21 +135,6 @@ struct Grid {
     waiting: VecDeque<Stamped>,
 }
 
-impl Grid {
-    /// Whether its numbers are consistent: the newest sample lies in a waiting period or in the last one passed on.
-    fn is_sound(&self, rules: SequencerRules, period_s: f64) -> bool {
-        let most = (rules.longest_gap_s + rules.wait_s) / period_s + 2.0;
-        let newest = (self.newest_s - self.start_s) / period_s - self.next as f64;
-        let waiting = self.waiting.len() as f64;
-        self.start_s.is_finite()
-            && self.newest_s.is_finite()
-            && self.step_s > 0.0
-            && self.next <= LARGEST_COUNT
-            && waiting <= most
-            && (newest - (waiting - 1.0)).abs() <= 2.0
-    }
-}
-
 /// How a time relates to the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Turn {
@@ -177,33 +162,6 @@ impl Sequencer {
             flushing: false,
             given: Stamped::default(),
         }
-    }
-
-    /// Why a restored sequencer does not fit this map and period; `None` if it fits. Later samples must neither
-    /// overflow nor need more memory than [`SequencerRules`] allow.
-    pub(super) fn wrong(
-        &self,
-        period_s: f64,
-        width: usize,
-        rules: SequencerRules,
-    ) -> Option<&'static str> {
-        let is_sample = |sample: &Stamped| {
-            sample.place <= LARGEST_COUNT
-                && sample.time_s.is_finite()
-                && sample.values.len() == width
-        };
-        let is_waiting = |sample: &Stamped| sample.values.is_empty() || is_sample(sample);
-        let mut waiting = self.grid.iter().flat_map(|grid| &grid.waiting);
-        let checks = [
-            (self.period_s.to_bits() == period_s.to_bits(), "the period"),
-            (self.rules == rules, "the rules of samples"),
-            (self.width == width, "the number of inputs and sensors"),
-            (waiting.all(is_waiting), "a sample that waits"),
-            (self.suspects.iter().all(is_sample), "a sample that is not believed"),
-            (self.votes <= self.suspects.len(), "the votes"),
-            (self.grid.as_ref().is_none_or(|grid| grid.is_sound(rules, self.period_s)), "the grid"),
-        ];
-        checks.into_iter().find(|(holds, _)| !holds).map(|(_, what)| what)
     }
 
     /// Takes a sample with a finite time. Drain [`next`](Self::next) before calling it.

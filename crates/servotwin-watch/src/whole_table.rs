@@ -78,9 +78,8 @@ pub fn watch_table(
     if watch.run(stop, &mut |_, _| ())? == End::Stopped {
         return Err(TableWatchError::Stopped);
     }
-    let (counts, evidence) = (watch.counts().clone(), watch.plausibility());
-    let contradictions = evidence.contradictions(system, &map, &counts);
-    let mut doubts = evidence.sentences(system, &map, period_s, &counts);
+    let counts = watch.counts().clone();
+    let (contradictions, mut doubts) = (watch.contradictions(), watch.doubts());
     drop(watch);
     doubts.extend(observer.wider_than_trained());
     let needed = guard::needed(diagnoser, system);

@@ -15,19 +15,14 @@ pub trait Observer {
     /// Withdraws everything that was raised. All is judged anew, also a fault that lasts.
     fn reset_alarm(&mut self) {}
 
-    /// Saves the complete state.
-    fn save(&self) -> Vec<u8>;
+    /// Saves the complete state as text.
+    fn save(&self) -> String;
 
     /// Restores a saved state.
     ///
     /// # Errors
     /// The reason, as text.
-    fn restore(&mut self, saved: &[u8]) -> Result<(), String>;
-
-    /// The names of [`Observation::features`].
-    fn features(&self) -> Vec<String> {
-        vec![]
-    }
+    fn restore(&mut self, saved: &str) -> Result<(), String>;
 }
 
 /// The result of one sample.
@@ -37,10 +32,6 @@ pub struct Observation<'o> {
     pub twin: &'o [f64],
     /// Measured minus twin, divided by the sensors' scales and, where the diagnoser knows it, their spread.
     pub residuals: &'o [f64],
-    /// Half width of each residual's band, the same at every sample; NaN for none.
-    pub bands: &'o [f64],
-    /// Further values to show, named by [`Observer::features`].
-    pub features: &'o [f64],
     /// The current finding.
     pub finding: &'o Finding,
 }
@@ -191,7 +182,7 @@ impl Finding {
     }
 
     /// Whether its texts are short and without control characters.
-    pub fn is_text(&self) -> bool {
+    pub(crate) fn is_text(&self) -> bool {
         let lists = self.unit.iter().chain(&self.evidence).chain(&self.stands);
         let mut words = [&self.command, &self.detail].into_iter().chain(lists).map(String::as_str);
         self.evidence.len().max(self.stands.len()) <= MAX_EVIDENCE

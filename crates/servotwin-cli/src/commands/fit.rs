@@ -97,7 +97,8 @@ impl FitOptions {
         let Some(system) = &self.system else {
             return Ok(self.study.as_ref().map_or_else(|| Ok(Study::default()), Study::read)?);
         };
-        let (text, name) = FileType::Study.read(self.study.as_deref().unwrap_or(Path::new(USUAL)))?;
+        let (text, name) =
+            FileType::Study.read(self.study.as_deref().unwrap_or(Path::new(USUAL)))?;
         match (&self.study, Study::parse_for(&text, &name, System::read(system)?)) {
             (None, Err(TomlError::Mistakes { .. })) => Err(other_system(system)?),
             (_, read) => Ok(read?),

@@ -1,35 +1,35 @@
 //! `servotwin serve`: a web page beside the running twin.
 
-mod sources;
-
 use super::StudyOptions;
-use super::watch::input::{InputOptions, log_of};
+use super::watch::input::{InputOptions, log_of, warn_of_lacking};
 use crate::failure::Failure;
-use crate::paths::{Format, Paths};
+use crate::paths::Paths;
 use crate::{Global, Run, out, stop};
 use servotwin::evaluation::model_file;
-use servotwin::files::write_atomically;
 use servotwin::signal::Signal;
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
-use servotwin_serve::{Access, Live, LiveSource, SavedSession, ServeError, Server, saved_page};
-use servotwin_view::document::{Document, Verdict, line};
+use servotwin_serve::{Access, Live, LiveSource, Server, Stream};
+use servotwin_view::document::Document;
+use servotwin_watch::guard::needed;
+use servotwin_watch::map::Map;
+use servotwin_watch::source::{Address, Source};
+use servotwin_watch::watchdog::WatchdogRules;
 use std::io::Write;
 use std::net::IpAddr;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Open a web page that shows a flying actuator, a log or a stream live.
+/// Open a web page that shows a flying actuator or a stream live.
 ///
 /// You inject faults into the actuator, and watch residuals, diagnosis and reaction. The plant and its twin fly in
 /// real time, with the diagnosis and a flight control computer that reacts, and a ghost flies the same without them.
-/// --source shows a log, which is read and replayed, or a live stream instead; several make a fleet, with a row for
-/// each. The page is at 127.0.0.1 unless you name another address; then the printed link has a token, without which
-/// nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with the program; for
-/// anything else the command trains one first if it is missing, which takes about two minutes.
+/// --source shows a live stream instead; several make a fleet, with a row for each. The page of a log is written by
+/// servotwin watch --html. The page is at 127.0.0.1 unless you name another address; then the printed link has a
+/// token, without which nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with
+/// the program; for anything else the command trains one first if it is missing, which takes about two minutes.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
@@ -40,21 +40,15 @@ pub(crate) struct Options {
     /// The port; 0 takes a free one.
     #[arg(long, value_name = "PORT", default_value_t = 8470)]
     port: u16,
-    /// Show this log or stream instead of a flight: a log (.csv, .parquet, .mcap, .jsonl), - for lines from standard
-    /// input, udp://HOST:PORT to listen on, or mqtt://HOST/TOPIC to subscribe to. Repeat the option for a fleet.
-    #[arg(long, value_name = "SOURCE", conflicts_with_all = ["command", "specimen", "replay"])]
+    /// Show this stream instead of a flight: - for lines from standard input, udp://HOST:PORT to listen on, or
+    /// mqtt://HOST/TOPIC to subscribe to. Repeat the option for a fleet.
+    #[arg(long, value_name = "SOURCE", conflicts_with_all = ["command", "specimen"])]
     source: Vec<String>,
     #[command(flatten)]
     input: InputOptions,
     /// The command signal [default: noise that moves the surface all the time].
     #[arg(long, value_name = "SIGNAL")]
     command: Option<Signal>,
-    /// Replay a session that was saved on the page, instead of a flight.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["study", "command", "specimen", "model", "map"])]
-    replay: Option<PathBuf>,
-    /// Write the replayed session as one page that any browser plays without a server, instead of serving it.
-    #[arg(long, value_name = "FILE", requires = "replay")]
-    html: Option<PathBuf>,
     /// End when standard input closes. A program that starts this command ends it that way, also when the program is
     /// killed.
     #[arg(long)]
@@ -68,20 +62,16 @@ pub(crate) struct Options {
 impl Run for Options {
     fn paths(&self) -> Paths {
         let InputOptions { model, map, .. } = &self.input;
-        let logs = self.source.iter().filter_map(|source| log_of(source));
-        Paths::default()
-            .read("the session", &self.replay)
-            .read("the log", logs)
-            .read("the diagnoser", model)
-            .read("--map", map)
-            .write("--html", Format::HTML, &self.html)
+        Paths::default().read("the diagnoser", model).read("--map", map)
     }
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
-        if let (Some(session), Some(html)) = (&self.replay, &self.html) {
-            return save_page(session, html);
-        }
         stop::heed();
+        if let Some(log) = self.source.iter().find(|source| log_of(source).is_some()) {
+            return Err(Failure::usage(format!(
+                "{log} is a file, and --source shows a stream: servotwin watch {log} --html FILE writes its page"
+            )));
+        }
         if self.end_with_stdin {
             if self.source.iter().any(|source| source == "-") {
                 return Err(Failure::usage(
@@ -90,27 +80,47 @@ impl Run for Options {
             }
             end_with_stdin();
         }
-        let listen = || Server::listen(Access::to((self.address, self.port).into())?);
-        if let Some(path) = &self.replay {
-            let session = SavedSession::read(path).map_err(ServeError::from)?;
-            return show(listen()?, &[&session]);
-        }
         let study = self.study.read(global)?;
-        let server = listen()?;
+        let server = Server::listen(Access::to((self.address, self.port).into())?)?;
         if self.source.is_empty() {
             return show(server, &[&live(self, study, global)?]);
         }
-        let measured = sources::open(self, &study, global)?;
-        let sources: Vec<&dyn LiveSource> = measured.iter().map(|source| &**source).collect();
+        // A source that cannot be opened fails before training takes its time.
+        let opened = self.source.iter().map(|source| open(self, source, &study, global));
+        let opened = opened.collect::<Result<Vec<_>, _>>()?;
+        let diagnoser = diagnoser(self, &study, Scenario::Realistic, global)?;
+        let streams = opened.into_iter().map(|opened| stream(&study, opened, &diagnoser, global));
+        let streams: Vec<Stream> = streams.collect();
+        let sources: Vec<&dyn LiveSource> =
+            streams.iter().map(|stream| stream as &dyn LiveSource).collect();
         show(server, &sources)
     }
 }
 
-/// Writes a saved session as a page that plays it without a server.
-fn save_page(session: &Path, page: &Path) -> Result<Document, Failure> {
-    let html = saved_page(&SavedSession::read(session).map_err(ServeError::from)?);
-    write_atomically(page, |out| out.write_all(html.as_bytes()))?;
-    Ok(Document::new("serve", Verdict::good(line("{page}", [("page", page.into())]))))
+/// A source that can be read, and its map.
+type Opened = (Address, Map, Box<dyn Source>);
+
+fn open(options: &Options, source: &str, study: &Study, global: Global) -> Result<Opened, Failure> {
+    let address = options.input.address(source)?;
+    let (map, rows) = options.input.open(&address, study, options.study.is_named(), global)?;
+    Ok((address, map, rows))
+}
+
+fn stream<'s>(
+    study: &'s Study,
+    (address, map, rows): Opened,
+    diagnoser: &Arc<Diagnoser>,
+    global: Global,
+) -> Stream<'s> {
+    warn_of_lacking(&map, &needed(diagnoser, &study.system), global);
+    Stream {
+        title: format!("{}: {address}", study.system.title),
+        study,
+        diagnoser: diagnoser.clone(),
+        map,
+        rows: Mutex::new(rows),
+        silence: WatchdogRules::of_period(diagnoser.period_s),
+    }
 }
 
 /// The time that the command has to end by itself when standard input closes. Training would take longer.

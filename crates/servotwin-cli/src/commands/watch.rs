@@ -16,13 +16,14 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::lanes::Level;
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Content, Document, Form, Value, Verdict, line};
+use servotwin_view::render;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::guard::{self, accepted_ranges, needed};
 use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::sink::{Scene, SinkError};
 use servotwin_watch::source::{Address, Source};
 use servotwin_watch::watchdog::WatchdogRules;
-use servotwin_watch::{Checkpoints, DiagnosisState, End, Observer, Watch};
+use servotwin_watch::{End, Watch};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
@@ -49,7 +50,7 @@ pub(crate) struct Options {
     /// Write a map file for the columns of the source, and exit.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
     make_map: Option<PathBuf>,
-    /// Write the timeline as an HTML file.
+    /// Write a page with all charts and events as an HTML file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
     /// Write inputs, measured values, twin, residuals, bands and decisions as an MCAP file for Foxglove, Rerun and
@@ -79,6 +80,9 @@ pub(crate) struct Options {
     heartbeat: String,
 }
 
+/// The exit code of a log or stream whose findings must not be believed.
+const REFUSED: u8 = 3;
+
 /// The time between two checkpoints, s.
 const CHECKPOINT_S: f64 = 60.0;
 
@@ -102,7 +106,6 @@ impl Run for Options {
             return watch_recording(options, model, global);
         }
         let study = find_study(self.study.as_deref())?;
-        let system = &study.system;
         let input = &self.input;
         let address = input.address(&self.source)?;
         if let Some(path) = &self.make_map {
@@ -110,40 +113,15 @@ impl Run for Options {
         }
         let (map, mut source) = input.open(&address, &study, self.study.is_some(), global)?;
         let diagnoser = Arc::new(diagnoser(input, &study, global)?);
-        let accepted_ranges = accepted_ranges(&diagnoser, system);
-        let period_s = diagnoser.period_s;
         let path = input.model.clone().unwrap_or_else(usual_diagnoser);
-        warn_of_lacking(&map, &needed(&diagnoser, system), global);
+        warn_of_lacking(&map, &needed(&diagnoser, &study.system), global);
         guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
         if !address.is_live() && !self.resume {
             input.try_log(&address, &map, &study, (&path, &diagnoser), global)?;
         }
         let mut observer = observer(&study, (&path, diagnoser.clone()))?;
-        let watchdog = watchdog(options, period_s)?;
-        let title = format!("{}: {address}", system.title);
-        let scene = Scene::new(&title, system, observer.features(), period_s);
-        let scene = scene.with_residuals_of(&diagnoser);
-        let resumed = match self.resume {
-            true => self.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
-            false => None,
-        };
-        let setup = Setup {
-            options,
-            study: &study,
-            diagnoser: &diagnoser,
-            address: &address,
-            map: &map,
-            period_s,
-            global,
-        };
-        let watched = setup.watch(
-            &mut *source,
-            &mut observer,
-            &accepted_ranges,
-            (scene, watchdog),
-            resumed,
-        )?;
-        setup.conclude(watched)
+        let setup = Setup { options, study: &study, diagnoser: &diagnoser, address, map, global };
+        setup.watch(&mut *source, &mut observer)
     }
 }
 
@@ -179,54 +157,36 @@ struct Setup<'s> {
     options: &'s Options,
     study: &'s Study,
     diagnoser: &'s Diagnoser,
-    address: &'s Address,
-    map: &'s Map,
-    period_s: f64,
+    address: Address,
+    map: Map,
     global: Global,
-}
-
-/// The result of a watch.
-struct Watched {
-    end: End,
-    totals: Totals,
-    doubts: Vec<String>,
-    /// The first of the doubts, which contradict the map beyond doubt.
-    contradictions: Vec<String>,
-    /// The states without a judgment, in the order of their first appearance.
-    unjudged: Vec<DiagnosisState>,
-    /// The lines for readers.
-    text: String,
-    /// The last finding of a sample.
-    last: Option<String>,
 }
 
 impl Setup<'_> {
     /// Watches until the source ends or Ctrl-C, and then ends all outputs.
-    fn watch(
-        &self,
-        source: &mut dyn Source,
-        observer: &mut Watcher,
-        accepted_ranges: &[(f64, f64)],
-        (scene, watchdog): (Scene, WatchdogRules),
-        resumed: Option<Checkpoint>,
-    ) -> Result<Watched, Failure> {
-        let Setup { options, study, address, map, period_s, global, .. } = *self;
-        let system = &study.system;
-        let mut outputs = Outputs::new(options, address, scene, resumed.as_ref(), global)?;
+    fn watch(&self, source: &mut dyn Source, observer: &mut Watcher) -> Result<Document, Failure> {
+        let Setup { options, study, diagnoser, address, map, global } = self;
+        let (system, period_s) = (&study.system, diagnoser.period_s);
+        let rules = watchdog(options, period_s)?;
+        let scene = Scene::of_study(&format!("{}: {address}", system.title), study, diagnoser);
+        let resumed = match options.resume {
+            true => options.checkpoint.as_deref().map(Checkpoint::read).transpose()?,
+            false => None,
+        };
+        let mut outputs = Outputs::new(options, address, scene, resumed.as_ref(), *global)?;
         let mut watch = Watch::new(source, map, observer, period_s);
-        watch.expect(study, accepted_ranges);
+        watch.expect(study, &accepted_ranges(diagnoser, system));
         if let Some(checkpoint) = resumed {
             watch.resume(checkpoint)?;
         }
         if options.reset {
             watch.reset_alarm();
         }
-        if let Some(path) = &options.checkpoint {
-            let every = (CHECKPOINT_S / period_s) as u64;
-            watch.checkpoints(Checkpoints { path: path.clone(), every });
+        if options.checkpoint.is_some() {
+            watch.save_every((CHECKPOINT_S / period_s) as u64);
         }
         if address.is_live() {
-            watch.watchdog(watchdog);
+            watch.watchdog(rules);
         }
         stop::heed();
         let show = outputs.shows_progress(address.is_live());
@@ -241,68 +201,89 @@ impl Setup<'_> {
             let end = watch.run(stop::flag(), &mut |time_s, share| show(time_s, share));
             system.compiled.give_up();
             end
-        });
-        let end = end?;
+        })?;
         let (counts, silences) = (watch.counts().clone(), watch.silences());
-        let saved = watch.checkpoint_loss();
-        let evidence = watch.plausibility();
-        let contradictions = evidence.contradictions(system, map, &counts);
-        let mut doubts = evidence.sentences(system, map, period_s, &counts);
+        let (contradictions, mut doubts) = (watch.contradictions(), watch.doubts());
         drop(watch);
         doubts.extend(observer.wider_than_trained());
         if end == End::Complete && counts.samples == 0 {
             return Err(Failure::input(format!("{address}: {}", guard::nothing(map, &counts))));
         }
-        let (totals, shown) = outputs.end(options, counts, silences, saved, address.is_live())?;
-        let Shown { unjudged, strip, last, .. } = shown;
-        Ok(Watched { end, totals, doubts, contradictions, unjudged, text: strip.text(), last })
-    }
-
-    /// The result of the watch: what the diagnosis says at its end, or why it must not be believed.
-    fn conclude(&self, watched: Watched) -> Result<Document, Failure> {
-        let Setup { options, study, diagnoser, address, map, global, .. } = *self;
-        let Watched { end, totals, mut doubts, contradictions, unjudged, text, last } = watched;
+        let (totals, shown) = outputs.end(counts, silences)?;
         // Ctrl-C is the normal end of a stream, but leaves a file unfinished.
         if end == End::Stopped && !address.is_live() {
             return Err(Failure::stopped());
         }
+        let verdict = self.verdict(end, &totals, &shown, (doubts, contradictions));
+        self.document(verdict, &totals, shown)
+    }
+
+    /// What the diagnosis says at the end, or why it must not be believed; an exit code, and whether findings are shown.
+    fn verdict(
+        &self,
+        end: End,
+        totals: &Totals,
+        shown: &Shown,
+        (mut doubts, contradictions): (Vec<String>, Vec<String>),
+    ) -> (Verdict, u8, bool) {
+        let Setup { options, study, diagnoser, address, map, global } = self;
         let counts = &totals.counts;
-        let said = last.unwrap_or_else(|| "no data".into());
-        let mut verdict = (Verdict::neutral(format!("at the end: {said}")), 0);
-        let mut is_shown = true;
+        let refused = |reason, is_shown| {
+            (Verdict::act(format!("error: {address}: {reason}")), REFUSED, is_shown)
+        };
         if end == End::Complete && counts.judged == 0 && !options.resume {
             let reasons = guard::unjudged(doubts, map, diagnoser, &study.system, counts);
-            let states = unjudged.iter().map(|state| format!("'{}'", state.words()));
+            let states = shown.unjudged.iter().map(|state| format!("'{}'", state.words()));
             let states = states.collect::<Vec<_>>().join(" or ");
             let reason = format!("nothing could be judged, every period is {states}: {reasons}");
-            verdict = (Verdict::act(format!("error: {address}: {reason}")), 3);
-        } else if contradictions.is_empty() {
-            warn(global, &doubts);
-        } else {
-            doubts.retain(|doubt| !contradictions.contains(doubt));
-            warn(global, &doubts);
+            return refused(reason, true);
+        }
+        doubts.retain(|doubt| !contradictions.contains(doubt));
+        warn(*global, &doubts);
+        if !contradictions.is_empty() {
             let remedy = if end == End::Contradicted { "; --to reads the part before" } else { "" };
             let source = if address.is_live() { "stream" } else { "log" };
             let reason = format!(
                 "the findings are not those of the actuator, because the {source} contradicts its map: {}{remedy}",
                 contradictions.join("; ")
             );
-            verdict = (Verdict::act(format!("error: {address}: {reason}")), 3);
             // False findings are not shown where no line was written before they were known to be false.
-            is_shown = address.is_live();
+            return refused(reason, address.is_live());
         }
         let lost = totals.lost_files();
-        if verdict.1 == 0 && !lost.is_empty() {
-            verdict = (Verdict::act(format!("error: not complete: {}", lost.join("; "))), 1);
+        if !lost.is_empty() {
+            return (Verdict::act(format!("error: not complete: {}", lost.join("; "))), 1, true);
         }
-        let mut document = Document::new("watch", verdict.0).formed(Form::Line);
-        document.exit_code = verdict.1;
+        let said = shown.last.as_deref().unwrap_or("no data");
+        (Verdict::neutral(format!("at the end: {said}")), 0, true)
+    }
+
+    /// The result of the watch, which is also on its page.
+    fn document(
+        &self,
+        (verdict, exit_code, is_shown): (Verdict, u8, bool),
+        totals: &Totals,
+        Shown { strip, page, .. }: Shown,
+    ) -> Result<Document, Failure> {
+        let Setup { options, address, map, global, .. } = self;
+        let mut document = Document::new("watch", verdict).formed(Form::Line);
+        document.exit_code = exit_code;
         if is_shown {
-            document.push("", Content::Raw(format!("\n{text}\n")));
+            document.push("", Content::Raw(format!("\n{}\n", strip.text())));
         }
-        let signals: Vec<&str> = (0..map.width()).map(|channel| map.id(channel)).collect();
         if is_shown || global.json {
-            totals.describe(map, &signals, &mut document);
+            totals.describe(map, &mut document);
+        }
+        let (Some(path), Some(page)) = (&options.html, page) else { return Ok(document) };
+        let verdict = document.verdict.as_ref().map_or("", |verdict| &verdict.line.text);
+        let page = page.screen.page(verdict, &render::terminal(&document, true));
+        match files::write_atomically(path, |out| out.write_all(page.as_bytes())) {
+            // What hours of a stream gave is shown, though its page cannot be written.
+            Err(error) if address.is_live() => {
+                document.verdict = Some(Verdict::act(format!("error: not complete: {error}")));
+                document.exit_code = document.exit_code.max(1);
+            }
+            written => written.map_err(SinkError::File)?,
         }
         Ok(document)
     }

@@ -117,9 +117,7 @@ const ENDINGS: [&str; 6] = [".csv", ".toml", ".json", ".parquet", ".jsonl", ".mc
 
 /// The files that readers bring: their logs, maps and studies.
 const OF_READERS: &[&str] = &[
-    "live.md: flight.csv",
     "live.md: rig.toml",
-    "live.md: session.parquet",
     "ground-test.md: first.csv",
     "ground-test.md: today.csv",
     "ground-test.md: my_study.toml",

@@ -46,8 +46,6 @@ fn no_output_overwrites_an_input_or_another_output() {
         ("simulate --input load=table:file=A/a.csv,column=b --out A/a.csv", "the table A/a.csv"),
         ("features A/a.csv --study A/study.toml --out A/a.csv", "overwrite INPUT A/a.csv"),
         ("describe A/own.toml --schematic A/own.toml", "would overwrite SYSTEM A/own.toml"),
-        ("serve --replay A/b.html --html A/b.html", "--html A/b.html would overwrite the session"),
-        ("serve --replay A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("watch A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("fit A/a.csv --out A/x.csv", "--out must end in .toml, not as A/x.csv does"),
         ("simulate --plot A/x.pdf", "A/x.pdf: a figure is saved as .svg or .png"),
@@ -148,7 +146,7 @@ fn a_place_that_takes_no_file_is_named_before_the_run() {
         (&folder.file("none/x.html"), "the folder"),
         (&format!("{page}/x.html"), "a part of this path is a file"),
     ] {
-        let told = fails(&["serve", "--replay", "none.session", "--html", path], 1);
+        let told = fails(&["watch", &page, "--html", path], 1);
         assert!(told.contains(path) && told.contains(problem), "{told}");
     }
     let told = fails(&["study", "spring_actuator", "--out", "/proc/results"], 1);

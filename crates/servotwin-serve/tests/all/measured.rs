@@ -1,21 +1,21 @@
-//! Logs and streams on the page: the same samples, the same action, gaps that stay gaps, and several in a fleet.
+//! Streams on the page: the same samples, the same action, gaps that stay gaps, and several in a fleet.
 
 use crate::viewer::{
-    FAULT, diagnoser, event_of, get, join_at, live, own, served_from_all, study, wait_for,
+    FAULT, diagnoser, event_of, get, join_at, live, messages, own, save, served_from,
+    served_from_all, study, wait_for,
 };
-use serde_json::json;
+use serde_json::{Value, json};
 use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin::study::Study;
+use servotwin::table::Table;
 use servotwin::units;
 use servotwin_model::program::FaultAt;
-use servotwin_serve::feed::{Frame, Message};
-use servotwin_serve::{Measured, SavedSession, Stream};
-use servotwin_watch::End;
+use servotwin_serve::Stream;
 use servotwin_watch::map::Map;
 use servotwin_watch::source::{LogRow, Read, Source, SourceError};
 use servotwin_watch::watchdog::WatchdogRules;
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
 /// The sample at which the fault begins.
@@ -111,59 +111,56 @@ impl Source for Sent {
     }
 }
 
-fn measured<'s>(study: &'s Study, title: &str) -> Measured<'s> {
-    let ranges = vec![(f64::NEG_INFINITY, f64::INFINITY); study.system.network().inputs.len()];
-    Measured {
+fn stream<'s>(study: &'s Study, title: &str, rows: impl Source + 'static) -> Stream<'s> {
+    let no_data_after = Duration::from_millis(300);
+    Stream {
         title: title.into(),
         study,
         diagnoser: diagnoser(),
         map: map(study),
-        accepted_ranges: ranges,
+        rows: Mutex::new(Box::new(rows)),
+        silence: WatchdogRules { no_data_after, ..WatchdogRules::default() },
     }
 }
 
-fn read(study: &Study, rows: Vec<Vec<f64>>) -> SavedSession {
-    let mut source = Rows(rows.into_iter(), 0);
-    let log = measured(study, "log").read(&mut source, &AtomicBool::new(false), &mut |_, _| ());
-    let log = log.unwrap();
-    assert_eq!(log.end, End::Complete);
-    log.session.unwrap()
-}
-
-/// The values of one signal.
-fn signal(session: &SavedSession, id: &str) -> Vec<f32> {
-    let signals = session.about["signals"].as_array().unwrap();
-    let place = signals.iter().position(|signal| signal["id"] == id).unwrap();
-    let frames = session.messages.iter().filter_map(|message| match message {
-        Message::Frame(bytes) => Some(bytes),
-        _ => None,
+/// The session of rows that come at once.
+fn read(study: &Study, rows: Vec<Vec<f64>>) -> Table {
+    let found = OnceLock::new();
+    served_from(&stream(study, "rows", Rows(rows.into_iter(), 0)), |address| {
+        while !get(address, "/events", &address.to_string(), "").1.contains("\"end\"") {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        found.set(save(address)).unwrap();
+        let about = own(address, "/about");
+        assert_eq!(about["kind"], "stream");
+        let faults = about["components"].as_array().unwrap().iter();
+        assert!(faults.map(|one| one["faults"].as_array().unwrap()).all(Vec::is_empty));
     });
-    let values: Vec<f32> = frames.flat_map(|bytes| Frame::values_in(bytes)).collect();
-    values.chunks(signals.len()).map(|sample| sample[place]).collect()
+    found.into_inner().unwrap()
 }
 
-fn events(session: &SavedSession) -> Vec<serde_json::Value> {
-    let event = |message: &Message| match message {
-        Message::Event(text) => Some(serde_json::from_str(text).unwrap()),
-        _ => None,
-    };
-    session.messages.iter().filter_map(event).collect()
+fn events(session: &Table) -> Vec<Value> {
+    messages(session)
+        .iter()
+        .map(|text| text["event"].clone())
+        .filter(|event| !event.is_null())
+        .collect()
 }
 
 #[test]
-fn a_log_is_shown_sample_by_sample_with_the_action_of_its_fault() {
+fn rows_are_shown_sample_by_sample_with_the_action_of_their_fault() {
     let study = study();
     let map = map(&study);
     let rows = flown(&study, &map, 500);
     let session = read(&study, rows.clone());
     let place = map.wanted().names.iter().position(|name| name == "p_a_1").unwrap();
     // Pressures are shown in bar.
-    let logged: Vec<f32> = rows.iter().map(|row| (row[place] / 1e5) as f32).collect();
-    let shown = signal(&session, "p_a_1.reading");
+    let logged: Vec<f64> = rows.iter().map(|row| row[place] / 1e5).collect();
+    let shown = session.f64("reading.p_a_1").unwrap();
     assert_eq!(shown.len(), logged.len());
     assert!(shown.iter().zip(&logged).all(|(one, other)| (one - other).abs() < 1e-4 * other.abs()));
-    let residual = signal(&session, "x_v_1.residual");
-    let largest = |part: &[f32]| part.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+    let residual = session.f64("residual.x_v_1").unwrap();
+    let largest = |part: &[f64]| part.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
     assert!(largest(&residual[ONSET..]) > 3.0 * largest(&residual[..ONSET]));
     let events = events(&session);
     let action = events.iter().find(|event| event["kind"] == "action").unwrap();
@@ -173,17 +170,11 @@ fn a_log_is_shown_sample_by_sample_with_the_action_of_its_fault() {
     );
     let at_s = action["time_s"].as_f64().unwrap();
     assert!(at_s > ONSET as f64 * diagnoser().period_s && at_s < 10.0, "{action}");
-    assert_eq!(
-        (&events[0]["kind"], &events[events.len() - 1]["kind"]),
-        (&json!("begin"), &json!("end"))
-    );
-    assert_eq!(session.about["kind"], "log");
-    let faults = session.about["components"].as_array().unwrap().iter();
-    assert!(faults.map(|one| one["faults"].as_array().unwrap()).all(Vec::is_empty));
+    assert_eq!(events[0]["kind"], "begin");
 }
 
 #[test]
-fn a_gap_of_a_log_stays_one_and_a_longer_one_begins_anew() {
+fn a_gap_stays_one_and_a_longer_one_begins_anew() {
     let study = study();
     let rows = flown(&study, &map(&study), ONSET);
     let (time, period_s) = (map(&study).wanted().time.unwrap(), diagnoser().period_s);
@@ -197,11 +188,11 @@ fn a_gap_of_a_log_stays_one_and_a_longer_one_begins_anew() {
         kept.map(moved).collect()
     };
     let gap = read(&study, without(60, 70, 0.0));
-    let shown = signal(&gap, "p_a_1.reading");
+    let shown = gap.f64("reading.p_a_1").unwrap();
     let missing: Vec<usize> = (0..shown.len()).filter(|&k| shown[k].is_nan()).collect();
     assert_eq!((shown.len(), missing), (ONSET, (60..70).collect()));
     let long = read(&study, without(60, 70, 100.0));
-    let shown = signal(&long, "p_a_1.reading");
+    let shown = long.f64("reading.p_a_1").unwrap();
     let missing: Vec<usize> = (0..shown.len()).filter(|&k| shown[k].is_nan()).collect();
     assert_eq!((shown.len(), missing), (ONSET - 9, vec![60]));
     let events = events(&long);
@@ -220,12 +211,8 @@ fn streams_are_watched_as_they_come_and_silence_is_no_health() {
     let rows = flown(&study, &map(&study), 400);
     let (sender, sent) = channel();
     let (other, idle) = channel::<Vec<f64>>();
-    let silence =
-        WatchdogRules { no_data_after: Duration::from_millis(300), ..WatchdogRules::default() };
-    let stream = |title: &str, receiver| {
-        Stream::new(measured(&study, title), Box::new(Sent(receiver, 0)), silence)
-    };
-    let (first, second) = (stream("<left>", sent), stream("right", idle));
+    let first = stream(&study, "<left>", Sent(sent, 0));
+    let second = stream(&study, "right", Sent(idle, 0));
     served_from_all(&[&first, &second], |address| {
         let mut viewer = join_at(address, "/1/live");
         rows.into_iter().for_each(|row| sender.send(row).unwrap());

@@ -5,8 +5,9 @@ use servotwin::job::Folder;
 use servotwin::job::flights::{Crew, learn};
 use servotwin::parallel::Workers;
 use servotwin::study::{Scenario, Study};
+use servotwin::table::{Table, parquet};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_serve::{Access, Live, LiveSource, SavedSession, Server};
+use servotwin_serve::{Access, Live, LiveSource, Server};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -92,16 +93,22 @@ pub fn get_bytes(address: SocketAddr, path: &str, host: &str, more: &str) -> (u1
     (status, answer.split_off(end + 4))
 }
 
-/// Saves the session of a server and reads it.
-pub fn save(address: SocketAddr) -> SavedSession {
+/// Saves the session of a source of a server and reads it.
+pub fn save(address: SocketAddr) -> Table {
     let (status, bytes) = get_bytes(address, "/session", &address.to_string(), "");
     assert_eq!(status, 200, "{}", String::from_utf8_lossy(&bytes));
     let name = format!("servotwin-saved-{}-{}.parquet", std::process::id(), address.port());
     let path = std::env::temp_dir().join(name);
     std::fs::write(&path, bytes).unwrap();
-    let session = SavedSession::read(&path).unwrap();
+    let table = parquet::read(&path).unwrap();
     std::fs::remove_file(&path).unwrap();
-    session
+    table
+}
+
+/// The events and states of a saved session.
+pub fn messages(session: &Table) -> Vec<Value> {
+    let texts = session.text("messages").unwrap().iter();
+    texts.flat_map(|text| text.lines()).map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
 pub fn own(address: SocketAddr, path: &str) -> Value {

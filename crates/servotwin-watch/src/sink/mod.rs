@@ -5,19 +5,24 @@ pub mod events;
 pub mod mcap;
 pub mod strip;
 pub mod threads;
-pub mod timeline;
+mod watched;
 
+use super::checkpoint::Checkpoint;
+use super::player::{PlayerSignal, SignalGroup};
 use super::source::feature_needed_text;
 use super::watchdog::{Notice, SinkLoss};
 use servotwin::observer::{Finding, Observation};
 use servotwin::shown::Shown;
+use servotwin::study::Study;
 use servotwin::system::{Sensor, System};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::FileError;
 use servotwin_model::network::ExternalInput;
 use servotwin_model::spec::Unit;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+pub use watched::Watched;
 
 /// One period with its measurements and the observer's results.
 #[derive(Debug, Clone)]
@@ -34,10 +39,6 @@ pub struct Sample {
     pub twin: Vec<f64>,
     /// The residual of each sensor as a share of its scale.
     pub residuals: Vec<f64>,
-    /// The half width of the band of each residual.
-    pub bands: Vec<f64>,
-    /// The observer's features.
-    pub features: Vec<f64>,
     /// The finding.
     pub finding: Finding,
     /// Whether the finding differs from that of the last sample.
@@ -60,8 +61,6 @@ impl Sample {
             measured: measured.to_vec(),
             twin: observation.twin.to_vec(),
             residuals: observation.residuals.to_vec(),
-            bands: observation.bands.to_vec(),
-            features: observation.features.to_vec(),
             finding: observation.finding.clone(),
             changed,
         })
@@ -72,6 +71,7 @@ impl Sample {
 pub trait Sink {
     /// Takes a sample.
     ///
+    /// # Errors
     /// The sample cannot be written.
     fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError>;
 
@@ -88,6 +88,14 @@ pub trait Sink {
     /// # Errors
     /// It cannot be written.
     fn notice(&mut self, _notice: &Notice) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    /// Takes the state from which the watch can go on. The last one is not left out, however late it comes.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn save(&mut self, _checkpoint: &Arc<Checkpoint>, _is_last: bool) -> Result<(), SinkError> {
         Ok(())
     }
 
@@ -131,6 +139,19 @@ pub enum SinkError {
     Feature { what: String, feature: &'static str },
 }
 
+/// A file that holds the last checkpoint.
+pub struct CheckpointFile(pub PathBuf);
+
+impl Sink for CheckpointFile {
+    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    fn save(&mut self, checkpoint: &Arc<Checkpoint>, _is_last: bool) -> Result<(), SinkError> {
+        Ok(checkpoint.write(&self.0)?)
+    }
+}
+
 /// Opens an MCAP file.
 ///
 /// # Errors
@@ -156,12 +177,14 @@ pub struct Scene {
     pub title: String,
     /// The inputs of the system.
     pub inputs: Vec<Trace>,
+    /// The index of the command among them.
+    command: Option<usize>,
     /// The sensors of the system.
     pub sensors: Vec<Trace>,
     /// What the residual of each sensor is divided by, in words.
     pub residual_divisors: Vec<&'static str>,
-    /// The names of the observer's features.
-    pub features: Vec<String>,
+    /// Half the width of each residual's band; NaN for none.
+    pub bands: Vec<f64>,
     /// The sampling period, s.
     pub period_s: f64,
 }
@@ -179,39 +202,73 @@ pub struct Trace {
     pub shown: Shown,
 }
 
-impl Trace {
-    fn new(id: &str, label: &str, unit: Unit, shown: Shown) -> Self {
-        Trace { id: id.into(), label: label.into(), unit, shown }
-    }
-}
-
 impl Scene {
     /// The signals of a system.
-    pub fn new(title: &str, system: &System, features: Vec<String>, period_s: f64) -> Self {
+    pub fn new(title: &str, system: &System, period_s: f64) -> Self {
         let network = system.network();
         let input = |(place, input): (usize, &ExternalInput)| {
-            Trace::new(&input.id, &input.id, input.unit, Shown::of_input(network, place))
+            let (id, unit) = (input.id.clone(), input.unit);
+            Trace { label: id.clone(), id, unit, shown: Shown::of_input(network, place) }
         };
         let sensor = |sensor: &Sensor| {
-            let Sensor { id, label, unit, scale, .. } = sensor;
-            Trace::new(id, label, *unit, Shown::of(*unit, *scale))
+            let (id, label, unit) = (sensor.id.clone(), sensor.label.clone(), sensor.unit);
+            Trace { id, label, unit, shown: Shown::of(unit, sensor.scale) }
         };
         Scene {
             title: title.into(),
             inputs: network.inputs.iter().enumerate().map(input).collect(),
+            command: None,
             sensors: system.sensors.iter().map(sensor).collect(),
             residual_divisors: vec!["scale"; system.sensors.len()],
-            features,
+            bands: vec![f64::NAN; system.sensors.len()],
             period_s,
         }
     }
 
-    /// The same with the residuals of a diagnoser, which divides some of them by their spread.
-    pub fn with_residuals_of(mut self, diagnoser: &Diagnoser) -> Self {
-        for (trace, divisor) in self.sensors.iter().zip(&mut self.residual_divisors) {
-            let own = diagnoser.sensors.iter().find(|sensor| sensor.name == trace.id);
-            own.iter().for_each(|sensor| *divisor = sensor.residual_divisor());
+    /// The signals of a study, with the residuals of a diagnoser: their bands, and what they are divided by.
+    pub fn of_study(title: &str, study: &Study, diagnoser: &Diagnoser) -> Self {
+        let mut scene = Scene::new(title, &study.system, diagnoser.period_s);
+        scene.command = Some(study.command_input);
+        for (sensor, band) in diagnoser.sensors.iter().zip(&diagnoser.lengths[0].panel.bands) {
+            if let Some(own) = scene.sensors.iter().position(|trace| trace.id == sensor.name) {
+                scene.residual_divisors[own] = sensor.residual_divisor();
+                scene.bands[own] = band.half_width;
+            }
         }
-        self
+        scene
+    }
+
+    /// The signals of a page, in the order of [`values`](Self::values).
+    pub fn signals(&self) -> Vec<PlayerSignal> {
+        let signal = |trace: &Trace, what: &str, group| {
+            let (id, unit) = (format!("{what}{}", trace.id), trace.shown.symbol());
+            PlayerSignal::new(&id, &trace.label, unit, group)
+        };
+        let sensors = |what, group| self.sensors.iter().map(move |one| signal(one, what, group));
+        let input = |(place, trace)| {
+            let is_command = self.command == Some(place);
+            signal(trace, "", if is_command { SignalGroup::Motion } else { SignalGroup::Input })
+        };
+        let residuals = self.residual_divisors.iter().zip(&self.bands);
+        let residuals = residuals.zip(sensors("residual.", SignalGroup::Residual));
+        let residuals = residuals.map(|((divisor, band), signal)| PlayerSignal {
+            unit: format!("% of {divisor}"),
+            band: band.is_finite().then_some(100.0 * band),
+            ..signal
+        });
+        let inputs = self.inputs.iter().enumerate().map(input);
+        let readings = sensors("reading.", SignalGroup::Reading);
+        let twins = sensors("twin.", SignalGroup::Twin);
+        inputs.chain(residuals).chain(readings).chain(twins).collect()
+    }
+
+    /// The values of the signals in a sample, in the units that are shown.
+    pub fn values(&self, sample: &Sample) -> impl Iterator<Item = f64> {
+        let shown = |(trace, &value): (&Trace, &f64)| trace.shown.value(value);
+        let inputs = self.inputs.iter().zip(&sample.inputs).map(shown);
+        let residuals = sample.residuals.iter().map(|residual| 100.0 * residual);
+        let readings = self.sensors.iter().zip(&sample.measured).map(shown);
+        let twins = self.sensors.iter().zip(&sample.twin).map(shown);
+        inputs.chain(residuals).chain(readings).chain(twins)
     }
 }

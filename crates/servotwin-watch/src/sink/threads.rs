@@ -7,6 +7,7 @@
 //! After a failure, a sink is reported as failed, and all its later messages count as lost.
 
 use super::{Sample, Sink, SinkError};
+use crate::checkpoint::Checkpoint;
 use crate::watchdog::{Notice, SinkLoss, WatchEvent};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -52,6 +53,8 @@ pub enum SinkKind {
     File,
     /// Standard output.
     Stream,
+    /// A file of checkpoints, which receives nothing else.
+    Checkpoint,
     /// A terminal, which shows data that is stored elsewhere: its losses are not counted.
     Terminal,
 }
@@ -59,6 +62,7 @@ pub enum SinkKind {
 enum Message {
     Sample(Arc<Sample>),
     Notice(Arc<Notice>),
+    Save(Arc<Checkpoint>),
     /// Answered once all earlier messages were written.
     Flush(SyncSender<()>),
 }
@@ -170,12 +174,11 @@ impl Drop for SinkThreads {
 }
 
 impl SinkThread {
-    /// Queues a message for the sink, or counts it as lost.
-    fn offer(&self, message: Message, is_urgent: bool) {
+    /// Queues a message for the sink, or counts it as lost where `limit` messages wait already.
+    fn offer(&self, message: Message, limit: usize) {
         let Some(queue) = &self.queue else { return };
         let shared = &self.shared;
         let waiting = shared.waiting.fetch_add(1, Ordering::Relaxed);
-        let limit = if is_urgent { WAITING } else { WAITING_SAMPLES };
         let sent = match self.rules.delivery {
             Delivery::Wait => {
                 queue.send(message).map_err(|error| TrySendError::Disconnected(error.0))
@@ -192,12 +195,17 @@ impl SinkThread {
         }
     }
 
+    /// Whether it must be complete in the end.
+    fn is_file(&self) -> bool {
+        matches!(self.rules.kind, SinkKind::File | SinkKind::Checkpoint)
+    }
+
     fn await_end(&self) {
         let has_ended = |patience| {
             use std::sync::mpsc::RecvTimeoutError::Timeout;
             self.done.recv_timeout(patience) != Err(Timeout)
         };
-        if self.rules.kind == SinkKind::File || self.rules.delivery == Delivery::Wait {
+        if self.is_file() || self.rules.delivery == Delivery::Wait {
             let _ = self.done.recv();
             return;
         }
@@ -214,18 +222,28 @@ impl SinkThread {
 
 impl Sink for SinkThreads {
     fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
+        let limit = if sample.changed { WAITING } else { WAITING_SAMPLES };
         let wants = |thread: &&SinkThread| sample.changed || !thread.rules.only_changes;
-        for thread in self.threads.iter().filter(wants) {
-            thread.offer(Message::Sample(sample.clone()), sample.changed);
+        for thread in self.threads.iter().filter(shows).filter(wants) {
+            thread.offer(Message::Sample(sample.clone()), limit);
         }
         self.check()
     }
 
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         let shared = Arc::new(notice.clone());
-        let is_urgent = !matches!(notice.event, WatchEvent::Heartbeat { .. });
-        for thread in &self.threads {
-            thread.offer(Message::Notice(shared.clone()), is_urgent);
+        let is_beat = matches!(notice.event, WatchEvent::Heartbeat { .. });
+        let limit = if is_beat { WAITING_SAMPLES } else { WAITING };
+        for thread in self.threads.iter().filter(shows) {
+            thread.offer(Message::Notice(shared.clone()), limit);
+        }
+        self.check()
+    }
+
+    /// A checkpoint is left out while one is being written and another one waits.
+    fn save(&mut self, checkpoint: &Arc<Checkpoint>, is_last: bool) -> Result<(), SinkError> {
+        for thread in self.threads.iter().filter(|thread| !shows(thread)) {
+            thread.offer(Message::Save(checkpoint.clone()), if is_last { WAITING } else { 2 });
         }
         self.check()
     }
@@ -261,13 +279,18 @@ impl Sink for SinkThreads {
     fn losses(&self) -> Vec<SinkLoss> {
         let loss = |thread: &SinkThread| {
             let words = |fault: &mut Option<SinkError>| fault.as_ref().map(SinkError::to_string);
-            let (sink, is_file) = (thread.rules.name.clone(), thread.rules.kind == SinkKind::File);
+            let (sink, is_file) = (thread.rules.name.clone(), thread.is_file());
             let lost = thread.shared.lost.load(Ordering::Relaxed);
             SinkLoss { sink, lost, failure: thread.shared.with_fault(words).flatten(), is_file }
         };
         let counted = |thread: &&SinkThread| thread.rules.kind != SinkKind::Terminal;
         self.threads.iter().filter(counted).map(loss).collect()
     }
+}
+
+/// Whether a sink receives samples and notices.
+fn shows(thread: &&SinkThread) -> bool {
+    thread.rules.kind != SinkKind::Checkpoint
 }
 
 /// Passes messages to a sink until the queue is closed.
@@ -303,6 +326,7 @@ fn give(sink: &mut dyn Sink, message: &Message) -> Result<(), SinkError> {
     match message {
         Message::Sample(sample) => sink.sample(sample),
         Message::Notice(notice) => sink.notice(notice),
+        Message::Save(checkpoint) => sink.save(checkpoint, false),
         Message::Flush(_) => sink.flush(),
     }
 }

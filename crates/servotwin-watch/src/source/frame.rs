@@ -6,7 +6,7 @@
 //! behind `#` and may be repeated. Blank lines and other lines that begin with `#` are skipped. A name that several
 //! columns have gets a number (`p#1`, `p#2`), so that a map says which is meant.
 
-use super::object::{Leaves, walk, without_special_numbers};
+use super::object::{Leaf, walk, without_special_numbers};
 use super::{Bad, LogRow, Read, Wanted};
 use crate::counts::{Flaw, Irregularity};
 use serde_json::Value;
@@ -64,7 +64,7 @@ impl Frames {
             let _ = self.header.is_none() && self.find_header(names);
             return Read::Nothing;
         }
-        self.begin(row);
+        row.begin(self.wanted.names.len());
         if let Some(object) = object(text) {
             return match self.add("", object, row) {
                 Ok(()) => self.end(row),
@@ -75,24 +75,27 @@ impl Frames {
         self.cells(line, row).unwrap_or_else(Read::Flawed)
     }
 
-    /// Resets a row.
-    pub(crate) fn begin(&self, row: &mut LogRow) {
-        row.values.clear();
-        row.values.resize(self.wanted.names.len(), f64::NAN);
-        row.forget_bad();
-    }
-
     /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
     pub(crate) fn add(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
-        let before = row.bad;
-        let filled = || vec![false; self.places.len()];
-        let mut filler = Filler { frames: self, row, filled: filled(), twice: None };
-        let parsed = walk(prefix, text, &mut filler).or_else(|error| {
+        let (before, mut twice) = (row.bad, None);
+        let mut fill = |text: &[u8], row: &mut LogRow| {
+            let mut filled = vec![false; self.places.len()];
+            walk(prefix, text, &mut |path, leaf| {
+                let place = self.places.get(path).copied();
+                if let (Some(place), false) = (place, matches!(leaf, Leaf::Missing)) {
+                    if std::mem::replace(&mut filled[place], true) {
+                        twice = Some(place);
+                    }
+                    self.take(place, &leaf, row);
+                }
+            })
+        };
+        let parsed = fill(text, row).or_else(|error| {
             let Some(plain) = without_special_numbers(text) else { return Err(error) };
-            (filler.row.bad, filler.filled) = (before, filled());
-            walk(prefix, &plain, &mut filler)
+            row.bad = before;
+            fill(&plain, row)
         });
-        if let Some(twice) = filler.twice {
+        if let Some(twice) = twice {
             let key = sanitize::text(&self.wanted.names[twice]);
             let cause = format!("the key '{key}' is there twice");
             return Err(Flaw::new(Irregularity::BadObject, cause));
@@ -105,6 +108,27 @@ impl Frames {
             }
             (_, cause) => Flaw::new(Irregularity::BadObject, cause),
         })
+    }
+
+    /// Takes a value of an object. A text may be a number or a known word.
+    fn take(&self, place: usize, leaf: &Leaf, row: &mut LogRow) {
+        let value = match *leaf {
+            Leaf::Number(value) => Some(value),
+            Leaf::Flag(value) => Some(f64::from(u8::from(value))),
+            Leaf::Text(text) => text.parse().ok().or_else(|| self.number_of_words(place, text)),
+            Leaf::Missing => return,
+        };
+        match (value.filter(|value| value.is_finite()), leaf) {
+            (Some(value), _) => row.values[place] = value,
+            (None, Leaf::Text(text)) if is_missing(text.as_bytes()) => {}
+            (None, Leaf::Text(text)) => {
+                row.note_bad(Bad { column: place, text: sanitize::text(text) });
+            }
+            (None, _) => {
+                let text = value.map_or(String::new(), |value| value.to_string());
+                row.note_bad(Bad { column: place, text });
+            }
+        }
     }
 
     /// Completes a row that was assembled from objects; it must have a time.
@@ -383,51 +407,4 @@ impl<'l> Iterator for Cells<'l> {
             }
         }
     }
-}
-
-/// Fills a row with the values of an object.
-struct Filler<'f> {
-    frames: &'f Frames,
-    row: &'f mut LogRow,
-    /// The columns that the object has given so far, and one that it gives twice.
-    filled: Vec<bool>,
-    twice: Option<usize>,
-}
-
-impl Filler<'_> {
-    /// The place of a wanted value.
-    fn place(&mut self, path: &str) -> Option<usize> {
-        let place = *self.frames.places.get(path)?;
-        if std::mem::replace(&mut self.filled[place], true) {
-            self.twice = Some(place);
-        }
-        Some(place)
-    }
-}
-
-impl Leaves for Filler<'_> {
-    fn number(&mut self, path: &str, value: f64) {
-        let Some(place) = self.place(path) else { return };
-        match value.is_finite() {
-            true => self.row.values[place] = value,
-            false => self.row.note_bad(Bad { column: place, text: value.to_string() }),
-        }
-    }
-
-    fn flag(&mut self, path: &str, value: bool) {
-        self.number(path, f64::from(u8::from(value)));
-    }
-
-    /// A text may be a number or a known word.
-    fn text(&mut self, path: &str, text: &str) {
-        let Some(place) = self.place(path) else { return };
-        let words = || self.frames.number_of_words(place, text);
-        match text.parse().ok().or_else(words).filter(|value: &f64| value.is_finite()) {
-            Some(value) => self.row.values[place] = value,
-            None if is_missing(text.as_bytes()) => {}
-            None => self.row.note_bad(Bad { column: place, text: sanitize::text(text) }),
-        }
-    }
-
-    fn missing(&mut self, _: &str) {}
 }

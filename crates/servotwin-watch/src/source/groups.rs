@@ -74,15 +74,15 @@ impl Source for Groups {
         let Some((time_s, groups)) = self.earliest() else { return Ok(Read::End) };
         self.place += 1;
         row.place = self.place;
-        row.bad = 0;
-        row.values.clear();
-        row.values.resize(self.wanted.names.len(), f64::NAN);
+        row.begin(self.wanted.names.len());
         for index in groups {
             let group = &mut self.groups[index];
             for (place, values) in &group.columns {
                 let value = values[group.next];
                 row.bad += u64::from(value.is_infinite());
-                row.values[*place] = if value.is_finite() { value } else { f64::NAN };
+                if value.is_finite() {
+                    row.values[*place] = value;
+                }
             }
             group.next += 1;
             self.read += 1;

@@ -1,6 +1,5 @@
 //! Live sources: a thread receives what arrives into a queue, and the lines in it are read one by one.
 
-use super::frame::Frames;
 use super::{LogRow, PAUSE, Read, Source, SourceError};
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -15,47 +14,31 @@ pub(super) enum News<Origin> {
     Failed(String),
 }
 
-/// Turns lines into rows.
-pub(super) trait LineReader<Origin>: Send {
-    fn read(&mut self, origin: &Origin, line: &[u8], row: &mut LogRow)
-    -> Result<Read, SourceError>;
-
-    /// See [`Source::zone_s`].
-    fn zone_s(&self) -> Option<f64> {
-        None
-    }
-}
-
-impl LineReader<()> for Frames {
-    fn read(&mut self, (): &(), line: &[u8], row: &mut LogRow) -> Result<Read, SourceError> {
-        Ok(Frames::read(self, line, row))
-    }
-
-    fn zone_s(&self) -> Option<f64> {
-        Frames::zone_s(self)
-    }
-}
+/// Reads a line of an origin into a row.
+type LineReader<Origin> =
+    Box<dyn FnMut(&Origin, &[u8], &mut LogRow) -> Result<Read, SourceError> + Send>;
 
 /// A source behind a queue.
-pub(super) struct Live<Origin, Reader> {
+pub(super) struct Live<Origin> {
     address: String,
     counted: &'static str,
     news: Receiver<News<Origin>>,
-    reader: Reader,
+    reader: LineReader<Origin>,
     /// The unread lines of what came last, and where it comes from.
     lines: VecDeque<Vec<u8>>,
     origin: Option<Origin>,
     place: u64,
 }
 
-impl<Origin, Reader> Live<Origin, Reader> {
+impl<Origin> Live<Origin> {
     pub(super) fn new(
         address: String,
         counted: &'static str,
         news: Receiver<News<Origin>>,
-        reader: Reader,
+        reader: impl FnMut(&Origin, &[u8], &mut LogRow) -> Result<Read, SourceError> + Send + 'static,
     ) -> Self {
-        Live { address, counted, news, reader, lines: VecDeque::new(), origin: None, place: 0 }
+        let (reader, lines) = (Box::new(reader), VecDeque::new());
+        Live { address, counted, news, reader, lines, origin: None, place: 0 }
     }
 
     /// Takes the next news; `None` for lines.
@@ -89,7 +72,7 @@ impl<Origin, Reader> Live<Origin, Reader> {
     }
 }
 
-impl<Origin: Send, Reader: LineReader<Origin>> Source for Live<Origin, Reader> {
+impl<Origin: Send> Source for Live<Origin> {
     fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         if self.lines.is_empty()
             && let Some(read) = self.receive(row)?
@@ -98,7 +81,7 @@ impl<Origin: Send, Reader: LineReader<Origin>> Source for Live<Origin, Reader> {
         }
         row.place = self.place;
         match (self.lines.pop_front(), &self.origin) {
-            (Some(line), Some(origin)) => self.reader.read(origin, &line, row),
+            (Some(line), Some(origin)) => (self.reader)(origin, &line, row),
             _ => Ok(Read::Nothing),
         }
     }
@@ -109,9 +92,5 @@ impl<Origin: Send, Reader: LineReader<Origin>> Source for Live<Origin, Reader> {
 
     fn is_live(&self) -> bool {
         true
-    }
-
-    fn zone_s(&self) -> Option<f64> {
-        self.reader.zone_s()
     }
 }

@@ -8,7 +8,7 @@
 //! into memory and sorted.
 
 use super::frame::Frames;
-use super::object::Leaves;
+use super::object::Leaf;
 use super::survey::{LogColumn, Objects};
 use super::{Bad, LogRow, Read, Source, SourceError, Wanted};
 use crate::counts::{Flaw, Irregularity};
@@ -28,13 +28,15 @@ pub(crate) const LOG_TIME: &str = "log_time";
 /// The largest chunk or record, bytes.
 const LARGEST: usize = 1 << 28;
 
-/// The most numbers of an unordered file that are sorted in memory: half a gigabyte.
+/// The most numbers of an unordered file that are sorted in memory: a gigabyte.
 const MOST_SORTED: usize = 50_000_000;
 
 /// A file whose messages are in order.
 struct InOrder {
     messages: Messages,
     frames: Frames,
+    /// The number of wanted columns.
+    width: usize,
     /// The index of the message time in a row.
     log_time: Option<usize>,
     /// The first message of the next row.
@@ -52,7 +54,8 @@ pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, Sour
     }
     let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
     let (messages, frames) = (Messages::open(path)?, Frames::new(wanted));
-    Ok(Box::new(InOrder { messages, frames, log_time, next: None, read: 0 }))
+    let width = wanted.names.len();
+    Ok(Box::new(InOrder { messages, frames, width, log_time, next: None, read: 0 }))
 }
 
 /// A message in JSON.
@@ -84,7 +87,7 @@ impl Source for InOrder {
                 Next::End => return Ok(Read::End),
             },
         };
-        self.frames.begin(row);
+        row.begin(self.width);
         row.place = first.number;
         let time_ns = first.log_time_ns;
         let mut result = self.frames.add(&first.prefix, &first.data, row);
@@ -159,7 +162,7 @@ fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Survey, SourceError> {
         is_in_order &= last_ns <= message.log_time_ns;
         last_ns = message.log_time_ns;
         if !has_all {
-            found.number(LOG_TIME, message.log_time_ns as f64);
+            found.take(LOG_TIME, &Leaf::Number(message.log_time_ns as f64));
             found.add(&message.prefix, &message.data);
             has_all = wanted.is_some_and(|wanted| found.has_all(wanted));
         }
@@ -172,9 +175,6 @@ struct Sorted {
     wanted: Wanted,
     log_time: Option<usize>,
     parts: Vec<Part>,
-    /// The index in a row of every number, and the number.
-    places: Vec<u16>,
-    numbers: Vec<f64>,
     /// Flawed messages, reported while the file is read.
     flaws: VecDeque<(u64, Flaw)>,
     next: usize,
@@ -184,8 +184,8 @@ struct Sorted {
 struct Part {
     log_time_ns: u64,
     number: u64,
-    first: usize,
-    count: u16,
+    /// The index in a row of every number, and the number.
+    values: Box<[(u16, f64)]>,
     bad: u64,
     first_bad: Option<Box<Bad>>,
 }
@@ -193,19 +193,17 @@ struct Part {
 impl Sorted {
     fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
         let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
-        let (parts, flaws) = (vec![], VecDeque::new());
-        let (places, numbers) = (vec![], vec![]);
-        let mut sorted =
-            Sorted { wanted: wanted.clone(), log_time, parts, places, numbers, flaws, next: 0 };
-        let (mut messages, frames, mut row) =
-            (Messages::open(path)?, Frames::new(wanted), LogRow::default());
+        let (wanted, parts, flaws) = (wanted.clone(), vec![], VecDeque::new());
+        let mut sorted = Sorted { wanted, log_time, parts, flaws, next: 0 };
+        let (mut messages, frames) = (Messages::open(path)?, Frames::new(&sorted.wanted));
+        let (mut row, mut numbers) = (LogRow::default(), 0);
         loop {
             match messages.next()? {
-                Next::Message(message) => sorted.take(&frames, &message, &mut row),
+                Next::Message(message) => numbers += sorted.take(&frames, &message, &mut row),
                 Next::Flawed(flaw) => sorted.flaws.push_back((messages.count, flaw)),
                 Next::End => break,
             }
-            if sorted.numbers.len() > MOST_SORTED {
+            if numbers > MOST_SORTED {
                 let address = path.display().to_string();
                 return Err(SourceError::Unsorted { address, most: MOST_SORTED });
             }
@@ -214,24 +212,21 @@ impl Sorted {
         Ok(sorted)
     }
 
-    fn take(&mut self, frames: &Frames, message: &Message, row: &mut LogRow) {
-        frames.begin(row);
+    /// Keeps the wanted numbers of a message; returns how many there are.
+    fn take(&mut self, frames: &Frames, message: &Message, row: &mut LogRow) -> usize {
+        row.begin(self.wanted.names.len());
+        let &Message { log_time_ns, number, .. } = message;
         if let Err(flaw) = frames.add(&message.prefix, &message.data, row) {
-            self.flaws.push_back((message.number, flaw));
-            return;
+            self.flaws.push_back((number, flaw));
+            return 0;
         }
-        let first = self.numbers.len();
-        for (place, value) in row.values.iter().enumerate().filter(|(_, value)| !value.is_nan()) {
-            self.places.push(place as u16);
-            self.numbers.push(*value);
+        let known = row.values.iter().enumerate().filter(|(_, value)| !value.is_nan());
+        let values: Box<[_]> = known.map(|(place, value)| (place as u16, *value)).collect();
+        let (count, first_bad) = (values.len(), row.first_bad.take().map(Box::new));
+        if count > 0 || row.bad > 0 {
+            self.parts.push(Part { log_time_ns, number, values, bad: row.bad, first_bad });
         }
-        let count = (self.numbers.len() - first) as u16;
-        if count == 0 && row.bad == 0 {
-            return;
-        }
-        let (log_time_ns, number) = (message.log_time_ns, message.number);
-        let first_bad = row.first_bad.take().map(Box::new);
-        self.parts.push(Part { log_time_ns, number, first, count, bad: row.bad, first_bad });
+        count
     }
 }
 
@@ -242,17 +237,14 @@ impl Source for Sorted {
             return Ok(Read::Flawed(flaw));
         }
         let Some(first) = self.parts.get(self.next) else { return Ok(Read::End) };
-        row.values.clear();
-        row.values.resize(self.wanted.names.len(), f64::NAN);
-        row.forget_bad();
+        row.begin(self.wanted.names.len());
         row.place = first.number;
         if let Some(place) = self.log_time {
             row.values[place] = first.log_time_ns as f64;
         }
         let is_same = |part: &&Part| part.log_time_ns == first.log_time_ns;
         for part in self.parts[self.next..].iter().take_while(is_same) {
-            let own = part.first..part.first + usize::from(part.count);
-            for (&place, &value) in self.places[own.clone()].iter().zip(&self.numbers[own]) {
+            for &(place, value) in &part.values {
                 row.values[usize::from(place)] = value;
             }
             row.bad += part.bad;

@@ -114,8 +114,10 @@ pub struct Bad {
 }
 
 impl LogRow {
-    /// Resets the invalid values before the next row.
-    pub(super) fn forget_bad(&mut self) {
+    /// Begins a row of so many values, which are missing so far.
+    pub(super) fn begin(&mut self, width: usize) {
+        self.values.clear();
+        self.values.resize(width, f64::NAN);
         (self.bad, self.first_bad) = (0, None);
     }
 

@@ -4,20 +4,24 @@ use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visi
 use std::borrow::Cow;
 use std::fmt;
 
-/// Takes the values of an object, each with its path.
-pub(super) trait Leaves {
-    fn number(&mut self, path: &str, value: f64);
-    fn flag(&mut self, path: &str, value: bool);
-    fn text(&mut self, path: &str, text: &str);
+/// A value of an object.
+pub(super) enum Leaf<'l> {
+    Number(f64),
+    Flag(bool),
+    /// Without blanks at its ends.
+    Text(&'l str),
     /// JSON null: the value is missing.
-    fn missing(&mut self, path: &str);
+    Missing,
 }
+
+/// Takes the values of an object, each with its path.
+type Leaves<'l> = dyn FnMut(&str, Leaf) + 'l;
 
 /// Passes the values of an object to `leaves`; `prefix` precedes their paths. Values before a mistake are passed, too.
 pub(super) fn walk(
     prefix: &str,
     text: &[u8],
-    leaves: &mut dyn Leaves,
+    leaves: &mut Leaves,
 ) -> Result<(), serde_json::Error> {
     let mut parser = serde_json::Deserializer::from_slice(text);
     let mut path = prefix.to_owned();
@@ -38,7 +42,7 @@ pub(super) fn without_special_numbers(text: &[u8]) -> Option<Vec<u8>> {
 /// A value within an object, with its path.
 struct Node<'n> {
     path: &'n mut String,
-    leaves: &'n mut dyn Leaves,
+    leaves: &'n mut Leaves<'n>,
 }
 
 impl Node<'_> {
@@ -71,32 +75,32 @@ impl<'de> Visitor<'de> for Node<'_> {
     }
 
     fn visit_f64<E>(self, value: f64) -> Result<(), E> {
-        self.leaves.number(self.path, value);
+        (self.leaves)(self.path, Leaf::Number(value));
         Ok(())
     }
 
     fn visit_i64<E>(self, value: i64) -> Result<(), E> {
-        self.leaves.number(self.path, value as f64);
+        (self.leaves)(self.path, Leaf::Number(value as f64));
         Ok(())
     }
 
     fn visit_u64<E>(self, value: u64) -> Result<(), E> {
-        self.leaves.number(self.path, value as f64);
+        (self.leaves)(self.path, Leaf::Number(value as f64));
         Ok(())
     }
 
     fn visit_bool<E>(self, value: bool) -> Result<(), E> {
-        self.leaves.flag(self.path, value);
+        (self.leaves)(self.path, Leaf::Flag(value));
         Ok(())
     }
 
     fn visit_unit<E>(self) -> Result<(), E> {
-        self.leaves.missing(self.path);
+        (self.leaves)(self.path, Leaf::Missing);
         Ok(())
     }
 
     fn visit_str<E>(self, text: &str) -> Result<(), E> {
-        self.leaves.text(self.path, text.trim());
+        (self.leaves)(self.path, Leaf::Text(text.trim()));
         Ok(())
     }
 

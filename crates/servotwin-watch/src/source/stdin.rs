@@ -37,7 +37,8 @@ pub(crate) fn open(stream: impl io::Read + Send + 'static, wanted: &Wanted) -> B
             }
         }
     });
-    Box::new(Live::new(NAME.into(), "line", news, Frames::new(wanted)))
+    let mut frames = Frames::new(wanted);
+    Box::new(Live::new(NAME.into(), "line", news, move |(), line, row| Ok(frames.read(line, row))))
 }
 
 /// The columns of the first line that names any.

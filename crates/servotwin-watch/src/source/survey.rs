@@ -3,7 +3,7 @@
 //! The beginning of a log may not show everything, so objects and channels are scanned to the end.
 
 use super::frame::named;
-use super::object::{Leaves, walk, without_special_numbers};
+use super::object::{Leaf, walk, without_special_numbers};
 use super::{DATE, Wanted};
 use servotwin::units;
 use servotwin_io::moment;
@@ -17,30 +17,12 @@ pub(super) const HEAD: usize = 256;
 const MOST_COLUMNS: usize = 50_000;
 
 /// Names of a time column, reduced to lowercase letters and digits.
-const TIMES: [&str; 18] = [
-    "time",
-    "t",
-    "ts",
-    "timestamp",
-    "timestamps",
-    "stamp",
-    "logtime",
-    "datetime",
-    "date",
-    "utc",
-    "epoch",
-    "elapsed",
-    "elapsedtime",
-    "zeit",
-    "zeitstempel",
-    "datum",
-    "uhrzeit",
-    "messzeit",
-];
+const TIMES: &str = "time t ts timestamp timestamps stamp logtime datetime date utc epoch elapsed elapsedtime zeit \
+                     zeitstempel datum uhrzeit messzeit";
 
 /// Whether a name without unit, reduced to lowercase letters and digits, is that of a time.
 pub fn is_time_name(key: &str) -> bool {
-    TIMES.contains(&key)
+    TIMES.split(' ').any(|name| name == key)
 }
 
 /// Whether a column's name begins with that of a time, whatever unit follows.
@@ -199,11 +181,20 @@ pub(super) struct Objects {
 impl Objects {
     /// Adds an object; `prefix` precedes the names of its values. Anything else is ignored.
     pub(super) fn add(&mut self, prefix: &str, text: &[u8]) {
-        if walk(prefix, text, self).is_err()
+        if walk(prefix, text, &mut |path, leaf| self.take(path, &leaf)).is_err()
             && let Some(plain) = without_special_numbers(text)
         {
             // Columns read before a mistake are kept.
-            let _ = walk(prefix, &plain, self);
+            let _ = walk(prefix, &plain, &mut |path, leaf| self.take(path, &leaf));
+        }
+    }
+
+    pub(super) fn take(&mut self, path: &str, leaf: &Leaf) {
+        let Some(column) = self.column(path) else { return };
+        match *leaf {
+            Leaf::Number(value) => column.push(value),
+            Leaf::Text(text) => column.take(text, text.parse().ok()),
+            Leaf::Flag(_) | Leaf::Missing => {}
         }
     }
 
@@ -235,28 +226,6 @@ impl Objects {
             }
         };
         self.columns.get_mut(place)
-    }
-}
-
-impl Leaves for Objects {
-    fn number(&mut self, path: &str, value: f64) {
-        if let Some(column) = self.column(path) {
-            column.push(value);
-        }
-    }
-
-    fn flag(&mut self, path: &str, _: bool) {
-        self.column(path);
-    }
-
-    fn text(&mut self, path: &str, text: &str) {
-        if let Some(column) = self.column(path) {
-            column.take(text, text.parse().ok());
-        }
-    }
-
-    fn missing(&mut self, path: &str) {
-        self.column(path);
     }
 }
 

@@ -92,14 +92,12 @@ impl Source for TableRows {
         }
         self.place += 1;
         row.place = self.place;
-        row.forget_bad();
-        row.values.clear();
+        row.begin(self.part.len());
         for column in 0..self.part.len() {
-            let value = self.number(column, self.next).unwrap_or_else(|text| {
-                row.note_bad(Bad { column, text });
-                f64::NAN
-            });
-            row.values.push(value);
+            match self.number(column, self.next) {
+                Ok(value) => row.values[column] = value,
+                Err(text) => row.note_bad(Bad { column, text }),
+            }
         }
         self.next += 1;
         self.wanted.continue_time(row, &mut self.clock);

@@ -4,13 +4,12 @@
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};
-use super::live::{LineReader, Live, News};
-use super::{LogRow, PAUSE, Read, Source, SourceError, Wanted};
+use super::live::{Live, News};
+use super::{PAUSE, Read, Source, SourceError, Wanted};
 use crate::counts::{Flaw, Irregularity};
 use socket2::SockRef;
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
@@ -19,11 +18,8 @@ use std::time::{Duration, Instant};
 /// The largest possible datagram, bytes.
 const LARGEST: usize = 1 << 16;
 
-/// The most datagrams that wait to be read: more than a minute at 100 Hz.
-const WAITING: usize = 8192;
-
-/// The most bytes in waiting datagrams.
-const WAITING_BYTES: usize = 64 << 20;
+/// The most datagrams that wait to be read: 20 s at 100 Hz, and at most 128 MiB.
+const WAITING: usize = 2048;
 
 /// The requested size of the socket's receive buffer, bytes.
 const RECEIVE_BUFFER: usize = 4 << 20;
@@ -118,56 +114,12 @@ impl Senders {
     }
 }
 
-/// Where a datagram comes from, and its room in the queue.
-struct Origin {
-    sender: SocketAddr,
-    _room: Room,
-}
-
-/// The bytes that a waiting datagram takes from those of all.
-struct Room {
-    waiting_bytes: Arc<AtomicUsize>,
-    bytes: usize,
-}
-
-impl Drop for Room {
-    fn drop(&mut self) {
-        self.waiting_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
-    }
-}
-
-/// Reads datagrams, and locks onto the sender of the first row.
-struct Datagrams {
-    frames: Frames,
-    senders: Arc<Mutex<Senders>>,
-}
-
-impl LineReader<Origin> for Datagrams {
-    fn read(
-        &mut self,
-        origin: &Origin,
-        line: &[u8],
-        row: &mut LogRow,
-    ) -> Result<Read, SourceError> {
-        // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
-        let read = self.frames.read(line, row);
-        if read == Read::Row {
-            locked(&self.senders).lock(origin.sender, Instant::now());
-        }
-        Ok(read)
-    }
-
-    fn zone_s(&self) -> Option<f64> {
-        self.frames.zone_s()
-    }
-}
-
 fn locked(senders: &Mutex<Senders>) -> MutexGuard<'_, Senders> {
     senders.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A UDP source.
-type Udp = Live<Origin, Datagrams>;
+type Udp = Live<SocketAddr>;
 
 fn failed(address: SocketAddr, cause: &io::Error) -> SourceError {
     SourceError::Connection { address: format!("udp://{address}"), cause: cause.to_string() }
@@ -195,14 +147,24 @@ fn start(socket: UdpSocket, address: SocketAddr, allowed: Allowed, wanted: &Want
     let senders = Arc::new(Mutex::new(Senders { allowed, locked: None }));
     let of_thread = Arc::downgrade(&senders);
     thread::spawn(move || receive(&socket, &queue, &of_thread));
-    let reader = Datagrams { frames: Frames::new(wanted), senders };
-    Live::new(format!("udp://{address}"), "datagram", news, reader)
+    let mut frames = Frames::new(wanted);
+    Live::new(format!("udp://{address}"), "datagram", news, move |sender, line, row| {
+        // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
+        let read = frames.read(line, row);
+        if read == Read::Row {
+            locked(&senders).lock(*sender, Instant::now());
+        }
+        Ok(read)
+    })
 }
 
 /// Receives datagrams until the reader, who owns the senders, is dropped.
-fn receive(socket: &UdpSocket, queue: &SyncSender<News<Origin>>, senders: &Weak<Mutex<Senders>>) {
+fn receive(
+    socket: &UdpSocket,
+    queue: &SyncSender<News<SocketAddr>>,
+    senders: &Weak<Mutex<Senders>>,
+) {
     let mut buffer = vec![0; LARGEST];
-    let waiting_bytes = Arc::new(AtomicUsize::new(0));
     let mut dropped = Drops { flaws: vec![], last: Instant::now() };
     while let Some(senders) = senders.upgrade() {
         let received = socket.recv_from(&mut buffer);
@@ -213,10 +175,7 @@ fn receive(socket: &UdpSocket, queue: &SyncSender<News<Origin>>, senders: &Weak<
             }
             Ok((bytes, sender)) => {
                 dropped.report(queue);
-                let before = waiting_bytes.fetch_add(bytes, Ordering::Relaxed);
-                let room = Room { waiting_bytes: waiting_bytes.clone(), bytes };
-                let news = News::Lines(Origin { sender, _room: room }, buffer[..bytes].to_vec());
-                if before + bytes > WAITING_BYTES || queue.try_send(news).is_err() {
+                if queue.try_send(News::Lines(sender, buffer[..bytes].to_vec())).is_err() {
                     dropped.add(Irregularity::Overflow, sender);
                 }
             }
@@ -248,7 +207,7 @@ impl Drops {
     }
 
     /// Reports what fits into the queue.
-    fn report(&mut self, queue: &SyncSender<News<Origin>>) {
+    fn report(&mut self, queue: &SyncSender<News<SocketAddr>>) {
         self.last = Instant::now();
         while let Some(flaw) = self.flaws.pop() {
             if let Err(TrySendError::Full(News::Other(Read::Dropped(flaw)))) =
@@ -292,6 +251,7 @@ pub(crate) fn columns(address: SocketAddr, allowed: &Allowed) -> Result<Vec<Stri
 
 #[cfg(test)]
 mod tests {
+    use super::super::LogRow;
     use super::*;
 
     fn wanted() -> Wanted {
@@ -403,10 +363,10 @@ mod tests {
     fn what_does_not_fit_into_the_queue_is_counted() {
         let (mut source, address) = open(Allowed::Any);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let big = vec![b'#'; 60_000];
+        let datagram = vec![b'#'; 60_000];
         // Nobody reads meanwhile. Datagrams that the operating system drops are not counted.
-        for _ in 0..20 * WAITING_BYTES / big.len() {
-            sender.send_to(&big, address).unwrap();
+        for _ in 0..20 * WAITING {
+            sender.send_to(&datagram, address).unwrap();
         }
         let mut row = LogRow::default();
         let (mut waiting, mut dropped) = (0, 0);
@@ -414,9 +374,9 @@ mod tests {
             match source.read(&mut row).unwrap() {
                 Read::Pause => break,
                 Read::Dropped(flaw) => dropped += flaw.count,
-                _ => waiting += big.len(),
+                _ => waiting += 1,
             }
         }
-        assert!(dropped > 0 && waiting <= WAITING_BYTES, "{dropped} dropped, {waiting} waiting");
+        assert!(dropped > 0 && waiting <= WAITING, "{dropped} dropped, {waiting} waiting");
     }
 }

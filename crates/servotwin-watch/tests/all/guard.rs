@@ -59,16 +59,16 @@ impl Observer for Replayed {
         self.next += 1;
         let twin = &self.twin[(self.next - 1).min(self.twin.len() - 1)];
         let Replayed { empty, finding, .. } = self;
-        Observation { twin, residuals: empty, bands: empty, features: &[], finding }
+        Observation { twin, residuals: empty, finding }
     }
 
     fn restart(&mut self) {}
 
-    fn save(&self) -> Vec<u8> {
-        vec![]
+    fn save(&self) -> String {
+        String::new()
     }
 
-    fn restore(&mut self, _: &[u8]) -> Result<(), String> {
+    fn restore(&mut self, _: &str) -> Result<(), String> {
         Ok(())
     }
 }
@@ -140,7 +140,7 @@ fn watched(
     watch.expect(study, &[]);
     watch.sink(&mut reported);
     let end = watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
-    let found = watch.plausibility().contradictions(&study.system, map, watch.counts());
+    let found = watch.contradictions();
     drop(watch);
     (end, found, reported.0)
 }

@@ -9,6 +9,4 @@ mod intake;
 mod log;
 #[cfg(feature = "mqtt")]
 mod mqtt;
-#[path = "../../../servotwin-io/tests/all/places.rs"]
-mod places;
 mod recordings;

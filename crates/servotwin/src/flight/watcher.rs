@@ -28,7 +28,6 @@ pub struct Watcher<'s> {
     measured: Vec<f64>,
     twin: Vec<f64>,
     residuals: Vec<f64>,
-    bands: Vec<f64>,
     /// The windows of healthy-looking stretches, compared with the scatter that the diagnoser was trained for.
     scatter: ScatterTest,
     /// Number of panes since the last window of the comparison.
@@ -77,10 +76,6 @@ impl<'s> Watcher<'s> {
         };
         let places = named.map(|s| place(&s.name).ok_or_else(|| unknown(&s.name)));
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
-        let mut bands = vec![f64::NAN; sensors.len()];
-        for (&place, band) in places.iter().zip(&diagnoser.lengths[0].panel.bands) {
-            bands[place] = band.half_width;
-        }
         let names = diagnoser.names();
         let off = (0..names.actuators.len()).map(|unit| {
             let commands = names.actions.iter().map(|c| study.reactions.of(unit, c, None));
@@ -99,7 +94,6 @@ impl<'s> Watcher<'s> {
             measured: vec![f64::NAN; places.len()],
             twin: vec![f64::NAN; sensors.len()],
             residuals: vec![f64::NAN; sensors.len()],
-            bands,
             scatter: ScatterTest::default(),
             panes: 0,
             finding: Finding::default(),
@@ -142,13 +136,7 @@ impl<'s> Watcher<'s> {
 
     /// The result of the last sample.
     pub fn observation(&self) -> Observation<'_> {
-        Observation {
-            twin: &self.twin,
-            residuals: &self.residuals,
-            bands: &self.bands,
-            features: &[],
-            finding: &self.finding,
-        }
+        Observation { twin: &self.twin, residuals: &self.residuals, finding: &self.finding }
     }
 
     /// A line if healthy-looking stretches are wider than the scatter that the diagnoser was trained for.
@@ -364,7 +352,7 @@ impl Observer for Watcher<'_> {
         self.last = None;
     }
 
-    fn save(&self) -> Vec<u8> {
+    fn save(&self) -> String {
         let Checkpoint { twin, session, buses, reactions } = self.runtime.save();
         let twin = twin.map(|twin| StoredTwin {
             sample: twin.sample,
@@ -386,11 +374,11 @@ impl Observer for Watcher<'_> {
             scatter: self.scatter,
             panes: self.panes,
         };
-        serde_json::to_vec(&stored).expect("numbers and names are always JSON")
+        serde_json::to_string(&stored).expect("numbers and names are always JSON")
     }
 
-    fn restore(&mut self, saved: &[u8]) -> Result<(), String> {
-        let stored: Stored = serde_json::from_slice(saved).map_err(|error| error.to_string())?;
+    fn restore(&mut self, saved: &str) -> Result<(), String> {
+        let stored: Stored = serde_json::from_str(saved).map_err(|error| error.to_string())?;
         if stored.is_seen_off.len() != self.off.len() {
             return Err("it is of another number of actuators".into());
         }

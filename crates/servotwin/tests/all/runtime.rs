@@ -367,7 +367,7 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
     let mut watcher = Watcher::new(study(), diagnoser().clone()).unwrap();
     let stop = record.time_s.len() - 30;
     (0..stop).for_each(|k| push(&mut watcher, k));
-    let saved: serde_json::Value = serde_json::from_slice(&watcher.save()).unwrap();
+    let saved: serde_json::Value = serde_json::from_str(&watcher.save()).unwrap();
     let found = places(&saved);
     let absurd = [
         json!(0),
@@ -384,7 +384,7 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
         for value in &absurd {
             let mut changed = saved.clone();
             *changed.pointer_mut(place).unwrap() = value.clone();
-            let restored = watcher.restore(changed.to_string().as_bytes());
+            let restored = watcher.restore(&changed.to_string());
             if restored.is_ok() {
                 (stop..stop + 12).for_each(|k| push(&mut watcher, k));
             }
@@ -414,8 +414,8 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
         let mut changed = saved.clone();
         *changed.pointer_mut(place).unwrap_or_else(|| panic!("{place}")) = value;
         let before = watcher.save();
-        assert!(watcher.restore(changed.to_string().as_bytes()).is_err(), "{place}");
+        assert!(watcher.restore(&changed.to_string()).is_err(), "{place}");
         assert!(watcher.save() == before, "{place}: a refused state changes nothing");
     }
-    watcher.restore(saved.to_string().as_bytes()).unwrap();
+    watcher.restore(&saved.to_string()).unwrap();
 }

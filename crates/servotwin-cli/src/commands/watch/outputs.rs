@@ -16,11 +16,11 @@ use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::WatchCounts;
 use servotwin_watch::guard;
 use servotwin_watch::map::Map as LogMap;
+use servotwin_watch::player::PlayerRecord;
 use servotwin_watch::sink::events::{Events, is_change};
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
-use servotwin_watch::sink::timeline::Timeline;
-use servotwin_watch::sink::{Sample, Scene, Sink, SinkError, open_mcap};
+use servotwin_watch::sink::{CheckpointFile, Sample, Scene, Sink, SinkError, Watched, open_mcap};
 use servotwin_watch::source::Address;
 use servotwin_watch::watchdog::{Notice, Silences, SinkLoss, WatchEvent, without_name};
 use std::collections::BTreeMap;
@@ -50,20 +50,19 @@ impl Outputs {
         let is_live = address.is_live();
         let bar = bar(global, is_live);
         let mut threads = SinkThreads::new(is_live);
-        // A file or the writer of standard input can wait for slow outputs, but for no terminal.
+        // A file or the writer of standard input can wait for slow outputs, but for no checkpoint.
         let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
-        let terminal_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
+        let checkpoint_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
         let rules = |name: &str, delivery, only_changes, kind| SinkRules {
             name: name.into(),
             delivery,
             only_changes,
             kind,
         };
-        let terminal = Terminal { bar: bar.clone(), is_live, global };
-        threads.add(
-            rules("terminal", terminal_delivery, false, SinkKind::Terminal),
-            Box::new(terminal),
-        );
+        if is_live {
+            let rules = rules("terminal", Delivery::Drop, false, SinkKind::Terminal);
+            threads.add(rules, Box::new(Terminal { bar: bar.clone(), global }));
+        }
         if let Some(path) = &options.mcap {
             let rules = rules(&path.to_string_lossy(), file_delivery, false, SinkKind::File);
             threads.add(rules, open_mcap(path, &scene)?);
@@ -73,12 +72,19 @@ impl Outputs {
             threads
                 .add(rules(&path.to_string_lossy(), file_delivery, true, SinkKind::File), events);
         }
+        if let Some(path) = &options.checkpoint {
+            let rules =
+                rules(&path.to_string_lossy(), checkpoint_delivery, true, SinkKind::Checkpoint);
+            threads.add(rules, Box::new(CheckpointFile(path.clone())));
+        }
         if global.json {
             let lines = Box::new(Events::new(out::stdout()));
             threads.add(rules("standard output", file_delivery, true, SinkKind::Stream), lines);
         }
-        let timeline = options.html.is_some().then(|| Timeline::new(scene));
-        let shown = Shown { strip: Strip::default(), timeline, unjudged: vec![], last: None };
+        let record = || PlayerRecord::new(&scene.title, scene.period_s, scene.signals());
+        let record = options.html.is_some().then(record);
+        let page = record.map(|record| Watched::new(scene, record));
+        let shown = Shown { strip: Strip::default(), page, unjudged: vec![], last: None };
         Ok(Outputs { shown, threads, bar })
     }
 
@@ -92,32 +98,17 @@ impl Outputs {
         }
     }
 
-    /// Ends all outputs.
+    /// Ends all outputs that are written while samples arrive.
     ///
     /// # Errors
     /// An output of a log cannot be written.
     pub(crate) fn end(
         mut self,
-        options: &Options,
         counts: WatchCounts,
         silences: Silences,
-        saved: Option<SinkLoss>,
-        is_live: bool,
     ) -> Result<(Totals, Shown), Failure> {
-        let mut losses = self.threads.finish()?;
+        let losses = self.threads.finish()?;
         self.bar.finish_and_clear();
-        losses.extend(saved);
-        if let (Some(path), Some(timeline)) = (&options.html, &self.shown.timeline) {
-            match timeline.write(path, &counts) {
-                Err(error) if is_live => losses.push(SinkLoss {
-                    sink: path.display().to_string(),
-                    lost: 0,
-                    failure: Some(error.to_string()),
-                    is_file: true,
-                }),
-                written => written?,
-            }
-        }
         Ok((Totals { counts, silences, losses }, self.shown))
     }
 }
@@ -126,7 +117,8 @@ impl Outputs {
 pub(crate) struct Shown {
     /// The strip of states, and the changes.
     pub strip: Strip,
-    timeline: Option<Timeline>,
+    /// The page of the watch, if one is wanted.
+    pub page: Option<Watched<PlayerRecord>>,
     /// The states without a judgment, in the order of their first appearance.
     pub unjudged: Vec<DiagnosisState>,
     /// The finding of the last sample in words.
@@ -142,29 +134,29 @@ impl Sink for Shown {
         if sample.changed || self.last.is_none() {
             self.last = Some(sample.finding.words());
         }
-        if let Some(timeline) = &mut self.timeline {
-            timeline.sample(sample)?;
+        if let Some(page) = &mut self.page {
+            page.sample(sample)?;
         }
         self.strip.sample(sample)
     }
 
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
+        if let Some(page) = &mut self.page {
+            page.notice(notice)?;
+        }
         self.strip.notice(notice)
     }
 }
 
-/// Prints every change on a line as it arrives. A live source also shows its current state below.
+/// Prints every change of a live source on a line as it arrives, and its current state below.
 struct Terminal {
     bar: ProgressBar,
-    is_live: bool,
     global: Global,
 }
 
 impl Terminal {
     fn holds(&self, time_s: f64, state: DiagnosisState) {
-        if self.is_live {
-            self.bar.set_message(format!("{}  {}", moment::shown(time_s), state.words()));
-        }
+        self.bar.set_message(format!("{}  {}", moment::shown(time_s), state.words()));
     }
 }
 
@@ -186,10 +178,6 @@ impl Sink for Terminal {
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         let time_s = notice.time_s.unwrap_or(0.0);
         let Some(words) = notice.words() else { return Ok(()) };
-        if !self.is_live {
-            // A log ends with all warnings.
-            return Ok(());
-        }
         let is_over = matches!(
             notice.event,
             WatchEvent::DataAgain | WatchEvent::ChannelDataAgain { .. } | WatchEvent::Reconnected
@@ -276,10 +264,10 @@ impl Totals {
     }
 
     /// Adds the totals.
-    pub(crate) fn describe(&self, map: &LogMap, signals: &[&str], document: &mut Document) {
+    pub(crate) fn describe(&self, map: &LogMap, document: &mut Document) {
         let Totals { counts, silences, losses } = self;
-        let missing = signals.iter().zip(&counts.missing).filter(|(_, count)| **count > 0);
-        let missing: BTreeMap<&str, u64> = missing.map(|(id, count)| (*id, *count)).collect();
+        let missing = counts.missing.iter().enumerate().filter(|(_, count)| **count > 0);
+        let missing: BTreeMap<&str, u64> = missing.map(|(k, count)| (map.id(k), *count)).collect();
         let lost = losses.iter().filter(|loss| loss.lost > 0);
         let unsent: BTreeMap<&str, u64> = lost.map(|own| (own.sink.as_str(), own.lost)).collect();
         let failed = losses.iter().filter_map(|loss| Some((&*loss.sink, loss.failure.as_deref()?)));

@@ -6,6 +6,8 @@ use super::blocks::{Channel, ChannelGroup, Mdf};
 /// How to extract a number from a record.
 pub(super) struct Decoder {
     shape: Shape,
+    /// Whether the most significant byte comes first.
+    is_big: bool,
     byte_offset: usize,
     bit_offset: u32,
     bits: u32,
@@ -17,31 +19,20 @@ pub(super) struct Decoder {
 
 #[derive(Clone, Copy, PartialEq)]
 enum Shape {
-    Unsigned {
-        is_big: bool,
-    },
-    Signed {
-        is_big: bool,
-    },
-    Float {
-        is_big: bool,
-    },
+    Unsigned,
+    Signed,
+    Float,
     /// The index of the record, from 0.
     Number,
 }
 
 enum Conversion {
     None,
-    Linear {
-        offset: f64,
-        factor: f64,
-    },
+    /// Offset and factor.
+    Linear(f64, f64),
     Rational([f64; 6]),
-    /// Keys and values; linear interpolation between keys, or the nearest key.
-    Table {
-        pairs: Vec<(f64, f64)>,
-        is_line: bool,
-    },
+    /// Keys and values, and whether values lie on lines between keys; otherwise the nearest key counts.
+    Table(Vec<(f64, f64)>, bool),
 }
 
 impl Decoder {
@@ -55,9 +46,9 @@ impl Decoder {
         let shape = match (channel.kind, channel.data_type) {
             _ if channel.is_composed => return Err("an array or a structure".into()),
             (3 | 6, _) => Shape::Number,
-            (0 | 2, kind @ 0..=1) => Shape::Unsigned { is_big: kind == 1 },
-            (0 | 2, kind @ 2..=3) => Shape::Signed { is_big: kind == 3 },
-            (0 | 2, kind @ 4..=5) => Shape::Float { is_big: kind == 5 },
+            (0 | 2, 0 | 1) => Shape::Unsigned,
+            (0 | 2, 2 | 3) => Shape::Signed,
+            (0 | 2, 4 | 5) => Shape::Float,
             (0 | 2, 6..=9) => return Err("text".into()),
             (0 | 2, kind) => {
                 return Err(format!("values of the MDF type {kind}, which is no number"));
@@ -72,7 +63,7 @@ impl Decoder {
         let needed = (u64::from(bits) + u64::from(bit_offset)).div_ceil(8);
         let is_sound = match shape {
             Shape::Number => true,
-            Shape::Float { .. } => matches!(bits, 16 | 32 | 64) && bit_offset == 0,
+            Shape::Float => matches!(bits, 16 | 32 | 64) && bit_offset == 0,
             _ => (1..=64).contains(&bits) && bit_offset < 8,
         };
         let is_within = u64::from(channel.byte_offset) + needed <= group.data_bytes;
@@ -86,6 +77,7 @@ impl Decoder {
         let mask = 1_u8 << (channel.invalidation_bit % 8);
         Ok(Decoder {
             shape,
+            is_big: channel.data_type % 2 == 1,
             byte_offset: channel.byte_offset as usize,
             bit_offset,
             bits,
@@ -107,24 +99,23 @@ impl Decoder {
     }
 
     fn raw(&self, record: &[u8], number: u64) -> Option<f64> {
-        let is_big = match self.shape {
-            Shape::Number => return Some(number as f64),
-            Shape::Unsigned { is_big } | Shape::Signed { is_big } | Shape::Float { is_big } => {
-                is_big
-            }
-        };
+        if self.shape == Shape::Number {
+            return Some(number as f64);
+        }
         let length = (self.bits + self.bit_offset).div_ceil(8) as usize;
         let found = record.get(self.byte_offset..self.byte_offset + length)?;
         let join = |all: u128, &byte: &u8| all << 8 | u128::from(byte);
-        let all =
-            if is_big { found.iter().fold(0, join) } else { found.iter().rev().fold(0, join) };
+        let all = match self.is_big {
+            true => found.iter().fold(0, join),
+            false => found.iter().rev().fold(0, join),
+        };
         let unused = 64 - self.bits;
         let bits = ((all >> self.bit_offset) as u64) << unused >> unused;
         Some(match self.shape {
-            Shape::Signed { .. } => ((bits << unused) as i64 >> unused) as f64,
-            Shape::Float { .. } if self.bits == 64 => f64::from_bits(bits),
-            Shape::Float { .. } if self.bits == 32 => f64::from(f32::from_bits(bits as u32)),
-            Shape::Float { .. } => half::f16::from_bits(bits as u16).to_f64(),
+            Shape::Signed => ((bits << unused) as i64 >> unused) as f64,
+            Shape::Float if self.bits == 64 => f64::from_bits(bits),
+            Shape::Float if self.bits == 32 => f64::from(f32::from_bits(bits as u32)),
+            Shape::Float => half::f16::from_bits(bits as u16).to_f64(),
             _ => bits as f64,
         })
     }
@@ -144,13 +135,13 @@ impl Conversion {
         match (kind, &numbers[..]) {
             // A value-to-text conversion is ignored: the raw number is used.
             (0 | 7 | 8, _) => Ok(Conversion::None),
-            (1, &[offset, factor, ..]) => Ok(Conversion::Linear { offset, factor }),
+            (1, &[offset, factor, ..]) => Ok(Conversion::Linear(offset, factor)),
             (2, &[a, b, c, d, e, f, ..]) => Ok(Conversion::Rational([a, b, c, d, e, f])),
             (4 | 5, numbers) if numbers.len() >= 2 => {
                 let pairs: Vec<(f64, f64)> =
                     numbers.chunks_exact(2).map(|n| (n[0], n[1])).collect();
                 match pairs.is_sorted_by(|a, b| a.0 < b.0) {
-                    true => Ok(Conversion::Table { pairs, is_line: kind == 4 }),
+                    true => Ok(Conversion::Table(pairs, kind == 4)),
                     false => Err("a table whose keys do not rise".into()),
                 }
             }
@@ -162,11 +153,11 @@ impl Conversion {
     fn apply(&self, raw: f64) -> f64 {
         match self {
             Conversion::None => raw,
-            Conversion::Linear { offset, factor } => raw * factor + offset,
+            Conversion::Linear(offset, factor) => raw * factor + offset,
             Conversion::Rational([a, b, c, d, e, f]) => {
                 (a * raw * raw + b * raw + c) / (d * raw * raw + e * raw + f)
             }
-            Conversion::Table { pairs, is_line } => looked_up(pairs, raw, *is_line),
+            Conversion::Table(pairs, is_line) => looked_up(pairs, raw, *is_line),
         }
     }
 }
@@ -206,9 +197,10 @@ mod tests {
 
     #[test]
     fn bits_are_taken_in_both_orders_and_with_their_sign() {
-        let value = |shape, byte_offset, bit_offset, bits, record: &[u8]| {
+        let value = |(shape, is_big), byte_offset, bit_offset, bits, record: &[u8]| {
             let decoder = Decoder {
                 shape,
+                is_big,
                 byte_offset,
                 bit_offset,
                 bits,
@@ -218,13 +210,13 @@ mod tests {
             };
             decoder.value(record, 0)
         };
-        let (little, big) = (Shape::Signed { is_big: false }, Shape::Signed { is_big: true });
+        let (little, big) = ((Shape::Signed, false), (Shape::Signed, true));
         assert_eq!(value(little, 1, 4, 12, &[0, 0xF0, 0xFF]), -1.0);
-        assert_eq!(value(Shape::Unsigned { is_big: false }, 0, 4, 12, &[0x50, 0x21]), 533.0);
+        assert_eq!(value((Shape::Unsigned, false), 0, 4, 12, &[0x50, 0x21]), 533.0);
         assert_eq!(value(big, 0, 0, 16, &[0xFF, 0xFE]), -2.0);
         let all = [0xFF; 9];
-        assert_eq!(value(Shape::Unsigned { is_big: false }, 0, 7, 64, &all), u64::MAX as f64);
-        assert_eq!(value(Shape::Float { is_big: true }, 0, 0, 32, &1.5_f32.to_be_bytes()), 1.5);
+        assert_eq!(value((Shape::Unsigned, false), 0, 7, 64, &all), u64::MAX as f64);
+        assert_eq!(value((Shape::Float, true), 0, 0, 32, &1.5_f32.to_be_bytes()), 1.5);
         assert!(value(little, 1, 0, 16, &[0, 0]).is_nan());
     }
 }

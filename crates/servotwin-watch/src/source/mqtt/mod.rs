@@ -10,10 +10,9 @@ mod topics;
 pub use address::Subscription;
 
 use super::frame;
-use super::live::{LineReader, Live, News};
+use super::live::{Live, News};
 use super::{LogRow, PAUSE, Read, Source, SourceError, Wanted};
 use client::Mailbox;
-use std::sync::Arc;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 use topics::Topics;
@@ -30,20 +29,13 @@ pub(super) fn open(
     wanted: &Wanted,
 ) -> Result<Box<dyn Source>, SourceError> {
     let Mailbox { news, alive } = subscribed(subscription, false)?;
-    let reader = Messages { topics: Topics::new(subscription, wanted), _alive: alive };
-    Ok(Box::new(Live::new(subscription.to_string(), "message", news, reader)))
-}
-
-/// Reads messages, and holds the client.
-struct Messages {
-    topics: Topics,
-    _alive: Arc<()>,
-}
-
-impl LineReader<String> for Messages {
-    fn read(&mut self, topic: &String, line: &[u8], row: &mut LogRow) -> Result<Read, SourceError> {
-        self.topics.read(topic, line, row)
-    }
+    let mut topics = Topics::new(subscription, wanted);
+    let read = move |topic: &String, line: &[u8], row: &mut LogRow| {
+        // The client lives as long as its reader.
+        let _alive = &alive;
+        topics.read(topic, line, row)
+    };
+    Ok(Box::new(Live::new(subscription.to_string(), "message", news, read)))
 }
 
 /// Connects, and waits until the broker has accepted the subscription.

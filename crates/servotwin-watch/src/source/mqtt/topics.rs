@@ -58,9 +58,8 @@ impl Topics {
         }
         let Some(topic) = self.topics.get_mut(name) else { return Ok(Read::Nothing) };
         let read = topic.frames.read(line, &mut topic.row);
+        row.begin(self.wanted.names.len());
         row.bad = topic.row.bad;
-        row.values.clear();
-        row.values.resize(self.wanted.names.len(), f64::NAN);
         for (&place, &value) in topic.chosen.iter().zip(&topic.row.values) {
             row.values[place] = value;
         }

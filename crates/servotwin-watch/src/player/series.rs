@@ -1,6 +1,6 @@
 //! A signal as minimum and maximum of equal parts of time, encoded as text for a script.
 
-use serde_json::{Value, json};
+use serde_json::Value;
 use servotwin_io::text::base64;
 
 /// Minimum and maximum of each bucket; NaN if empty.
@@ -25,19 +25,21 @@ impl Series {
         self.buckets = pairs.map(|pair| merged(pair[0], pair[pair.len() - 1])).collect();
     }
 
-    /// The values as 16-bit numbers scaled between the overall minimum and maximum, in base 64. Each bucket has its
-    /// minimum, then its maximum; -32768 means none. A constant signal has no data.
-    pub(crate) fn json(&self, label: &str, unit: &str) -> Value {
+    /// Adds the values to a JSON object as 16-bit numbers scaled between `low` and `high`, in base 64. Each bucket has
+    /// its minimum, then its maximum; -32768 means none. A constant signal has no data.
+    pub(crate) fn add_to(&self, object: &mut Value) {
         let finite = self.buckets.iter().filter(|(low, _)| !low.is_nan());
         let none = (f32::INFINITY, f32::NEG_INFINITY);
         let (low, high) = finite.fold(none, |range, bucket| merged(range, *bucket));
         if low > high {
-            return json!({ "label": label, "unit": unit, "low": null, "high": null });
+            object["low"] = Value::Null;
+            return;
         }
         let (low, high) = (f64::from(low), f64::from(high));
         let gaps = self.buckets.iter().any(|(low, _)| low.is_nan());
+        (object["low"], object["high"]) = (low.into(), high.into());
         if low == high && !gaps {
-            return json!({ "label": label, "unit": unit, "low": low, "high": high });
+            return;
         }
         let span = if high > low { high - low } else { 1.0 };
         let short = |value: f32| match value.is_nan() {
@@ -46,8 +48,7 @@ impl Series {
         };
         let pairs = self.buckets.iter().flat_map(|&(low, high)| [short(low), short(high)]);
         let bytes: Vec<u8> = pairs.flat_map(i16::to_le_bytes).collect();
-        let high = low + span;
-        json!({ "label": label, "unit": unit, "low": low, "high": high, "data": base64(&bytes) })
+        (object["high"], object["data"]) = ((low + span).into(), base64(&bytes).into());
     }
 }
 
@@ -83,11 +84,15 @@ mod tests {
         let mut series = Series::default();
         series.push(2.0, true);
         series.push(2.0, true);
-        assert_eq!(series.json("a", "bar")["data"], Value::Null);
-        assert_eq!(series.json("a", "bar")["low"], 2.0);
+        let json = |series: &Series| {
+            let mut object = serde_json::json!({});
+            series.add_to(&mut object);
+            object
+        };
+        assert_eq!((&json(&series)["data"], &json(&series)["low"]), (&Value::Null, &2.0.into()));
         series.push(f64::NAN, true);
         // -32767 twice, -32767 twice, -32768 twice.
-        assert_eq!(series.json("a", "bar")["data"], "AYABgAGAAYAAgACA");
-        assert_eq!(Series::default().json("a", "")["low"], Value::Null);
+        assert_eq!(json(&series)["data"], "AYABgAGAAYAAgACA");
+        assert_eq!(json(&Series::default())["low"], Value::Null);
     }
 }
