@@ -83,7 +83,7 @@ pub(crate) struct StudyOptions {
     /// out].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Use the full sizes instead of the quick ones: of the records, and of the flights that --suite names.
+    /// Use the full size of the study instead of the quick one: longer records, and flights.
     #[arg(long)]
     full: bool,
     /// Remove results of another study, or of the full size of this study, from the folder.
