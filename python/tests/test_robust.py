@@ -126,7 +126,7 @@ def test_everything_that_dask_sends_can_be_pickled():
 
     for scenarios in (None, ["fitted"]):
         tasks = _servotwin.tasks_of(study, ["records"], scenarios)
-        distributed._submitted(study, Recorder(), ("/nowhere", {}), False, tasks, 1)
+        distributed._submitted(study, Recorder(), ("/nowhere", {}), tasks, 1)
     assert {function.__name__ for function, _ in sent} == {"_part"}
     for function, arguments in sent:
         again, values = pickle.loads(pickle.dumps((function, arguments)))

@@ -382,7 +382,7 @@ fn sealed_flights_are_recorded_before_they_are_flown_and_each_opening_has_other_
     let lines: Vec<String> = record().lines().map(str::to_owned).collect();
     assert_eq!(lines.len(), 3, "{lines:?}");
     let seed = first["opening"]["seed"].as_u64().unwrap();
-    assert!(lines[1].starts_with("1,opened,") && lines[1].contains(&format!(",{seed},small")));
+    assert!(lines[1].starts_with("1,opened,") && lines[1].contains(&format!(",{seed},noise")));
     assert!(lines[2].starts_with("1,judged,") && lines[2].contains("healthy shutdowns"));
     assert_eq!(std::fs::read(format!("{out}/flights.json")).unwrap(), before);
 

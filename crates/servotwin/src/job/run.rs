@@ -158,6 +158,8 @@ impl<'r> StudyRun<'r> {
         if dropped > 0 {
             (self.observer)(&StudyEvent::Removed { files: dropped });
         }
+        // What was measured and cannot be read is told before anything is simulated.
+        let before = flights::results(&self.folder)?;
         let mut flown = flights::scenarios(study);
         flown.retain(|scenario| self.only.is_none_or(|only| only == *scenario));
         let flies = study.flights.is_some() && study.is_full && !flown.is_empty();
@@ -167,7 +169,7 @@ impl<'r> StudyRun<'r> {
             (self.observer)(&StudyEvent::Began { stage: stages, of: stages });
             Some(self.fly(&flown)?)
         } else {
-            flights::results(&self.folder)?
+            before
         };
         self.check()?;
         Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: Some(hold) })
