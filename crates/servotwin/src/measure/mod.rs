@@ -191,7 +191,7 @@ pub const RIGHT_ACTION_OF_STRONG: Measure = Measure {
 /// The right action came first, of visible faults.
 pub const RIGHT_ACTION: Measure = Measure {
     name: "right_action",
-    sentence: "right {action} first",
+    sentence: "right {action} first (of visible)",
     of: VISIBLE_FAULT,
     holds: |row, _| row.first == FirstAction::Right,
 };
