@@ -13,12 +13,12 @@ const path = { chromium: "/usr/bin/chromium", firefox: "/usr/bin/firefox-esr" }[
 const PATIENCE_MS = 60_000;
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
-/** How many pixels of a column of the first residual's canvas have ink. */
+/** How many pixels of twelve columns, whole dashes of the lines of a band, of the first residual's canvas have ink. */
 async function inkAt(page, share) {
   return page.evaluate((at) => {
     const canvas = document.querySelector("#plots .residual canvas");
     const x = Math.round(canvas.width * at);
-    const { data } = canvas.getContext("2d").getImageData(x, 0, 3, canvas.height);
+    const { data } = canvas.getContext("2d").getImageData(x - 6, 0, 12, canvas.height);
     let inked = 0;
     for (let k = 3; k < data.length; k += 4) inked += data[k] > 0 ? 1 : 0;
     return inked;
@@ -75,7 +75,7 @@ async function visit(browser) {
     data.take = () => {};
     const length = 6000;
     columns.forEach((column) => { column.length = 0; });
-    for (let k = 0; k < length; k++) columns.forEach((column, c) => column.push(c === 0 ? k * 0.01 : k > 2900 && k < 3500 ? null : 0));
+    for (let k = 0; k < length; k++) columns.forEach((column, c) => column.push(c === 0 ? k * 0.01 : k > 2900 && k < 3500 ? null : 7));
     columns.forEach((column, c) => { if (c > 0) column[1500] = 50; });
   });
   await pause(500);
