@@ -99,6 +99,8 @@ async function visit(browser) {
   await page.screenshot({ path: `${out}/${name}-dark.png` });
   await page.setViewport({ width: 390, height: 844 });
   await pause(500);
+  // A busy machine takes its time to lay the page out anew.
+  await page.waitForFunction(() => document.documentElement.scrollWidth <= innerWidth).catch(() => {});
   const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
   assert.ok(overflow <= 0, `the page is ${overflow} px too wide for 390 px`);
   await page.screenshot({ path: `${out}/${name}-390.png`, fullPage: true });
