@@ -8,7 +8,7 @@ use super::data_set::{DataRow, DataSet};
 use super::error::EvaluationError;
 use super::protocol::{self, Counting, Protocol};
 use super::run::{RowOutcome, is_right_action};
-use crate::measure::{OF_RECORDS_WITHOUT_CLASS, Rates};
+use crate::measure::{OF_RECORDS, Rates};
 use crate::parallel::{self, Workers};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Question, StagePlace};
@@ -70,7 +70,7 @@ pub(crate) fn evaluate(
         parallel::map(&places, workers, decide)?.into_iter().collect();
     let decided = decided?;
     let outcomes = decided.iter().flatten().collect();
-    let counted = Counting { data, outcomes, shutdowns, measures: OF_RECORDS_WITHOUT_CLASS };
+    let counted = Counting { data, outcomes, shutdowns, measures: OF_RECORDS, names_class: false };
     let is_right = |outcome: &RowOutcome| is_right_action(data, outcome);
     Ok(Isolation {
         protocol,

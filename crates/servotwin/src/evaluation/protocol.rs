@@ -16,9 +16,7 @@ use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{RowOutcome, Scope, first_error, run};
 use crate::measure::outcome::{FirstAction, RunOutcome};
-use crate::measure::{
-    Answers, Measure, OF_RECORDS, OF_RECORDS_WITHOUT_CLASS, OF_SOME_RECORDS, Rates,
-};
+use crate::measure::{Answers, Measure, OF_RECORDS, OF_SOME_RECORDS, Rates};
 use crate::parallel::Workers;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
@@ -95,8 +93,7 @@ impl Protocol {
     fn measures(self) -> &'static [&'static Measure] {
         match self {
             Protocol::RandomThird => OF_SOME_RECORDS,
-            Protocol::KindLeftOut => OF_RECORDS_WITHOUT_CLASS,
-            Protocol::UnseenIntensity | Protocol::NewCommand => OF_RECORDS,
+            _ => OF_RECORDS,
         }
     }
 
@@ -262,9 +259,14 @@ pub(crate) fn summary(
     outcomes: &[Vec<RowOutcome>],
     shutdowns: &[u32],
 ) -> ProtocolResult {
-    let (measures, outcomes_of_all) = (protocol.measures(), outcomes.iter().flatten().collect());
-    let counted = Counting { data, outcomes: outcomes_of_all, shutdowns, measures };
     let full = protocol.scope() != Scope::Action;
+    let counted = Counting {
+        data,
+        outcomes: outcomes.iter().flatten().collect(),
+        shutdowns,
+        measures: protocol.measures(),
+        names_class: full,
+    };
     ProtocolResult {
         protocol,
         title: protocol.title().into(),
@@ -333,6 +335,8 @@ pub(super) struct Counting<'a> {
     pub shutdowns: &'a [u32],
     /// What is counted.
     pub measures: &'a [&'a Measure],
+    /// Whether the class of a fault is asked, too.
+    pub names_class: bool,
 }
 
 impl Counting<'_> {
@@ -368,9 +372,10 @@ impl Counting<'_> {
     fn fault(&self, row: usize) -> RunOutcome {
         let (own, names) = (&self.data.rows[row], self.data.examples.names());
         let truth = self.data.examples.labels()[row];
+        let class = names.details.get(truth.detail as usize);
         RunOutcome {
             number: row as u64,
-            class: names.details.get(truth.detail as usize).cloned().unwrap_or_default(),
+            class: class.filter(|_| self.names_class).cloned().unwrap_or_default(),
             intensity: own.own_intensity,
             onset_s: (!own.is_healthy).then_some(0.0),
             needs_shutdown: self.shutdowns.contains(&truth.action),

@@ -200,7 +200,7 @@ pub const RIGHT_ACTION: Measure = Measure {
 pub const END_TO_END: Measure = Measure {
     name: "end_to_end",
     sentence: "end to end right (of visible)",
-    of: VISIBLE_FAULT,
+    of: CountedFaults { counts: |row| has_class(row) && is_visible(row), ..VISIBLE_FAULT },
     holds: |row, _| row.is_right_class(),
 };
 
@@ -208,7 +208,7 @@ pub const END_TO_END: Measure = Measure {
 pub const END_TO_END_OF_ALL: Measure = Measure {
     name: "end_to_end_of_all",
     sentence: "end to end right (of all)",
-    of: EVERY_FAULT,
+    of: CountedFaults { counts: has_class, ..EVERY_FAULT },
     holds: |row, _| row.is_right_class() && is_visible(row),
 };
 
@@ -271,17 +271,6 @@ pub(crate) const OF_RECORDS: &[&Measure] = &[
     &WRONG_ACTUATOR,
 ];
 
-/// The measures of records of which a diagnosis names no class.
-pub(crate) const OF_RECORDS_WITHOUT_CLASS: &[&Measure] = &[
-    &RIGHT_ACTION_OF_ALL,
-    &WRONG_SHUTDOWN,
-    &SHUTDOWN_MISSED_OF_ALL,
-    &SHUTDOWN_MISSED,
-    &NEEDLESS_SHUTDOWN,
-    &RIGHT_ACTION,
-    &WRONG_ACTUATOR,
-];
-
 /// The measures of records some of which are judged repeatedly or not at all.
 pub(crate) const OF_SOME_RECORDS: &[&Measure] =
     &[&SHUTDOWN_MISSED, &NEEDLESS_SHUTDOWN, &RIGHT_ACTION, &END_TO_END, &WRONG_ACTUATOR];
@@ -328,6 +317,11 @@ impl Rates {
     pub fn of(&self, measure: &Measure) -> Rate {
         self.counted(measure).unwrap_or_else(|| Rate::new(0, 0))
     }
+}
+
+/// Whether there is a class to name; none where a record is asked for its action alone.
+fn has_class(row: &RunOutcome) -> bool {
+    !row.class.is_empty()
 }
 
 fn is_visible(row: &RunOutcome) -> bool {
