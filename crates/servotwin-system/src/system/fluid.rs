@@ -17,23 +17,30 @@ const MODULUS: Value = Value::Number(LEAST_BULK_MODULUS_PA, 1e10, "Pa");
 const CHANGE: Value = Value::Number(-2e7, 0.0, "");
 const DENSITY: Value = Value::Number(500.0, 2000.0, "kg/m³");
 
-section! {
-    /// A fluid of the catalog.
-    struct CatalogFluid {
-        must kind: FluidKind, "kind of fluid";
-        may air_fraction: f64 = AIR => 0.005, "free gas per volume of liquid; default 0.005";
-        may polytropic_exponent: f64 = EXPONENT => 1.4, "polytropic exponent of the gas; default 1.4";
-        may wall_modulus_pa: f64 = WALL => 10e9, "stiffness of the walls; default 10e9";
-    }
+/// A section with the keys that every kind of fluid has, and its own.
+macro_rules! fluid {
+    ($(#[$doc:meta])* struct $Name:ident { $($own:tt)* }) => {
+        section! {
+            $(#[$doc])*
+            struct $Name {
+                must kind: FluidKind, "kind of fluid";
+                may air_fraction: f64 = AIR => 0.005, "free gas per volume of liquid; default 0.005";
+                may polytropic_exponent: f64 = EXPONENT => 1.4, "polytropic exponent of the gas; default 1.4";
+                may wall_modulus_pa: f64 = WALL => 10e9, "stiffness of the walls; default 10e9";
+                $($own)*
+            }
+        }
+    };
 }
 
-section! {
+fluid! {
+    /// A fluid of the catalog.
+    struct CatalogFluid {}
+}
+
+fluid! {
     /// A fluid by the numbers of its data sheet.
     struct OwnFluid {
-        must kind: FluidKind, "kind of fluid";
-        may air_fraction: f64 = AIR => 0.005, "free gas per volume of liquid; default 0.005";
-        may polytropic_exponent: f64 = EXPONENT => 1.4, "polytropic exponent of the gas; default 1.4";
-        may wall_modulus_pa: f64 = WALL => 10e9, "stiffness of the walls; default 10e9";
         may bulk_modulus_slope: f64 = SLOPE => 11.0,
             "rise of the bulk modulus, Pa per pascal; default 11";
         may bulk_modulus_pa: f64 = MODULUS => 1.6e9,
@@ -50,13 +57,9 @@ section! {
     }
 }
 
-section! {
+fluid! {
     /// A fluid by its numbers at several temperatures.
     struct TableFluid {
-        must kind: FluidKind, "kind of fluid";
-        may air_fraction: f64 = AIR => 0.005, "free gas per volume of liquid; default 0.005";
-        may polytropic_exponent: f64 = EXPONENT => 1.4, "polytropic exponent of the gas; default 1.4";
-        may wall_modulus_pa: f64 = WALL => 10e9, "stiffness of the walls; default 10e9";
         may bulk_modulus_slope: f64 = SLOPE => 11.0,
             "rise of the bulk modulus, Pa per pascal; default 11";
         may bulk_modulus_pa: f64 = MODULUS => 1.6e9,
