@@ -368,6 +368,8 @@ mod tests {
         for _ in 0..20 * WAITING {
             sender.send_to(&datagram, address).unwrap();
         }
+        // Until the thread has seen the last one, reading makes room for it.
+        thread::sleep(5 * PAUSE);
         let mut row = LogRow::default();
         let (mut waiting, mut dropped) = (0, 0);
         loop {
@@ -377,7 +379,6 @@ mod tests {
                 _ => waiting += 1,
             }
         }
-        // A few wait in the operating system until the first are read.
-        assert!(dropped > 0 && waiting <= WAITING + 64, "{dropped} dropped, {waiting} waiting");
+        assert!(dropped > 0 && waiting <= WAITING, "{dropped} dropped, {waiting} waiting");
     }
 }
