@@ -556,8 +556,8 @@ fn comes_and_goes(map: &Map, counts: &WatchCounts) -> Option<String> {
     let most = lost.iter().map(|&channel| counts.missing[channel]).max()?;
     let names: Vec<&str> = lost.iter().map(|&channel| map.id(channel)).collect();
     Some(format!(
-        "{} has no value in {most} of {} periods; behind more than three in a row nothing is judged for a second: hold_s \
-         in the map lets the last value stand",
+        "{} has no value in {most} of {} periods; behind a longer gap nothing is judged for a second: hold_s in the map \
+         lets the last value stand",
         names.join(", "),
         counts.samples
     ))

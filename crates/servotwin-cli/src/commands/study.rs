@@ -17,8 +17,7 @@ use std::time::Instant;
 /// Simulate a study, train and evaluate its diagnosis, and write the report.
 ///
 /// Without --suite: simulates the records of every scenario, trains and evaluates trees and committee on them, flies
-/// (with
-/// --full), and writes the report. The first scenario already produces a report, and the next ones extend it. An
+/// (with --full), and writes the report. The first scenario already produces a report, and the next ones extend it. An
 /// interrupted study continues where it stopped, and the results are the same to the byte.
 ///
 /// A study of recordings has measured records instead of a simulated plant (docs/own-data.md). It learns its targets from

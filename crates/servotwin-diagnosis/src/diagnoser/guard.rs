@@ -1,8 +1,8 @@
 //! The first value of a session: whether a sample may be judged, and the values to judge.
 //!
-//! Behind an implausible input nothing is judged, and afterwards the twin settles first. An input that is missing in a
-//! few samples is no implausible one: the twin goes on without it, and these samples are not judged. A sensor without
-//! usable values is *lost* after some samples. The diagnosis then continues with a stand-in value, the twin's with the noise of a
+//! Behind an implausible input nothing is judged, and afterwards the twin settles first. An input may be missing for a
+//! moment: the twin then goes on without it, and nothing is judged until the twin has recovered. A sensor without usable
+//! values is *lost* after some samples. The diagnosis then continues with a stand-in value, the twin's with the noise of a
 //! healthy sensor, unless too many sensors are lost.
 
 use alloc::vec;
@@ -36,7 +36,7 @@ pub(super) enum Admission {
     Judged,
     /// The twin settles.
     Settling,
-    /// An input is missing in a few samples, or the twin recovers from that: nothing changes.
+    /// An input is missing for a moment, or the twin recovers from that: nothing changes.
     Passed,
     /// Values are missing or wrong, for so many consecutive samples.
     Unusable(Alarm, u64),
@@ -51,8 +51,9 @@ pub(super) struct Guard {
     frozen_after: Vec<Option<u64>>,
     /// Indices of both inputs of each difference.
     pairs: Vec<[usize; 2]>,
-    /// Number of consecutive samples for which the twin goes on without an input, and of those it then needs to recover.
+    /// Number of consecutive samples for which the twin goes on without an input.
     held_samples: u64,
+    /// Number of samples that the twin then needs to recover.
     recover_samples: u64,
     /// Number of consecutive samples after which a sensor counts as lost, and as back.
     until_lost: u64,
@@ -194,8 +195,8 @@ impl Guard {
         if is_settled { Admission::Judged } else { Admission::Settling }
     }
 
-    /// The first implausible input, if any. Values that a short list lacks count as missing. A value that is missing in a
-    /// few samples counts as the one before.
+    /// The first implausible input, if any. Values that a short list lacks count as missing. A value that is missing for a
+    /// moment counts as the one before.
     fn implausible(&mut self, checks: &InputChecks, inputs: &[f64]) -> Option<(u32, Why)> {
         let told = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
         let is_missing = (0..checks.inputs.len()).any(|input| told(input).is_nan());
@@ -421,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn an_input_that_is_missing_in_a_few_samples_restarts_nothing() {
+    fn an_input_that_is_missing_for_a_moment_restarts_nothing() {
         let mut guard = Guard::new(&diagnoser());
         guard.has_settled();
         let missing = Admission::Implausible(IndexedFinding::EnvironmentInvalid {

@@ -202,7 +202,7 @@ tuning! {
         "Time without usable values after which a sensor counts as lost: a few lost messages on a bus are shorter.";
     input_held_s: f64 = 0.03 in 0.0..=1e6, "s",
         Physical, "decisions/017-missing-sensors.md",
-        "Time for which the twin goes on without an input: the command hardly leaves its slope in three samples.";
+        "Time for which the twin goes on without an input: the command hardly leaves its slope meanwhile.";
     input_recover_s: f64 = 0.2 in 0.0..=1e6, "s",
         Physical, "decisions/017-missing-sensors.md",
         "Time without judgement afterwards: the twin follows a corrected command within a tenth of a second.";

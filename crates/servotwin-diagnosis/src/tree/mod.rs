@@ -1,7 +1,7 @@
 //! The decision tree: flat arrays for prediction, and the statistics of every node.
 //!
 //! One tree serves CART, random forest and AdaBoost. `servotwin-learning` grows it node by node. [`Branches`] is all
-//! that prediction needs. [`Tree`] adds the counts, and impurities that explain it. Nodes are numbered
+//! that prediction needs. [`Tree`] adds the counts and impurities that explain it. Nodes are numbered
 //! in preorder: a node comes before its children, and the left child follows its parent.
 //!
 //! A row goes left if its value does not exceed the threshold. A row without a value (NaN) goes to the side learned in

@@ -222,15 +222,11 @@ impl<'s> Runtime<'s> {
         let period_s = self.session.diagnoser().period_s;
         for (place, &told) in inputs.iter().enumerate() {
             self.values[place] = told;
-            let is_cubic = place == self.study.command_input;
-            let value = match told.is_nan() && is_cubic {
-                // The command of a twin that stood still meanwhile would jump when the next one comes.
-                true => self.believed(
-                    place,
-                    self.accepted[place].value + self.accepted[place].slope_per_s * period_s,
-                ),
-                false => self.believed(place, told),
-            };
+            // The command of a twin that stood still meanwhile would jump when the next one comes.
+            let goes_on = told.is_nan() && place == self.study.command_input;
+            let Knot { value, slope_per_s } = self.accepted[place];
+            let next = if goes_on { value + slope_per_s * period_s } else { told };
+            let value = self.believed(place, next);
             self.accepted[place] = self.buses[place].next(value, period_s);
         }
     }
