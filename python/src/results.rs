@@ -7,8 +7,7 @@ use crate::model::{Tree, stage_trees};
 use crate::study::{Study, scenario};
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::campaign::Campaign;
-use servotwin::job::{JobError, StudyEvent, StudyResults, StudyRun};
+use servotwin::job::{Crew, Folder, Job, JobError, StudyResults, StudyRun};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -147,25 +146,14 @@ pub fn run_study(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Results> {
     let result = long(py, progress.as_ref(), |watch| -> Result<_, JobError> {
-        let observer = |event: &StudyEvent| match event {
-            StudyEvent::Rows { campaign, done, all } => {
-                watch.tell(&simulating(campaign), *done, *all)
-            }
-            StudyEvent::Flying { what, share } | StudyEvent::Evaluating { what, share } => {
-                watch.tell(what, (share * 1000.0) as usize, 1000);
-            }
-            _ => {}
-        };
-        let workers = watch.workers(threads);
-        let run = StudyRun::new(&study.inner, &out);
-        let run = StudyRun { fitted, replace, workers, observer: &observer, ..run };
+        let folder = Folder::new(&out);
+        let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
+        let crew = Crew { workers: watch.workers(threads), progress: &told };
+        let job = Job { crew, ..Job::new(&study.inner, &folder) };
+        let run = StudyRun { fitted, replace, ..StudyRun::new(job) };
         servotwin_report::write(run.run()?.folder(), &study.inner)?;
         // Read again, so that the folder is free for others while Python keeps the results.
         StudyResults::read(&out)
     })?;
     Ok(Results { inner: result.map_err(Failure::from)? })
-}
-
-fn simulating(campaign: &Campaign) -> String {
-    crate::study::name(campaign.purpose, &campaign.scenarios)
 }

@@ -204,13 +204,6 @@ pub fn scenario(name: &str) -> Result<Scenario, Failure> {
     })
 }
 
-/// The title of a campaign's progress.
-pub fn name(purpose: Purpose, scenarios: &[Scenario]) -> String {
-    let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-    let training = if purpose == Purpose::Train { ", training commands" } else { "" };
-    format!("simulating {}{training}", names.join(" and "))
-}
-
 /// Writes the report of a folder; its file.
 #[pyfunction]
 pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {

@@ -5,9 +5,8 @@ use crate::long::{Watch, long};
 use crate::study::{Study, scenario};
 use pyo3::prelude::*;
 use servotwin::campaign::CampaignError;
-use servotwin::job::flights::Crew;
-use servotwin::job::tasks::{self, Place, Task};
-use servotwin::job::{Among, Folder, Hold, JobError};
+use servotwin::job::tasks::Task;
+use servotwin::job::{Among, Crew, Folder, Hold, Job, JobError};
 use servotwin::run::part::Share;
 use servotwin::study::Scenario;
 use std::path::PathBuf;
@@ -34,9 +33,8 @@ struct At<'s> {
 }
 
 impl At<'_> {
-    fn place(&self) -> Place<'_> {
-        let At { study, folder } = self;
-        Place { study: &study.inner, changed: &[], folder }
+    fn job(&self) -> Job<'_> {
+        Job::new(&self.study.inner, &self.folder)
     }
 
     /// Does work that holds the folder.
@@ -45,12 +43,13 @@ impl At<'_> {
         py: Python<'_>,
         (threads, progress): (Option<usize>, Option<Py<PyAny>>),
         hold: impl FnOnce(&Folder) -> Result<Hold, JobError> + Send,
-        work: impl FnOnce(Place, &Crew) -> Result<(), Failure> + Send,
+        work: impl FnOnce(Job) -> Result<(), Failure> + Send,
     ) -> PyResult<()> {
         let result = long(py, progress.as_ref(), |watch: &Watch| -> Result<(), Failure> {
             let _hold = hold(&self.folder)?;
             let told = |what: &str, share: f64| watch.tell(what, (share * 1000.0) as usize, 1000);
-            work(self.place(), &Crew { workers: watch.workers(threads), progress: &told })?;
+            let crew = Crew { workers: watch.workers(threads), progress: &told };
+            work(Job { crew, ..self.job() })?;
             match watch.workers(None).is_cancelled() {
                 true => Err(CampaignError::Cancelled.into()),
                 false => Ok(()),
@@ -82,17 +81,17 @@ pub fn run_suites(
         Some(_) => folder.join_study(inner),
         None => Ok(folder.keep_study(inner, false)?.hold),
     };
-    at.work(py, (threads, progress), hold, |place, crew| {
-        let tasks = tasks::tasks(place, &suites, &wanted)?;
+    at.work(py, (threads, progress), hold, |job| {
+        let tasks = job.tasks(&suites, &wanted)?;
         if tasks.is_empty() {
             return Err(Failure::value("none of these suites has runs in these scenarios"));
         }
         let Some(share) = share else {
-            return Ok(tasks::run_suites(place, &suites, &wanted, crew)?);
+            return Ok(job.run_suites(&suites, &wanted).map(drop)?);
         };
         let own = tasks.into_iter().enumerate().filter(|(number, _)| share.holds(*number));
         let own: Vec<Task> = own.map(|(_, task)| task).collect();
-        Ok(tasks::run(place, &own, crew)?)
+        Ok(job.run(&own)?)
     })
 }
 
@@ -106,7 +105,7 @@ pub fn tasks_of(
     scenarios: Option<Vec<String>>,
 ) -> PyResult<Vec<Told>> {
     let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new("") });
-    let tasks = py.detach(|| tasks::tasks(at.place(), &suites, wanted)).map_err(Failure::from)?;
+    let tasks = py.detach(|| at.job().tasks(&suites, wanted)).map_err(Failure::from)?;
     let told = |Task { suite, scenarios, part, files, runs, needs }: Task| {
         let names = scenarios.iter().map(|scenario| scenario.name().into()).collect();
         (suite, names, part, files, runs, needs)
@@ -128,12 +127,7 @@ pub fn run_task(
     let scenarios = names.iter().filter_map(|name| Scenario::named(name)).collect();
     let task = Task { suite, scenarios, part, files, runs, needs };
     let at = At { study, folder: Folder::new(out) };
-    at.work(
-        py,
-        (threads, None),
-        |folder| folder.hold(Among::Parts),
-        |place, crew| Ok(tasks::run(place, &[task], crew)?),
-    )
+    at.work(py, (threads, None), |folder| folder.hold(Among::Parts), |job| Ok(job.run(&[task])?))
 }
 
 /// Writes a file that tasks need.
@@ -147,12 +141,7 @@ pub fn prepare_file(
     #[pyo3(from_py_with = crate::array::threads_or_none)] threads: Option<usize>,
 ) -> PyResult<()> {
     let at = At { study, folder: Folder::new(out) };
-    at.work(
-        py,
-        (threads, None),
-        |folder| folder.hold(Among::Parts),
-        |place, crew| Ok(tasks::prepare(place, file, crew)?),
-    )
+    at.work(py, (threads, None), |folder| folder.hold(Among::Parts), |job| Ok(job.prepare(file)?))
 }
 
 /// Joins the parts of suites in a folder.
@@ -169,7 +158,5 @@ pub fn join_suites(
     let (wanted, at) = (wanted(study, scenarios)?, At { study, folder: Folder::new(out) });
     let inner = &study.inner;
     let hold = |folder: &Folder| Ok(folder.keep_study(inner, false)?.hold);
-    at.work(py, (threads, None), hold, |place, crew| {
-        Ok(tasks::join(place, &suites, &wanted, crew)?)
-    })
+    at.work(py, (threads, None), hold, |job| Ok(job.join(&suites, &wanted)?))
 }

@@ -9,8 +9,7 @@ use servotwin::flight::margin::SearchObjective;
 use servotwin::flight::worst_case::INTENSITY;
 use servotwin::flight::worst_case::space::SearchSpace;
 use servotwin::job::JobError;
-use servotwin::job::flights::Crew;
-use servotwin::job::worst_case;
+use servotwin::job::{Crew, Job};
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::run::RunName;
 use servotwin::shown::shown;
@@ -110,8 +109,8 @@ pub fn search(
     let one = |&objective: &SearchObjective| {
         let space = SearchSpace::new(study, scenario, objective);
         let space = space.ok_or(SafetyError::NothingToSearch { objective: objective.name() })?;
-        let place = (study, scenario);
-        let flown = worst_case::search(&results.folder, place, &space, (seed, runs), crew)?;
+        let job = Job { crew: *crew, ..Job::new(study, &results.folder) };
+        let flown = job.search((scenario, &space), (seed, runs))?;
         summary(results, (&space, seed), &flown)
     };
     objectives.iter().map(one).collect()

@@ -7,8 +7,7 @@
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::runtime::Runtime;
 use servotwin::job::Folder;
-use servotwin::job::flights::{self, Crew};
-use servotwin::parallel::Workers;
+use servotwin::job::Job;
 use servotwin::study::{Scenario, Study};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
@@ -23,9 +22,7 @@ fn main() {
     let study = Study::default();
     let folder = std::env::temp_dir().join("servotwin-bench-live");
     std::fs::create_dir_all(&folder).expect("a folder");
-    let crew = Crew { workers: Workers::all(), progress: &|_, _| () };
-    let place = &study;
-    let diagnoser = flights::learn(&Folder::new(&folder), place, Scenario::Realistic, &crew);
+    let diagnoser = Job::new(&study, &Folder::new(&folder)).learn(Scenario::Realistic);
     let diagnoser = Arc::new(diagnoser.expect("a diagnoser"));
     let network = study.system.network();
     let mut inputs: Vec<Piecewise> = network

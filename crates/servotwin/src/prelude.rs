@@ -2,7 +2,7 @@
 
 pub use crate::evaluation::model_file::read_diagnoser;
 pub use crate::fit::{Fit, FitError, FitRecord, FitResults};
-pub use crate::job::{JobError, RunStudy, StudyEvent, StudyResults, StudyRun};
+pub use crate::job::{Job, JobError, RunStudy, StudyEvent, StudyResults, StudyRun};
 pub use crate::monitor::Monitor;
 pub use crate::nearest::UnknownName;
 pub use crate::observer::{DiagnosisState, Finding};

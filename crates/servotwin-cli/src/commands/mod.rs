@@ -35,8 +35,7 @@ pub(crate) mod worst_case;
 use crate::failure::Failure;
 use crate::{Global, out, stop};
 use servotwin::files;
-use servotwin::job::flights::Crew;
-use servotwin::job::{self, Folder, Hold, Kept};
+use servotwin::job::{Crew, Folder, Hold, Job, Kept};
 use servotwin::kind::FileType;
 use servotwin::parallel::Workers;
 use servotwin::signal::WrittenQuantity;
@@ -173,8 +172,8 @@ fn learned(
     global: Global,
 ) -> Result<Diagnoser, Failure> {
     note(global, &format!("learning in flights first ({})", folder.diagnoser(scenario).display()));
-    let crew = Crew { workers: workers(threads), progress: &|_, _| () };
-    let learned = job::flights::learn(folder, study, scenario, &crew);
+    let crew = Crew::quiet(workers(threads));
+    let learned = Job { crew, ..Job::new(study, folder) }.learn(scenario);
     stop::check()?;
     Ok(learned?)
 }

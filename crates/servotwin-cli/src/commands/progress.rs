@@ -1,7 +1,10 @@
 //! Progress: a bar on a terminal, and for the longest jobs a line for each stage in a pipe.
 
-use crate::{Global, out};
+use super::workers;
+use crate::failure::Failure;
+use crate::{Global, out, stop};
 use indicatif::{ProgressBar, ProgressStyle};
+use servotwin::job::Crew;
 use servotwin::sanitize;
 use std::io::Write;
 use std::sync::{Mutex, PoisonError};
@@ -54,6 +57,24 @@ impl Stages {
     pub(crate) fn end(&self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// Runs work with threads and its progress on a terminal. Ctrl-C stops it.
+pub(crate) fn with_crew<T, E>(
+    threads: Option<usize>,
+    global: Global,
+    work: impl FnOnce(&Crew) -> Result<T, E>,
+) -> Result<T, Failure>
+where
+    Failure: From<E>,
+{
+    let stages = Stages::in_lines(global);
+    let crew =
+        Crew { workers: workers(threads), progress: &|what, share| stages.show(what, share) };
+    let done = work(&crew);
+    stages.end();
+    stop::check()?;
+    Ok(done?)
 }
 
 /// Whether progress is shown: standard error is a terminal, and `--quiet` is not set.

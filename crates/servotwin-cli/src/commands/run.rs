@@ -4,7 +4,7 @@ use super::workers;
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
 use servotwin::flight::worst_case::space::SearchSpace;
-use servotwin::job::{self, Folder, Subject, outcomes, worst_case};
+use servotwin::job::{self, Crew, Folder, Job, Subject};
 use servotwin::measure::outcome::{self, FirstAction, Needed, RunOutcome};
 use servotwin::nearest::UnknownName;
 use servotwin::run::RunName;
@@ -58,9 +58,10 @@ fn flight(
 ) -> Result<Document, Failure> {
     stop::heed();
     let space = SearchSpace::of_run(study, name);
+    let job = Job { crew: Crew::quiet(workers(*threads)), ..Job::new(study, folder) };
     let flown = match space {
-        Some(space) => worst_case::fly_again(folder, study, (name, &space), workers(*threads)),
-        None => outcomes::fly_run(folder, study, name, workers(*threads)),
+        Some(space) => job.fly_again(name, &space),
+        None => job.fly_run(name),
     };
     stop::check()?;
     let flown = flown?;

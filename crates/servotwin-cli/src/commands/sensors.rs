@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::paths::Paths;
 use crate::{Global, Run, stop};
 use servotwin::evaluation::metrics::Rate;
-use servotwin::job::flights::Crew;
+use servotwin::job::Crew;
 use servotwin::job::{Among, Folder};
 use servotwin_report::words::percent;
 use servotwin_safety::results::StudyResultsFolder;

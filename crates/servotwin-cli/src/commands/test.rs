@@ -1,10 +1,10 @@
 //! `servotwin test`: trains and evaluates the decision of the test on the ground.
 
-use super::{StudyOptions, flights};
+use super::{StudyOptions, study};
 use crate::failure::Failure;
 use crate::{Global, Run};
 use servotwin::job::JobError;
-use servotwin::job::flights::scenarios;
+use servotwin::study::suites::FLIGHTS;
 use servotwin_view::document::Document;
 
 /// Train the decision of the test on the ground, and measure what it finds.
@@ -24,6 +24,6 @@ impl Run for Options {
         let study = self.study.read(global)?.on_ground()?.ok_or(JobError::NoGroundTest)?;
         let folder = self.study.folder().ground_test();
         let options = StudyOptions { out: Some(folder.path().into()), ..self.study.clone() };
-        flights::flown(&options, &study, (&[], &scenarios(&study)), global)
+        study::suites(&study::Options::of(options), &study, &[FLIGHTS.into()], global)
     }
 }

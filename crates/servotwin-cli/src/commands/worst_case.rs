@@ -1,6 +1,6 @@
 //! `servotwin worst-case`: searches the flights in which the diagnosis is closest to an error.
 
-use super::flights::with_crew;
+use super::progress::with_crew;
 use super::scenario_of;
 use crate::failure::Failure;
 use crate::{Global, Run, stop};

@@ -2,7 +2,7 @@
 
 use super::flights::learned;
 use super::{Folder, Shared, copy_folder, fails, stderr, stdout, succeeds};
-use servotwin::job::flights::Crew;
+use servotwin::job::Crew;
 use servotwin::parallel::Workers;
 use servotwin::table::csv::texts::{self, Texts};
 use servotwin::table::{self, Table};
@@ -338,7 +338,7 @@ fn brute_force_confirms_the_search_over_sensors() {
     assert!(["sensors.csv", "pareto.svg"].map(read) == first, "other bytes");
 
     let results = StudyResultsFolder::open(servotwin::job::Folder::new(&out), None).unwrap();
-    let crew = Crew { workers: Workers::new(1), progress: &|_, _| () };
+    let crew = Crew::quiet(Workers::new(1));
     let trade = SensorTrade::new(&results, &[], None, &crew).unwrap();
     let runs = SensorRuns::read(&results, &trade.candidates).unwrap();
     let table = Table::read(Path::new(&out).join("dataset-realistic.parquet")).unwrap();

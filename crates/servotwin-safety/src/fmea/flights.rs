@@ -3,8 +3,8 @@
 use super::can_fly;
 use crate::error::SafetyError;
 use crate::results::{EvidenceBasis, StudyResultsFolder};
-use servotwin::job::flights::Crew;
 use servotwin::job::outcomes::{self, Basis};
+use servotwin::job::{Crew, Job};
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::parallel::Workers;
 use servotwin::study::suites::EFFECTS;
@@ -52,8 +52,8 @@ impl FmeaFlights {
         let StudyResultsFolder { folder, study, scenario, .. } = results;
         let flown = match study.suite(EFFECTS) {
             Some(suite) if flies && can_fly(results) => {
-                let crew = Crew { workers, progress: &|_, _| () };
-                Some(outcomes::fly(folder, study, suite, *scenario, &crew)?)
+                let job = Job { crew: Crew::quiet(workers), ..Job::new(study, folder) };
+                Some(job.fly(suite, *scenario)?)
             }
             _ => outcomes::stored(folder, EFFECTS, *scenario)?,
         };

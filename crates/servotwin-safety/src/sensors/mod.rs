@@ -19,7 +19,7 @@ use crate::results::StudyResultsFolder;
 use candidates::{Candidates, SensorMask};
 use judged::SensorRates;
 use runs::SensorRuns;
-use servotwin::job::flights::Crew;
+use servotwin::job::Crew;
 use servotwin::parallel;
 use std::collections::BTreeMap;
 use std::path::Path;

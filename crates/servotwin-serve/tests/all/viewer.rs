@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use servotwin::job::Folder;
-use servotwin::job::flights::{Crew, learn};
+use servotwin::job::{Crew, Job};
 use servotwin::parallel::Workers;
 use servotwin::study::{Scenario, Study};
 use servotwin::table::{Table, parquet};
@@ -31,8 +31,10 @@ pub fn diagnoser() -> Arc<Diagnoser> {
     let make = || {
         let path = std::env::temp_dir().join(format!("servotwin-serve-{}", std::process::id()));
         std::fs::create_dir_all(&path).unwrap();
-        let (study, crew) = (study(), Crew { workers: Workers::new(2), progress: &|_, _| () });
-        let learned = learn(&Folder::new(&path), &study, Scenario::Noise, &crew).unwrap();
+        let (study, folder) = (study(), Folder::new(&path));
+        let crew = Crew::quiet(Workers::new(2));
+        let job = Job { crew, ..Job::new(&study, &folder) };
+        let learned = job.learn(Scenario::Noise).unwrap();
         std::fs::remove_dir_all(&path).unwrap();
         Arc::new(learned)
     };

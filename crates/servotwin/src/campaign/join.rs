@@ -47,8 +47,6 @@ impl Campaign<'_> {
         prepared: &PreparedCampaign,
         outcome: &mut CampaignOutcome,
     ) -> Result<(), CampaignError> {
-        outcome.failed.clear();
-        outcome.on_the_move = 0;
         let of = self.scenarios.iter().zip(&prepared.files);
         of.into_iter().try_for_each(|(&scenario, files)| {
             self.write_data_set(&prepared.suite, (scenario, files), outcome)

@@ -31,11 +31,11 @@ use crate::ensemble::Ensemble;
 use crate::files::create_folder;
 use crate::parallel::Workers;
 use crate::run::SpecimenDraw;
-use crate::run::part::PARTS;
 use crate::study::{Plants, Purpose, Scenario, Study, Suite};
 use crate::table::{self, Column, Table, Values};
 use servotwin_model::solver::{SolverSettings, Statistics};
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// The settings of a campaign.
 pub struct Campaign<'s> {
@@ -56,8 +56,16 @@ pub struct Campaign<'s> {
 }
 
 /// The result of a campaign.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct CampaignOutcome {
+    /// Whether the diagnosis is judged on it or trained on it.
+    pub purpose: Purpose,
+    /// The scenarios.
+    pub scenarios: Vec<Scenario>,
+    /// The length of a record with a fault, s.
+    pub duration_s: f64,
+    /// The time that it took, s.
+    pub seconds: f64,
     /// Number of variants in all scenarios.
     pub variants: usize,
     /// Number of variants that were already done.
@@ -70,8 +78,25 @@ pub struct CampaignOutcome {
     pub on_the_move: usize,
 }
 
+/// The title of records for readers.
+pub(crate) fn title(purpose: Purpose, scenarios: &[Scenario]) -> String {
+    let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
+    let training = if purpose == Purpose::Train { ", training commands" } else { "" };
+    format!("{}{training}", names.join(" and "))
+}
+
+impl CampaignOutcome {
+    /// The title of its records for readers.
+    pub fn title(&self) -> String {
+        title(self.purpose, &self.scenarios)
+    }
+}
+
 /// The campaigns of a study: training commands and judged cases for each group of scenarios.
-pub fn runs(study: &Study, choice: impl Fn(Scenario) -> bool) -> Vec<(Purpose, Vec<Scenario>)> {
+pub(crate) fn runs(
+    study: &Study,
+    choice: impl Fn(Scenario) -> bool,
+) -> Vec<(Purpose, Vec<Scenario>)> {
     let groups = Scenario::groups(study, choice).into_iter();
     let of = |scenarios: Vec<Scenario>| {
         study.purposes().into_iter().map(move |r| (r, scenarios.clone()))
@@ -116,12 +141,13 @@ impl Campaign<'_> {
     /// [`CampaignError::Cancelled`]. Failures of single variants are in the outcome.
     pub fn run(
         &self,
-        progress: impl Fn(usize, usize) + Sync,
+        progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<CampaignOutcome, CampaignError> {
-        let prepared = self.prepared()?;
+        let (begin, prepared) = (Instant::now(), self.prepared()?);
         let all: Vec<usize> = (0..prepared.part_count()).collect();
         let mut outcome = self.run_parts(&prepared, &all, progress)?;
         self.write_data_sets(&prepared, &mut outcome)?;
+        outcome.seconds = begin.elapsed().as_secs_f64();
         Ok(outcome)
     }
 

@@ -30,12 +30,6 @@ impl PreparedCampaign {
         let own = self.files.iter().filter(|files| !files.parts[part].is_empty());
         own.map(|files| part::file_name(&files.stem, part)).collect()
     }
-
-    /// The numbers of the runs of a part in any scenario.
-    pub(super) fn numbers(&self, part: usize) -> &[usize] {
-        let of = self.files.iter().map(|files| files.parts[part].as_slice());
-        of.max_by_key(|numbers| numbers.len()).unwrap_or_default()
-    }
 }
 
 impl Campaign<'_> {

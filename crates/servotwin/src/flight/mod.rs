@@ -28,7 +28,7 @@ pub mod tracking;
 pub mod train;
 pub mod training_windows;
 pub mod unseen_faults;
-pub mod watched;
+pub(crate) mod watched;
 pub mod watcher;
 pub mod windows;
 pub mod worst_case;

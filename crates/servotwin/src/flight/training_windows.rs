@@ -9,11 +9,11 @@
 //! The tables have the columns of a campaign's data set ([`crate::evaluation::DataSet`] reads them). Every environment
 //! counts as a separate command.
 
-use super::watched;
 use super::windows::WindowDesign;
 use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::evaluation::bands;
 use crate::parallel::{self, Workers};
+use crate::run::compute::{Kept, Round, Take};
 use crate::run::part::{self, PartFiles};
 use crate::run::{CampaignError, Observer, Run, Runner, plan};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
@@ -27,6 +27,7 @@ use servotwin_diagnosis::spread::Spread;
 use servotwin_diagnosis::windows::{WindowKind, WindowSample, Windows};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::slice::from_ref;
 
 /// Windows after the onset: the first two are taken when this share of a window has passed, the others at random times.
 const SHARES: [f64; 2] = [0.6, 1.0];
@@ -268,6 +269,7 @@ impl Observer for Collector<'_> {
 pub(crate) struct TrainingFlights<'f> {
     design: &'f WindowDesign<'f>,
     suite: &'f Suite,
+    workers: Workers<'f>,
     /// The bands that windows of [`HARD_NEGATIVES`] leave, as half widths in parts of scale, for each kind.
     bands: Vec<Vec<f64>>,
     /// The files of the parts.
@@ -275,12 +277,13 @@ pub(crate) struct TrainingFlights<'f> {
 }
 
 impl<'f> TrainingFlights<'f> {
-    /// A suite with its parts in an output folder.
+    /// A suite with its parts in an output folder, and the threads that fly it.
     pub(crate) fn new(
         folder: &Path,
         design: &'f WindowDesign,
         suite: &'f Suite,
         bands: Vec<Vec<f64>>,
+        workers: Workers<'f>,
     ) -> Self {
         let (study, scenario) = (design.study, design.scenario);
         let mut mark = part::model_mark(study);
@@ -290,75 +293,7 @@ impl<'f> TrainingFlights<'f> {
             mark.add(&spread.map(|Spread { spool, growth }| (u64::from(spool), growth)));
         });
         let files = PartFiles::new(folder, stem(suite, scenario), mark, part::parts(study, suite));
-        TrainingFlights { design, suite, bands, files }
-    }
-
-    /// Takes windows out of the flights of some parts whose files are absent or unusable. `progress` takes the number of
-    /// flights that have ended, and of all.
-    ///
-    /// # Errors
-    /// A twin cannot be simulated, a file cannot be written, or the run was cancelled.
-    pub(crate) fn fly(
-        &self,
-        parts: &[usize],
-        workers: Workers,
-        progress: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<(), CampaignError> {
-        let (study, scenario) = (self.design.study, self.design.scenario);
-        let missing = self.files.missing(parts.iter().copied());
-        let (mut ended, all) = (0, self.files.runs_of(&missing));
-        for round in watched::rounds((study, self.suite, scenario), &self.files.parts, &missing) {
-            let numbers = || round.iter().flat_map(|&part| self.files.parts[part].iter());
-            let runs: Vec<Run> = numbers().map(|&n| plan::run(study, self.suite, n)).collect();
-            let flown = Runner::new(study, self.suite, (scenario, None), runs, workers)?;
-            let mut taken = self.taken(&flown, &|count| progress(ended + count, all));
-            if workers.is_cancelled() {
-                return Err(CampaignError::Cancelled);
-            }
-            for &part in &round {
-                let mut own = TrainingWindows::default();
-                for number in &self.files.parts[part] {
-                    own.extend(taken.remove(number).unwrap_or_default());
-                }
-                self.files.write(part, own.to_table()?)?;
-            }
-            ended += flown.runs.len();
-        }
-        Ok(())
-    }
-
-    /// The windows of each flight.
-    fn taken(
-        &self,
-        flown: &Runner,
-        progress: &(dyn Fn(usize) + Sync),
-    ) -> BTreeMap<usize, TrainingWindows> {
-        let (empty, kinds) = (self.design.empty(), self.design.kinds());
-        let pick = |run: &Run| match self.suite.name.as_str() {
-            HARD_NEGATIVES => Pick::Outside(&self.bands),
-            _ => {
-                let random = self.suite.seed_of(run.number).choices(Stream::Windows);
-                Pick::Newest(planned(&kinds, run, flown.period_s(), random))
-            }
-        };
-        let mut taken = BTreeMap::new();
-        flown.fly(
-            |flight| Collector::new(flown, empty.clone(), *flight, pick(flight)),
-            |flight, collector, outcome| {
-                let mut own = TrainingWindows::default();
-                match outcome {
-                    Ok(work) if flown.is_on_the_move(flight, work) => {
-                        let (flight, environment) = (flight.number, flight.environment);
-                        own.left_out.on_the_move.push(MovingFlight { flight, environment });
-                    }
-                    Ok(_) => own.list = collector.taken,
-                    Err(_) => own.left_out.failed += 1,
-                }
-                taken.insert(flight.number, own);
-                progress(taken.len());
-            },
-        );
-        taken
+        TrainingFlights { design, suite, workers, bands, files }
     }
 
     /// Adds the windows of all parts, by flight.
@@ -376,6 +311,55 @@ impl<'f> TrainingFlights<'f> {
         taken.list.sort_by_key(|own| (own.kind, own.is_hard_negative, own.flight, own.at));
         taken.left_out.on_the_move.sort_unstable();
         Ok(())
+    }
+}
+
+impl Kept for TrainingFlights<'_> {
+    type Row = TrainingWindows;
+
+    fn place(&self) -> (&Study, &Suite, Scenario) {
+        (self.design.study, self.suite, self.design.scenario)
+    }
+
+    fn files(&self) -> &[PartFiles] {
+        from_ref(&self.files)
+    }
+
+    fn fly(&self, round: &Round, take: Take<TrainingWindows>) -> Result<(), CampaignError> {
+        let (study, suite, scenario) = self.place();
+        let runs = round.numbers().map(|number| plan::run(study, suite, number)).collect();
+        let mut flown = Runner::new(study, suite, (scenario, None), runs, self.workers)?;
+        flown.stop = Some(&round.stop);
+        let (empty, kinds) = (self.design.empty(), self.design.kinds());
+        let pick = |run: &Run| match suite.name.as_str() {
+            HARD_NEGATIVES => Pick::Outside(&self.bands),
+            _ => {
+                let random = suite.seed_of(run.number).choices(Stream::Windows);
+                Pick::Newest(planned(&kinds, run, flown.period_s(), random))
+            }
+        };
+        flown.fly(
+            |flight| Collector::new(&flown, empty.clone(), *flight, pick(flight)),
+            |flight, collector, outcome| {
+                let mut own = TrainingWindows::default();
+                match outcome {
+                    Ok(work) if flown.is_on_the_move(flight, work) => {
+                        let (flight, environment) = (flight.number, flight.environment);
+                        own.left_out.on_the_move.push(MovingFlight { flight, environment });
+                    }
+                    Ok(_) => own.list = collector.taken,
+                    Err(_) => own.left_out.failed += 1,
+                }
+                take(0, flight.number, own);
+            },
+        );
+        Ok(())
+    }
+
+    fn table(&self, rows: BTreeMap<usize, TrainingWindows>) -> Result<Table, TableError> {
+        let mut part = TrainingWindows::default();
+        rows.into_values().for_each(|own| part.extend(own));
+        part.to_table()
     }
 }
 

@@ -11,10 +11,9 @@ use crate::parallel::Workers;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::other_plant::OtherPlants;
 use crate::run::{CampaignError, Observer, Run, Runner, part, plan};
-use crate::study::{Plants, Scenario, Study, Suite};
+use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
-use std::collections::BTreeSet;
 
 /// A diagnosis that watches a flight.
 #[derive(Clone)]
@@ -82,13 +81,16 @@ impl Truth {
     }
 }
 
-/// What became of some runs of a suite.
-pub struct Flown {
-    /// One outcome for each run and diagnosis, by run.
+/// What became of a run.
+pub(crate) struct Flown {
+    /// One outcome for each diagnosis.
     pub outcomes: Vec<RunOutcome>,
-    /// What became of the calibration flights, where twins are fitted to plants of another structure.
+    /// What became of the calibration flights of all runs beside it, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
 }
+
+/// Receives what became of a run, given by its number, when it has ended.
+pub(crate) type Ended<'e> = &'e mut (dyn FnMut(usize, Flown) + Send);
 
 /// The numbers of the runs of each part of a suite.
 pub(crate) fn parts(study: &Study, suite: &Suite) -> Vec<Vec<usize>> {
@@ -100,82 +102,56 @@ pub(crate) fn parts(study: &Study, suite: &Suite) -> Vec<Vec<usize>> {
     part::parts_of(suite, groups, study.sample_period_s)
 }
 
-/// Divides parts of a suite into rounds that are flown together; beside fitted twins each part is flown alone.
-pub(crate) fn rounds(
-    (study, suite, scenario): (&Study, &Suite, Scenario),
-    parts: &[Vec<usize>],
-    wanted: &BTreeSet<usize>,
-) -> Vec<Vec<usize>> {
-    if suite.is_fitted || scenario.plants() == Plants::Pool {
-        return wanted.iter().map(|&part| vec![part]).collect();
-    }
-    let twin = |number: usize| match suite.is_unseen {
-        true => number,
-        false => plan::run(study, suite, number).environment,
-    };
-    part::rounds(parts, wanted, (suite.longest_s() / study.sample_period_s, twin))
-}
-
-/// Flies runs of a suite in a scenario, given by their numbers and watched by some diagnoses. `progress` takes the number of
-/// runs that have ended.
+/// Flies runs of a suite in a scenario, given by their numbers and watched by some diagnoses.
 ///
 /// # Errors
 /// A command cannot be flown, a twin cannot be simulated, or the run was cancelled.
-pub fn fly(
+pub(crate) fn fly(
     (study, suite, scenario): (&Study, &Suite, Scenario),
     watching: &[Watching],
     numbers: &[usize],
     workers: Workers,
-    progress: &(dyn Fn(usize) + Sync),
-) -> Result<Flown, CampaignError> {
-    let mut calibration = None;
-    let outcomes = if suite.is_unseen {
-        unseen_faults::fly((study, suite, scenario), watching, numbers, workers, progress)?
+    ended: Ended,
+) -> Result<(), CampaignError> {
+    if suite.is_unseen {
+        unseen_faults::fly((study, suite, scenario), watching, numbers, workers, ended)?;
     } else {
         let runs: Vec<Run> = numbers.iter().map(|&n| plan::run(study, suite, n)).collect();
         if suite.is_closed_loop {
             // The twin of a lane is recorded before any plant flies, but a reaction changes the twin, too.
             let diagnoser = watching[0].session.diagnoser();
-            effects::fly((study, suite, scenario), diagnoser, &runs, workers)?
+            let flown = effects::fly((study, suite, scenario), diagnoser, &runs, workers)?;
+            for (number, outcome) in numbers.iter().zip(flown) {
+                ended(*number, Flown { outcomes: vec![outcome], calibration: None });
+            }
         } else {
             let others = OtherPlants::of(study, suite)?;
             let runner = Runner::new(study, suite, (scenario, others.as_ref()), runs, workers)?;
-            calibration = runner.calibration;
             let truth = |run: &Run| Truth::planned(study, run);
-            watch(&runner, watching, &truth, &|_| None, |_, _| (), progress)
+            watch(&runner, watching, &truth, &|_| None, |_, _| (), ended);
         }
-    };
-    match workers.is_cancelled() {
-        true => Err(CampaignError::Cancelled),
-        false => Ok(Flown { outcomes, calibration }),
     }
+    if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(()) }
 }
 
 /// Flies runs, each watched by some diagnoses. `truth` says what is right in a run, `touched` changes what the diagnoses
-/// receive, `alter` changes the plant; `progress` takes the number of runs that have ended. Returns one outcome for each
-/// run and diagnosis, by run.
+/// receive, `alter` changes the plant.
 pub(super) fn watch<'f>(
     flown: &'f Runner,
     watching: &[Watching],
     truth: &(impl Fn(&Run) -> Truth + Sync),
     touched: &(impl Fn(&Run) -> Option<Touched> + Sync),
     alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
-    progress: &(dyn Fn(usize) + Sync),
-) -> Vec<RunOutcome> {
-    let mut outcomes: Vec<RunOutcome> = vec![];
-    let mut ended = 0;
+    ended: Ended,
+) {
     flown.fly_altered(
         alter,
         |run| FlightWatch::new(watching, truth(run), touched(run), flown.period_s()),
-        |_, watch, outcome| {
-            outcomes.extend(watch.into_outcomes(outcome.is_ok()));
-            ended += 1;
-            progress(ended);
+        |run, watch, outcome| {
+            let outcomes = watch.into_outcomes(outcome.is_ok());
+            ended(run.number, Flown { outcomes, calibration: flown.calibration });
         },
     );
-    // The diagnoses of a run keep their order.
-    outcomes.sort_by_key(|outcome| outcome.number);
-    outcomes
 }
 
 /// A flight with its diagnoses.

@@ -2,7 +2,7 @@
 
 use super::outcomes::{self, Basis, FlownSuite, SuiteSize};
 use super::sealed::{Opening, OpeningRecord, Openings, SealedSubject};
-use super::{Folder, JobError, held_out, pools};
+use super::{Crew, Folder, Job, JobError, held_out, pools};
 use crate::evaluation::model_file;
 use crate::files::create_folder;
 use crate::flight::boundaries::boundaries;
@@ -14,7 +14,7 @@ use crate::manifest::sha256_of_text;
 use crate::measure;
 use crate::measure::flights::{FlightGroup, FlightMetrics};
 use crate::measure::outcome::RunOutcome;
-use crate::parallel::Workers;
+use crate::run::compute::compute;
 use crate::study::flights::Limits;
 use crate::study::suites::{
     HARD_NEGATIVES, HEALTHY, HEALTHY_OTHER_STRUCTURE, JUDGE, LEARN, OTHER_STRUCTURE,
@@ -152,14 +152,6 @@ pub struct SealedResults {
     pub results: FlightResults,
 }
 
-/// The resources of a stage: threads, and a receiver of progress.
-pub struct Crew<'c> {
-    /// The threads, and their cancellation.
-    pub workers: Workers<'c>,
-    /// Receives the task at hand, and the share of all work that is done, from 0 to 1.
-    pub progress: &'c (dyn Fn(&str, f64) + Sync),
-}
-
 /// The scenarios in which a study can fly; the twins of tests on the ground are fitted.
 pub fn scenarios(study: &Study) -> Vec<Scenario> {
     let possible = |scenario: &Scenario| !scenario.has_noise() || study.realism.is_some();
@@ -171,99 +163,187 @@ pub(super) fn flights(study: &Study) -> Result<&Flights, JobError> {
     study.flights.as_ref().ok_or(JobError::NoFlights)
 }
 
-/// Trains the diagnoser of a scenario in flights and writes it. Held-out healthy flights set the margin of a shutdown.
-///
-/// # Errors
-/// A twin cannot be simulated; training fails; the diagnoser is unsafe in health; the file cannot be written.
-pub fn learn(
-    folder: &Folder,
-    study: &Study,
-    scenario: Scenario,
-    crew: &Crew,
-) -> Result<Diagnoser, JobError> {
-    let (pools, workers) = (pools(study), crew.workers);
-    let design = design(folder, study, scenario, workers)?;
-    let mut taken = TrainingWindows::default();
-    let taught = |taken: &mut TrainingWindows, name: &str, bands, [from, to]: [f64; 2]| {
-        let Some(suite) = study.suite(name) else { return Ok(()) };
-        let flights = TrainingFlights::new(folder.path(), &design, suite, bands);
-        let share =
-            |share: f64| (crew.progress)("flights to learn from", from + (to - from) * share);
-        let told = |done: usize, all: usize| share(done as f64 / all as f64);
-        flights.fly(&flights.files.all(), workers, &told)?;
-        flights.add_to(taken)
-    };
-    taught(&mut taken, LEARN, vec![], [0.0, 0.5])?;
-    if let Some(bands) = taken.bands(&design, &pools) {
-        taught(&mut taken, HARD_NEGATIVES, bands, [0.5, 0.7])?;
-    }
-    (crew.progress)("training", 0.7);
-    let tables = training_windows::tables(&design, &taken, workers)?;
-    let environment = train::environment(study)?;
-    let trained = train::diagnoser(&design, tables, &pools, workers)?;
-    let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
-    let diagnoser = Diagnoser { boundaries, environment, ..trained };
-    let diagnoser = held_out::with_margin(study, scenario, diagnoser, workers)?;
-    model_file::write(folder.left_out(scenario), taken.left_out())?;
-    model_file::write_model(folder.diagnoser(scenario), &diagnoser)?;
-    Ok(diagnoser)
-}
-
-/// Flies some parts of a suite to learn from, which [`learn`] reads.
-///
-/// # Errors
-/// As [`learn`]; [`CampaignError::Unfinished`] for [`HARD_NEGATIVES`] before all flights of [`LEARN`].
-pub(super) fn fly_to_learn(
-    folder: &Folder,
-    study: &Study,
-    (suite, scenario): (&Suite, Scenario),
-    parts: &[usize],
-    crew: &Crew,
-) -> Result<(), JobError> {
-    let design = design(folder, study, scenario, crew.workers)?;
-    let mut bands = vec![];
-    if suite.name == HARD_NEGATIVES {
-        match learned_bands(folder, &design)? {
-            Some(learned) => bands = learned,
-            None => return Ok(()),
-        }
-    }
-    let what = format!("{}: suite {}", scenario.name(), suite.name);
-    let flights = TrainingFlights::new(folder.path(), &design, suite, bands);
-    let told = |done, all| (crew.progress)(&what, done as f64 / all as f64);
-    Ok(flights.fly(parts, crew.workers, &told)?)
-}
-
-/// The bands of all flights of [`LEARN`], kept in a file for the parts of [`HARD_NEGATIVES`]; `None` for too few windows.
-pub(super) fn learned_bands(
-    folder: &Folder,
-    design: &WindowDesign,
-) -> Result<Option<Vec<Vec<f64>>>, JobError> {
-    let (study, path) = (design.study, folder.bands(design.scenario));
-    let Some(suite) = study.suite(LEARN) else { return Ok(None) };
-    known(&path, study, || {
+impl Job<'_> {
+    /// Trains the diagnoser of a scenario in flights and writes it. Held-out healthy flights set the margin of a shutdown.
+    ///
+    /// # Errors
+    /// A twin cannot be simulated; training fails; the diagnoser is unsafe in health; the file cannot be written.
+    pub fn learn(&self, scenario: Scenario) -> Result<Diagnoser, JobError> {
+        let Job { study, folder, crew: Crew { workers, .. }, .. } = *self;
+        let (pools, design) = (pools(study), self.design(scenario)?);
         let mut taken = TrainingWindows::default();
-        TrainingFlights::new(folder.path(), design, suite, vec![]).add_to(&mut taken)?;
-        Ok(taken.bands(design, &pools(study)))
-    })
-}
+        let taught = |taken: &mut TrainingWindows, name: &str, bands, [from, to]: [f64; 2]| {
+            let Some(suite) = study.suite(name) else { return Ok(()) };
+            let flights = TrainingFlights::new(folder.path(), &design, suite, bands, workers);
+            let told = |done: usize, all: usize| {
+                let share = from + (to - from) * done as f64 / all.max(1) as f64;
+                self.tell("flights to learn from", share);
+            };
+            compute(&flights, &flights.files.all(), workers, &told)?;
+            flights.add_to(taken)
+        };
+        taught(&mut taken, LEARN, vec![], [0.0, 0.5])?;
+        if let Some(bands) = taken.bands(&design, &pools) {
+            taught(&mut taken, HARD_NEGATIVES, bands, [0.5, 0.7])?;
+        }
+        self.tell("training", 0.7);
+        let tables = training_windows::tables(&design, &taken, workers)?;
+        let environment = train::environment(study)?;
+        let trained = train::diagnoser(&design, tables, &pools, workers)?;
+        let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
+        let diagnoser = Diagnoser { boundaries, environment, ..trained };
+        let diagnoser = held_out::with_margin(study, scenario, diagnoser, workers)?;
+        model_file::write(folder.left_out(scenario), taken.left_out())?;
+        model_file::write_model(folder.diagnoser(scenario), &diagnoser)?;
+        Ok(diagnoser)
+    }
 
-/// The windows of a scenario's diagnosis, with the spreads of healthy flights.
-///
-/// # Errors
-/// The study has no flights, or a twin cannot be simulated.
-pub(super) fn design<'s>(
-    folder: &Folder,
-    study: &'s Study,
-    scenario: Scenario,
-    workers: Workers,
-) -> Result<WindowDesign<'s>, JobError> {
-    let flights = flights(study)?;
-    let spreads = known(&folder.spreads(scenario), study, || {
-        let flights = (study, flights);
-        Ok(spreads::learn(flights, scenario, &pools(study), workers)?.spreads)
-    })?;
-    Ok(WindowDesign { study, flights, scenario, spreads })
+    /// Flies some parts of a suite to learn from, which [`Job::learn`] reads.
+    ///
+    /// # Errors
+    /// As [`Job::learn`]; [`CampaignError::Unfinished`] for [`HARD_NEGATIVES`] before all flights of [`LEARN`].
+    pub(super) fn fly_to_learn(
+        &self,
+        (suite, scenario): (&Suite, Scenario),
+        parts: &[usize],
+    ) -> Result<(), JobError> {
+        let design = self.design(scenario)?;
+        let mut bands = vec![];
+        if suite.name == HARD_NEGATIVES {
+            match self.learned_bands(&design)? {
+                Some(learned) => bands = learned,
+                None => return Ok(()),
+            }
+        }
+        let what = format!("{}: suite {}", scenario.name(), suite.name);
+        let workers = self.crew.workers;
+        let flights = TrainingFlights::new(self.folder.path(), &design, suite, bands, workers);
+        let told = |done, all: usize| self.tell(&what, done as f64 / all.max(1) as f64);
+        compute(&flights, parts, workers, &told)?;
+        Ok(())
+    }
+
+    /// The bands of all flights of [`LEARN`], kept in a file for the parts of [`HARD_NEGATIVES`]; `None` for too few windows.
+    pub(super) fn learned_bands(
+        &self,
+        design: &WindowDesign,
+    ) -> Result<Option<Vec<Vec<f64>>>, JobError> {
+        let Job { study, folder, crew: Crew { workers, .. }, .. } = *self;
+        let Some(suite) = study.suite(LEARN) else { return Ok(None) };
+        known(&folder.bands(design.scenario), study, || {
+            let mut taken = TrainingWindows::default();
+            TrainingFlights::new(folder.path(), design, suite, vec![], workers)
+                .add_to(&mut taken)?;
+            Ok(taken.bands(design, &pools(study)))
+        })
+    }
+
+    /// The windows of a scenario's diagnosis, with the spreads of healthy flights.
+    ///
+    /// # Errors
+    /// The study has no flights, or a twin cannot be simulated.
+    pub(super) fn design(&self, scenario: Scenario) -> Result<WindowDesign<'_>, JobError> {
+        let Job { study, folder, crew, .. } = *self;
+        let flights = flights(study)?;
+        let spreads = known(&folder.spreads(scenario), study, || {
+            let flights = (study, flights);
+            Ok(spreads::learn(flights, scenario, &pools(study), crew.workers)?.spreads)
+        })?;
+        Ok(WindowDesign { study, flights, scenario, spreads })
+    }
+
+    /// Trains in some of [`scenarios`], flies every suite that is not flown on request alone, and writes the results after
+    /// each scenario.
+    ///
+    /// # Errors
+    /// As [`Job::learn`] and [`Job::fly_suites`].
+    pub fn fly_all(&self, scenarios: &[Scenario]) -> Result<FlightResults, JobError> {
+        let suites: Vec<&Suite> = self.study.suites().filter(|suite| is_usual(suite)).collect();
+        for (place, &scenario) in scenarios.iter().enumerate() {
+            let part = |share: f64| (place as f64 + share) / scenarios.len() as f64;
+            let learning = |what: &str, share: f64| {
+                self.tell(&format!("{}: {what}", scenario.name()), part(0.4 * share));
+            };
+            self.told(&learning).learn(scenario)?;
+            let flying = |what: &str, share: f64| self.tell(what, part(0.4 + 0.6 * share));
+            self.told(&flying).fly_suites(&suites, &[scenario])?;
+        }
+        self.count()
+    }
+
+    /// Flies suites in those of the scenarios that they have, with the stored diagnosers, and writes the results.
+    ///
+    /// # Errors
+    /// As [`Job::fly`]; the results cannot be written.
+    pub fn fly_suites(
+        &self,
+        suites: &[&Suite],
+        scenarios: &[Scenario],
+    ) -> Result<FlightResults, JobError> {
+        let flown = suites.iter().flat_map(|suite| {
+            let own = scenarios.iter().filter(|&&scenario| suite.is_flown_in(scenario));
+            own.map(move |scenario| (*suite, *scenario))
+        });
+        let flown: Vec<(&Suite, Scenario)> = flown.collect();
+        for (place, &(suite, scenario)) in flown.iter().enumerate() {
+            let part = |share: f64| (place as f64 + share) / flown.len() as f64;
+            self.told(&|what, share| self.tell(what, part(share))).fly(suite, scenario)?;
+        }
+        self.count()
+    }
+
+    /// Counts the outcomes in the folder and writes the results.
+    ///
+    /// # Errors
+    /// A file cannot be read or written.
+    fn count(&self) -> Result<FlightResults, JobError> {
+        let counted = FlightResults::count(self.folder, self.study, "")?;
+        model_file::write(self.folder.flights(), &counted)?;
+        Ok(counted)
+    }
+
+    /// Judges the stored diagnosers of some scenarios in sealed environments, and writes the results. Nothing is learned.
+    ///
+    /// The opening is recorded after everything that can be checked before, and before the first flight.
+    ///
+    /// # Errors
+    /// A diagnoser is missing or the study has no flights, before the opening; the record or the results cannot be written;
+    /// a twin cannot be simulated.
+    pub fn fly_sealed(
+        &self,
+        scenarios: &[Scenario],
+        record: &OpeningRecord,
+    ) -> Result<SealedResults, JobError> {
+        let Job { study, folder, .. } = *self;
+        flights(study)?;
+        scenarios.iter().try_for_each(|&scenario| diagnoser(folder, scenario).map(drop))?;
+        let hash = |&scenario: &Scenario| Ok(Basis::of(folder, study, scenario)?.diagnoser_sha256);
+        let hashes = scenarios.iter().map(hash).collect::<Result<Vec<_>, JobError>>()?;
+        let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
+        let opening = record.open(&SealedSubject {
+            study: &study.name,
+            study_text: &study.text,
+            diagnoser_sha256: sha256_of_text(&hashes.join(" ")),
+            judged: names.join(" and "),
+        })?;
+        for suite in [JUDGE, UNSEEN].into_iter().filter_map(|name| study.suite(name)) {
+            let name = format!("{SEALED}{}", suite.name);
+            let mut suite = suite.clone().with_seed(opening.seed);
+            suite.name = name;
+            for &scenario in scenarios {
+                self.fly(&suite, scenario)?;
+            }
+        }
+        let results = FlightResults::count(folder, study, SEALED)?;
+        // Everything but the last line of the record counts as aborted, until the results are there.
+        let openings = record.count()?;
+        let without_result = openings.without_result.saturating_sub(1);
+        let openings = Openings { without_result, ..openings };
+        let sealed = SealedResults { opening, openings, results };
+        model_file::write(folder.sealed_flights(), &sealed)?;
+        record.close(&sealed.opening, &sealed.summary())?;
+        Ok(sealed)
+    }
 }
 
 /// What all parts of the flights to learn from need, with the hash of the study that it comes from.
@@ -296,119 +376,9 @@ fn left_out(folder: &Folder, scenario: Scenario) -> Result<LeftOut, JobError> {
     Ok(if path.exists() { model_file::read(path)? } else { LeftOut::default() })
 }
 
-/// Trains in some of [`scenarios`], flies every suite that is not flown on request alone, and writes the results after each
-/// scenario.
-///
-/// # Errors
-/// As [`learn`] and [`fly`].
-pub fn fly_all(
-    folder: &Folder,
-    study: &Study,
-    scenarios: &[Scenario],
-    crew: &Crew,
-) -> Result<FlightResults, JobError> {
-    let suites: Vec<&Suite> = study.suites().filter(|suite| is_usual(suite)).collect();
-    let mut counted = None;
-    for (place, &scenario) in scenarios.iter().enumerate() {
-        let part = |share: f64| (place as f64 + share) / scenarios.len() as f64;
-        let learning = |what: &str, share: f64| {
-            (crew.progress)(&format!("{}: {what}", scenario.name()), part(0.4 * share));
-        };
-        let learner = Crew { workers: crew.workers, progress: &learning };
-        learn(folder, study, scenario, &learner)?;
-        let part = |share: f64| part(0.4 + 0.6 * share);
-        counted = Some(fly(folder, study, &suites, &[scenario], (crew, &part))?);
-    }
-    match counted {
-        Some(counted) => Ok(counted),
-        None => count(folder, study),
-    }
-}
-
 /// Whether a suite is flown without being named.
 pub(super) fn is_usual(suite: &Suite) -> bool {
     suite.purpose == Purpose::Test && !suite.is_on_request
-}
-
-/// Flies suites in those of the scenarios that they have, with the stored diagnosers, and writes the results. `part` maps the
-/// share of this work to that of all work.
-///
-/// # Errors
-/// As `outcomes::fly`; the results cannot be written.
-pub fn fly(
-    folder: &Folder,
-    study: &Study,
-    suites: &[&Suite],
-    scenarios: &[Scenario],
-    (crew, part): (&Crew, &(dyn Fn(f64) -> f64 + Sync)),
-) -> Result<FlightResults, JobError> {
-    let jobs = suites.iter().flat_map(|suite| {
-        let own = scenarios.iter().filter(|&&scenario| suite.is_flown_in(scenario));
-        own.map(move |scenario| (*suite, *scenario))
-    });
-    let jobs: Vec<(&Suite, Scenario)> = jobs.collect();
-    for (place, &(suite, scenario)) in jobs.iter().enumerate() {
-        let progress = |what: &str, share: f64| {
-            (crew.progress)(what, part((place as f64 + share) / jobs.len() as f64));
-        };
-        let crew = Crew { workers: crew.workers, progress: &progress };
-        outcomes::fly(folder, study, suite, scenario, &crew)?;
-    }
-    count(folder, study)
-}
-
-/// Counts the outcomes in a folder and writes the results.
-///
-/// # Errors
-/// A file cannot be read or written.
-pub fn count(folder: &Folder, study: &Study) -> Result<FlightResults, JobError> {
-    let counted = FlightResults::count(folder, study, "")?;
-    model_file::write(folder.flights(), &counted)?;
-    Ok(counted)
-}
-
-/// Judges the stored diagnosers of some scenarios in sealed environments, and writes the results. Nothing is learned.
-///
-/// The opening is recorded after everything that can be checked before, and before the first flight.
-///
-/// # Errors
-/// A diagnoser is missing or the study has no flights, before the opening; the record or the results cannot be written;
-/// a twin cannot be simulated.
-pub fn fly_sealed(
-    folder: &Folder,
-    study: &Study,
-    scenarios: &[Scenario],
-    record: &OpeningRecord,
-    crew: &Crew,
-) -> Result<SealedResults, JobError> {
-    flights(study)?;
-    scenarios.iter().try_for_each(|&scenario| diagnoser(folder, scenario).map(drop))?;
-    let hash = |&scenario: &Scenario| Ok(Basis::of(folder, study, scenario)?.diagnoser_sha256);
-    let hashes = scenarios.iter().map(hash).collect::<Result<Vec<_>, JobError>>()?;
-    let names: Vec<&str> = scenarios.iter().map(|scenario| scenario.name()).collect();
-    let opening = record.open(&SealedSubject {
-        study: &study.name,
-        study_text: &study.text,
-        diagnoser_sha256: sha256_of_text(&hashes.join(" ")),
-        judged: names.join(" and "),
-    })?;
-    for suite in [JUDGE, UNSEEN].into_iter().filter_map(|name| study.suite(name)) {
-        let name = format!("{SEALED}{}", suite.name);
-        let mut suite = suite.clone().with_seed(opening.seed);
-        suite.name = name;
-        for &scenario in scenarios {
-            outcomes::fly(folder, study, &suite, scenario, crew)?;
-        }
-    }
-    let results = FlightResults::count(folder, study, SEALED)?;
-    // Everything but the last line of the record counts as aborted, until the results are there.
-    let openings = record.count()?;
-    let without_result = openings.without_result.saturating_sub(1);
-    let openings = Openings { without_result, ..openings };
-    let sealed = SealedResults { opening, openings, results };
-    model_file::write(folder.sealed_flights(), &sealed)?;
-    record.close(&sealed.opening, &sealed.summary())?;
-    Ok(sealed)
 }
 
 /// Reads the results in sealed environments; `None` if none were opened in this folder.

@@ -4,9 +4,10 @@
 
 use super::JobError;
 use super::outcomes::watching;
-use crate::flight::watched;
+use crate::flight::watched::{self, Flown};
 use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
+use crate::run::part;
 use crate::study::suites::{HARD_NEGATIVES, HELD_OUT, LEARN};
 use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, ShutdownMargin};
@@ -106,13 +107,13 @@ fn fly(
     diagnoser: Diagnoser,
     workers: Workers,
 ) -> Result<Vec<RunOutcome>, JobError> {
-    let watching = watching(suite, &Arc::new(diagnoser));
-    let watching = watching.map_err(|error| JobError::Evaluation(error.into()))?;
+    let watching = watching(suite, &Arc::new(diagnoser))?;
     let (place, parts) = ((study, suite, scenario), watched::parts(study, suite));
     let mut outcomes = vec![];
-    for round in watched::rounds(place, &parts, &(0..parts.len()).collect()) {
+    for round in part::rounds(place, &parts, &(0..parts.len()).collect()) {
         let numbers: Vec<usize> = round.iter().flat_map(|&part| parts[part].clone()).collect();
-        outcomes.extend(watched::fly(place, &watching, &numbers, workers, &|_| ())?.outcomes);
+        let mut ended = |_, flown: Flown| outcomes.extend(flown.outcomes);
+        watched::fly(place, &watching, &numbers, workers, &mut ended)?;
     }
     Ok(outcomes)
 }

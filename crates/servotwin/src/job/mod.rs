@@ -3,6 +3,9 @@
 //! Every stage reads the files of the previous stages from the output folder (`folder`), so that a user can
 //! change one thing and repeat the rest. A [`Subject`] of the diagnosis is a data set, with or
 //! without the extra sensor.
+//!
+//! All work is done by a [`Job`]: a study, its output folder, and a [`Crew`]. What it computes of a suite is divided into
+//! [`tasks`], for one machine or many; `run` is the order in which one machine does all of them.
 
 pub mod data_card;
 mod error;
@@ -26,18 +29,79 @@ pub use results::Results;
 pub use run::{RunStudy, StudyEvent, StudyResults, StudyRun};
 pub use subject::Subject;
 
-use crate::campaign::{Campaign, data_features};
+use crate::campaign::{Campaign, CampaignError, data_features};
 use crate::evaluation::flips::Moving;
 use crate::evaluation::{self, Context, DataSet, model_file};
 use crate::flight::train;
 use crate::parallel::{self, Workers};
-use crate::study::{Purpose, Study};
+use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table;
 use results::SubjectResult;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::panel::Panel;
 use servotwin_diagnosis::residual::Window;
 use std::sync::{Mutex, PoisonError};
+
+/// The resources of some work: threads, and a receiver of progress.
+#[derive(Clone, Copy)]
+pub struct Crew<'c> {
+    /// The threads, and their cancellation.
+    pub workers: Workers<'c>,
+    /// Receives the task at hand, and the share of all work that is done, from 0 to 1. It is called from several threads.
+    pub progress: &'c (dyn Fn(&str, f64) + Sync),
+}
+
+impl<'c> Crew<'c> {
+    /// Threads whose progress nobody looks at.
+    pub fn quiet(workers: Workers<'c>) -> Self {
+        Crew { workers, progress: &|_, _| () }
+    }
+}
+
+/// A study, the folder of its results, and who works on it.
+#[derive(Clone, Copy)]
+pub struct Job<'j> {
+    /// The study.
+    pub study: &'j Study,
+    /// Suites that stand in for those of the study.
+    pub changed: &'j [Suite],
+    /// The output folder.
+    pub folder: &'j Folder,
+    /// The threads, and who looks at the progress.
+    pub crew: Crew<'j>,
+    /// Whether to store the time series of records as well.
+    pub keep_traces: bool,
+}
+
+impl<'j> Job<'j> {
+    /// The suites of a study as it declares them, with all processors.
+    pub fn new(study: &'j Study, folder: &'j Folder) -> Self {
+        let crew = Crew::quiet(Workers::all());
+        Job { study, changed: &[], folder, crew, keep_traces: false }
+    }
+
+    /// The same job, whose progress another receives.
+    fn told<'t>(&self, progress: &'t (dyn Fn(&str, f64) + Sync)) -> Job<'t>
+    where
+        'j: 't,
+    {
+        Job { crew: Crew { progress, ..self.crew }, ..*self }
+    }
+
+    fn tell(&self, what: &str, share: f64) {
+        (self.crew.progress)(what, share);
+    }
+
+    fn check(&self) -> Result<(), JobError> {
+        if self.crew.workers.is_cancelled() { Err(CampaignError::Cancelled.into()) } else { Ok(()) }
+    }
+
+    /// The records of a purpose in scenarios with the same plants.
+    fn campaign(&self, purpose: Purpose, scenarios: Vec<Scenario>) -> Campaign<'j> {
+        let campaign = Campaign::new(self.folder.path(), self.study, scenarios, purpose);
+        Campaign { workers: self.crew.workers, keep_traces: self.keep_traces, ..campaign }
+    }
+}
 
 /// How windows are perturbed within their uncertainty.
 #[derive(Clone, Copy)]
@@ -163,46 +227,39 @@ impl Prepared {
     }
 }
 
-/// Trains and evaluates some subjects, and writes the models. Subjects are processed in parallel, because much of the work
-/// on one of them uses a single thread. `progress` receives the task at hand and the share that is done, from 0 to 1.
-///
-/// # Errors
-/// A file is missing or cannot be read or written; training or evaluation fails.
-pub(crate) fn train_and_evaluate(
-    folder: &Folder,
-    study: &Study,
-    subjects: &[Subject],
-    workers: Workers,
-    progress: &(dyn Fn(&str, f64) + Sync),
-) -> Result<Vec<SubjectResult>, JobError> {
-    let shares = Mutex::new(vec![0.0; subjects.len()]);
-    let numbered: Vec<(usize, Subject)> = subjects.iter().copied().enumerate().collect();
-    let evaluated = parallel::map(&numbered, workers, |&(place, subject)| {
-        let told = |what: &str, share: f64| {
-            let mut shares = shares.lock().unwrap_or_else(PoisonError::into_inner);
-            shares[place] = share;
-            let done = shares.iter().sum::<f64>() / (shares.len() as f64 + 0.2);
-            progress(&format!("{}: {what}", subject.name()), done);
-        };
-        let prepared = Prepared::read(folder, study, subject, workers)?;
-        let trained = prepared.train(folder, study, workers)?;
-        prepared.evaluate(study, &trained, workers, &told).inspect(|_| told("done", 1.0))
-    });
-    evaluated?.into_iter().collect()
-}
+impl Job<'_> {
+    /// Trains and evaluates some subjects, and writes the models. Subjects are processed in parallel, because much of the
+    /// work on one of them uses a single thread.
+    ///
+    /// # Errors
+    /// A file is missing or cannot be read or written; training or evaluation fails.
+    fn train_and_evaluate(&self, subjects: &[Subject]) -> Result<Vec<SubjectResult>, JobError> {
+        let Job { study, folder, crew: Crew { workers, .. }, .. } = *self;
+        let shares = Mutex::new(vec![0.0; subjects.len()]);
+        let numbered: Vec<(usize, Subject)> = subjects.iter().copied().enumerate().collect();
+        let evaluated = parallel::map(&numbered, workers, |&(place, subject)| {
+            let told = |what: &str, share: f64| {
+                let mut shares = shares.lock().unwrap_or_else(PoisonError::into_inner);
+                shares[place] = share;
+                let done = shares.iter().sum::<f64>() / (shares.len() as f64 + 0.2);
+                self.tell(&format!("{}: {what}", subject.name()), done);
+            };
+            let prepared = Prepared::read(folder, study, subject, workers)?;
+            let trained = prepared.train(folder, study, workers)?;
+            prepared.evaluate(study, &trained, workers, &told).inspect(|_| told("done", 1.0))
+        });
+        evaluated?.into_iter().collect()
+    }
 
-/// Writes the results of some subjects.
-///
-/// # Errors
-/// The file cannot be written.
-fn write_results(
-    folder: &Folder,
-    study: &Study,
-    subjects: Vec<SubjectResult>,
-) -> Result<Results, JobError> {
-    let results = Results::new(study, subjects);
-    model_file::write(folder.results(), &results)?;
-    Ok(results)
+    /// Writes the results of some subjects.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    fn write_results(&self, subjects: Vec<SubjectResult>) -> Result<Results, JobError> {
+        let results = Results::new(self.study, subjects);
+        model_file::write(self.folder.results(), &results)?;
+        Ok(results)
+    }
 }
 
 /// Reads the windows of all rows of a data set, in their order. Without training commands there is no perturbation and

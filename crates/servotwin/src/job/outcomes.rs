@@ -1,25 +1,25 @@
 //! The outcomes of a suite in a scenario: flown in parts, and joined to a table. An interrupted suite goes on with the parts
 //! that are missing.
 
-use super::flights::{Crew, diagnoser};
-use super::{Folder, JobError};
-use crate::files::create_folder;
-use crate::flight::watched::{self, Watching};
+use super::flights::diagnoser;
+use super::{Folder, Job, JobError};
+use crate::flight::watched::{self, Flown, Watching};
 use crate::manifest::{sha256, sha256_of_text};
 use crate::measure::flights::HealthyMetrics;
 use crate::measure::outcome::{self, RunOutcome};
 use crate::parallel::Workers;
+use crate::run::compute::{Kept, Round, Take, compute};
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::part::{self, PartFiles};
-use crate::run::{CampaignError, RunName, plan};
+use crate::run::{CampaignError, RunName};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table::{self, Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
-use servotwin_diagnosis::error::Error;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::slice::from_ref;
 use std::sync::Arc;
 
 /// The numbers of runs of a suite.
@@ -187,14 +187,6 @@ impl FlownSuite {
             outcomes: outcome::from_table(rows)?,
         })
     }
-
-    /// Takes what became of other runs.
-    fn take(&mut self, outcomes: Vec<RunOutcome>, calibration: Option<CalibrationRecords>) {
-        self.outcomes.extend(outcomes);
-        if let Some(more) = calibration {
-            self.calibration.get_or_insert_default().add(more);
-        }
-    }
 }
 
 /// What determines the runs of a suite beside the study file: more environments only add runs to a suite in which each is
@@ -214,9 +206,13 @@ fn in_words(suite: &Suite) -> String {
 /// The diagnoses that watch a suite: one, or one without each sensor.
 ///
 /// # Errors
-/// As [`Session::new`].
-pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watching>, Error> {
-    let session = Session::new(diagnoser.clone())?.at_rest();
+/// The diagnoser contradicts itself.
+pub(super) fn watching(
+    suite: &Suite,
+    diagnoser: &Arc<Diagnoser>,
+) -> Result<Vec<Watching>, JobError> {
+    let session = Session::new(diagnoser.clone());
+    let session = session.map_err(|error| JobError::Evaluation(error.into()))?.at_rest();
     let without = |missing| Watching { session: session.clone(), missing };
     Ok(match suite.misses_sensors {
         true => (0..diagnoser.sensors.len()).map(|sensor| without(Some(sensor))).collect(),
@@ -227,6 +223,7 @@ pub fn watching(suite: &Suite, diagnoser: &Arc<Diagnoser>) -> Result<Vec<Watchin
 /// A suite in a scenario that is flown with the stored diagnoser, part by part.
 struct FlownParts<'f> {
     place: (&'f Study, &'f Suite, Scenario),
+    workers: Workers<'f>,
     watching: Vec<Watching>,
     /// The suite without outcomes.
     empty: FlownSuite,
@@ -234,60 +231,27 @@ struct FlownParts<'f> {
 }
 
 impl<'f> FlownParts<'f> {
-    fn new(
-        folder: &Folder,
-        study: &'f Study,
-        suite: &'f Suite,
-        scenario: Scenario,
-    ) -> Result<Self, JobError> {
-        let model = Arc::new(diagnoser(folder, scenario)?);
-        let watching = watching(suite, &model);
+    fn new(job: &Job<'f>, suite: &'f Suite, scenario: Scenario) -> Result<Self, JobError> {
+        let Job { study, folder, .. } = *job;
         let empty = FlownSuite::new(folder, study, suite, scenario)?;
         let mut mark = part::model_mark(study);
         empty.origin().into_iter().for_each(|(key, value)| _ = mark.add(key).add(&value));
-        create_folder(folder.parts())?;
+        let (stem, parts) = (stem(suite, scenario), watched::parts(study, suite));
         Ok(FlownParts {
             place: (study, suite, scenario),
-            watching: watching.map_err(|error| JobError::Evaluation(error.into()))?,
+            workers: job.crew.workers,
+            watching: watching(suite, &Arc::new(diagnoser(folder, scenario)?))?,
             empty,
-            files: PartFiles::new(
-                folder.path(),
-                stem(suite, scenario),
-                mark,
-                watched::parts(study, suite),
-            ),
+            files: PartFiles::new(folder.path(), stem, mark, parts),
         })
     }
 
     /// Flies some parts whose files are absent or unusable.
-    fn fly(&self, parts: &[usize], crew: &Crew) -> Result<(), JobError> {
+    fn fly(&self, parts: &[usize], job: &Job) -> Result<(), JobError> {
         let (_, suite, scenario) = self.place;
         let what = format!("{}: suite {}", scenario.name(), suite.name);
-        let missing = self.files.missing(parts.iter().copied());
-        let all = self.files.runs_of(parts);
-        let mut done = all - self.files.runs_of(&missing);
-        let told = |ended: usize| (crew.progress)(&what, ended as f64 / all.max(1) as f64);
-        told(done);
-        for round in watched::rounds(self.place, &self.files.parts, &missing) {
-            let numbers = || round.iter().flat_map(|&part| &self.files.parts[part]);
-            let (list, workers): (Vec<usize>, _) = (numbers().copied().collect(), crew.workers);
-            let flown =
-                watched::fly(self.place, &self.watching, &list, workers, &|n| told(done + n))?;
-            let part_of = round.iter().flat_map(|&part| {
-                self.files.parts[part].iter().map(move |&number| (number as u64, part))
-            });
-            let part_of: BTreeMap<u64, usize> = part_of.collect();
-            let mut rows: BTreeMap<usize, Vec<RunOutcome>> = BTreeMap::new();
-            for outcome in flown.outcomes {
-                rows.entry(part_of[&outcome.number]).or_default().push(outcome);
-            }
-            for &part in &round {
-                let mut own = self.empty.clone();
-                own.take(rows.remove(&part).unwrap_or_default(), flown.calibration);
-                self.files.write(part, own.to_table()).map_err(CampaignError::from)?;
-            }
-            done += list.len();
-        }
+        let told = |done, all: usize| job.tell(&what, done as f64 / all.max(1) as f64);
+        compute(self, parts, self.workers, &told)?;
         Ok(())
     }
 
@@ -297,11 +261,42 @@ impl<'f> FlownParts<'f> {
         for part in 0..self.files.parts.len() {
             if let Some(table) = self.files.read(part)? {
                 let own = FlownSuite::from_table(&table).map_err(CampaignError::from)?;
-                all.take(own.outcomes, own.calibration);
+                all.outcomes.extend(own.outcomes);
+                if let Some(more) = own.calibration {
+                    all.calibration.get_or_insert_default().add(more);
+                }
             }
         }
         all.outcomes.sort_by_key(|outcome| outcome.number);
         Ok(all)
+    }
+}
+
+impl Kept for FlownParts<'_> {
+    type Row = Flown;
+
+    fn place(&self) -> (&Study, &Suite, Scenario) {
+        self.place
+    }
+
+    fn files(&self) -> &[PartFiles] {
+        from_ref(&self.files)
+    }
+
+    fn fly(&self, round: &Round, take: Take<Flown>) -> Result<(), CampaignError> {
+        let numbers: Vec<usize> = round.numbers().collect();
+        let mut ended = |number, flown| take(0, number, flown);
+        watched::fly(self.place, &self.watching, &numbers, self.workers, &mut ended)
+    }
+
+    fn table(&self, rows: BTreeMap<usize, Flown>) -> Result<Table, TableError> {
+        let mut part = self.empty.clone();
+        for flown in rows.into_values() {
+            // All runs of a part share their calibration flights.
+            part.calibration = flown.calibration;
+            part.outcomes.extend(flown.outcomes);
+        }
+        Ok(part.to_table())
     }
 }
 
@@ -310,65 +305,56 @@ pub(super) fn stem(suite: &Suite, scenario: Scenario) -> String {
     format!("outcomes-{}-{}", suite.name, scenario.name())
 }
 
-/// Flies the missing parts of a suite in a scenario with the stored diagnoser, and writes the outcomes of all. Nothing is
-/// learned.
-///
-/// # Errors
-/// The diagnoser is missing; a twin cannot be simulated; a file cannot be read or written.
-pub fn fly(
-    folder: &Folder,
-    study: &Study,
-    suite: &Suite,
-    scenario: Scenario,
-    crew: &Crew,
-) -> Result<FlownSuite, JobError> {
-    let parts = FlownParts::new(folder, study, suite, scenario)?;
-    parts.fly(&parts.files.all(), crew)?;
-    let joined = parts.joined()?;
-    let path = folder.outcomes(&suite.name, scenario.name());
-    if read(&path).ok().flatten().as_ref() != Some(&joined) {
-        joined.write(&path)?;
+impl Job<'_> {
+    /// Flies the missing parts of a suite in a scenario with the stored diagnoser, and writes the outcomes of all. Nothing is
+    /// learned.
+    ///
+    /// # Errors
+    /// The diagnoser is missing; a twin cannot be simulated; a file cannot be read or written.
+    pub fn fly(&self, suite: &Suite, scenario: Scenario) -> Result<FlownSuite, JobError> {
+        let parts = FlownParts::new(self, suite, scenario)?;
+        parts.fly(&parts.files.all(), self)?;
+        let joined = parts.joined()?;
+        let path = self.folder.outcomes(&suite.name, scenario.name());
+        if read(&path).ok().flatten().as_ref() != Some(&joined) {
+            joined.write(&path)?;
+        }
+        Ok(joined)
     }
-    Ok(joined)
-}
 
-/// Flies some parts of a suite in a scenario with the stored diagnoser. [`fly`] joins all parts to the bytes of an undivided
-/// suite.
-///
-/// # Errors
-/// As [`fly`].
-pub(super) fn fly_parts(
-    folder: &Folder,
-    study: &Study,
-    (suite, scenario): (&Suite, Scenario),
-    parts: &[usize],
-    crew: &Crew,
-) -> Result<(), JobError> {
-    FlownParts::new(folder, study, suite, scenario)?.fly(parts, crew)
-}
-
-/// Flies one run of a suite for judging with the stored diagnoser, to the bit as among all others. Returns one outcome for
-/// each diagnosis.
-///
-/// # Errors
-/// [`JobError::NoRun`]; the diagnoser is missing; a twin cannot be simulated.
-pub fn fly_run(
-    folder: &Folder,
-    study: &Study,
-    name: &RunName,
-    workers: Workers,
-) -> Result<Vec<RunOutcome>, JobError> {
-    let none = || JobError::NoRun { name: name.to_string() };
-    let suite = study.suite(&name.suite).ok_or_else(none)?;
-    let is_known = suite.is_unseen || name.number < plan::count(study, suite);
-    if !is_known || suite.purpose != Purpose::Test {
-        return Err(none());
+    /// Flies some parts of a suite in a scenario with the stored diagnoser. [`Job::fly`] joins all parts to the bytes of an
+    /// undivided suite.
+    ///
+    /// # Errors
+    /// As [`Job::fly`].
+    pub(super) fn fly_parts(
+        &self,
+        (suite, scenario): (&Suite, Scenario),
+        parts: &[usize],
+    ) -> Result<(), JobError> {
+        FlownParts::new(self, suite, scenario)?.fly(parts, self)
     }
-    let model = Arc::new(diagnoser(folder, name.scenario)?);
-    let watching = watching(suite, &model).map_err(|error| JobError::Evaluation(error.into()))?;
-    let place = (study, suite, name.scenario);
-    let flown = watched::fly(place, &watching, &[name.number], workers, &|_| ())?;
-    if flown.outcomes.is_empty() { Err(none()) } else { Ok(flown.outcomes) }
+
+    /// Flies one run of a suite for judging with the stored diagnoser, to the bit as among all others. Returns one outcome
+    /// for each diagnosis.
+    ///
+    /// # Errors
+    /// [`JobError::NoRun`]; the diagnoser is missing; a twin cannot be simulated.
+    pub fn fly_run(&self, name: &RunName) -> Result<Vec<RunOutcome>, JobError> {
+        let none = || JobError::NoRun { name: name.to_string() };
+        let Job { study, folder, crew, .. } = *self;
+        let suite = study.suite(&name.suite).ok_or_else(none)?;
+        if suite.purpose != Purpose::Test
+            || !watched::parts(study, suite).iter().any(|part| part.contains(&name.number))
+        {
+            return Err(none());
+        }
+        let watching = watching(suite, &Arc::new(diagnoser(folder, name.scenario)?))?;
+        let (place, mut outcomes) = ((study, suite, name.scenario), vec![]);
+        let mut ended = |_, flown: Flown| outcomes.extend(flown.outcomes);
+        watched::fly(place, &watching, &[name.number], crew.workers, &mut ended)?;
+        Ok(outcomes)
+    }
 }
 
 /// Reads the healthy flights in environments of their own, in all scenarios.

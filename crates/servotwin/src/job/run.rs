@@ -9,14 +9,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use super::flights::{Crew, FlightResults};
+use super::flights::FlightResults;
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
-use super::results::SubjectResult;
-use super::{JobError, Results, Subject};
-use super::{data_card, flights, manifest, subjects, train_and_evaluate};
-use crate::campaign::{Campaign, CampaignError, CampaignOutcome};
-use crate::parallel::Workers;
+use super::{Job, JobError, Results, Subject, data_card, flights, manifest, subjects};
+use crate::campaign::{CampaignError, CampaignOutcome};
 use crate::study::{Purpose, Scenario, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -30,45 +27,8 @@ pub enum StudyEvent<'e> {
         /// The number of removed files.
         files: usize,
     },
-    /// A campaign has simulated some of its rows.
-    Rows {
-        /// The running campaign.
-        campaign: &'e Campaign<'e>,
-        /// The number of simulated rows.
-        done: usize,
-        /// The number of all rows.
-        all: usize,
-    },
-    /// A campaign has ended.
-    Simulated {
-        /// The finished campaign.
-        campaign: &'e Campaign<'e>,
-        /// What the campaign counted.
-        outcome: &'e CampaignOutcome,
-    },
-    /// A stage begins.
-    Began {
-        /// The number of the stage, from 1.
-        stage: usize,
-        /// The number of stages.
-        of: usize,
-    },
-    /// Flights are being simulated.
-    Flying {
-        /// The task at hand.
-        what: &'e str,
-        /// The share of all work that is done, from 0 to 1.
-        share: f64,
-    },
-    /// The flights are simulated and evaluated.
-    Flown(&'e FlightResults),
-    /// Trees and boosted trees are being trained and evaluated.
-    Evaluating {
-        /// The task at hand.
-        what: &'e str,
-        /// The share of all work that is done, from 0 to 1.
-        share: f64,
-    },
+    /// Records are simulated.
+    Simulated(&'e CampaignOutcome),
     /// The scenarios simulated so far are evaluated, and their results written.
     Evaluated {
         /// The results so far.
@@ -76,24 +36,22 @@ pub enum StudyEvent<'e> {
         /// The number of stages that follow.
         remaining: usize,
     },
+    /// The flights are simulated and evaluated.
+    Flown(&'e FlightResults),
 }
 
 /// Options of a study's run; see [`RunStudy::run`] for the usual way.
 pub struct StudyRun<'r> {
-    /// The study.
-    pub study: &'r Study,
-    /// The output folder.
-    pub folder: Folder,
+    /// The study, its output folder, and who works on it. Every task begins with the number of its stage among all.
+    pub job: Job<'r>,
     /// Whether to remove another study's results from the folder.
     pub replace: bool,
     /// Whether to simulate the fitted scenario, too.
     pub fitted: bool,
     /// The only scenario to simulate, beside those that the folder has.
     pub only: Option<Scenario>,
-    /// The threads, and their cancellation.
-    pub workers: Workers<'r>,
-    /// Called at every event, from several threads.
-    pub observer: &'r (dyn Fn(&StudyEvent) + Sync),
+    /// Called at every event.
+    pub observer: &'r dyn Fn(&StudyEvent),
 }
 
 /// The results of a study, in its output folder.
@@ -125,22 +83,14 @@ pub trait RunStudy {
 
 impl RunStudy for Study {
     fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError> {
-        StudyRun::new(self, out).run()
+        StudyRun::new(Job::new(self, &Folder::new(out.as_ref()))).run()
     }
 }
 
 impl<'r> StudyRun<'r> {
-    /// Runs with all processors, the usual scenarios and no observer.
-    pub fn new(study: &'r Study, out: impl AsRef<Path>) -> Self {
-        StudyRun {
-            study,
-            folder: Folder::new(out.as_ref()),
-            replace: false,
-            fitted: false,
-            only: None,
-            workers: Workers::all(),
-            observer: &|_| {},
-        }
+    /// Runs the usual scenarios without an observer.
+    pub fn new(job: Job<'r>) -> Self {
+        StudyRun { job, replace: false, fitted: false, only: None, observer: &|_| {} }
     }
 
     /// Runs every stage. Each group of scenarios is simulated and evaluated before the next, so that results appear
@@ -149,38 +99,39 @@ impl<'r> StudyRun<'r> {
     /// # Errors
     /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
-        let study = self.study;
+        let Job { study, folder, .. } = self.job;
         let named = self.only.or(self.fitted.then_some(Scenario::Fitted));
         if let Some(scenario) = named.filter(|scenario| !scenario.is_possible(study)) {
             return Err(CampaignError::no_section(scenario, study).into());
         }
-        let Kept { hold, dropped } = self.folder.keep_study(study, self.replace)?;
+        let Kept { hold, dropped } = folder.keep_study(study, self.replace)?;
         if dropped > 0 {
             (self.observer)(&StudyEvent::Removed { files: dropped });
         }
         // What was measured and cannot be read is told before anything is simulated.
-        let before = flights::results(&self.folder)?;
+        let before = flights::results(folder)?;
         let mut flown = flights::scenarios(study);
         flown.retain(|scenario| self.only.is_none_or(|only| only == *scenario));
         let flies = study.flights.is_some() && study.is_full && !flown.is_empty();
         let (evaluation, stages) = self.scenarios(usize::from(flies))?;
-        self.check()?;
+        self.job.check()?;
         let flights = if flies {
-            (self.observer)(&StudyEvent::Began { stage: stages, of: stages });
-            Some(self.fly(&flown)?)
+            let flights = self.stage([stages; 2], |job| job.fly_all(&flown))?;
+            (self.observer)(&StudyEvent::Flown(&flights));
+            Some(flights)
         } else {
             before
         };
-        self.check()?;
-        Ok(StudyResults { folder: self.folder.clone(), evaluation, flights, _hold: Some(hold) })
+        self.job.check()?;
+        Ok(StudyResults { folder: folder.clone(), evaluation, flights, _hold: Some(hold) })
     }
 
     /// Simulates and evaluates all scenarios, the easiest first. Returns the results and the number of stages including
     /// the `following` ones.
     fn scenarios(&self, following: usize) -> Result<(Results, usize), JobError> {
-        let study = self.study;
+        let Job { study, folder, .. } = self.job;
         let is_wanted = |scenario: Scenario| {
-            let is_there = || self.folder.data_set(scenario, Purpose::Test).exists();
+            let is_there = || folder.data_set(scenario, Purpose::Test).exists();
             let is_named = match self.only {
                 Some(only) => scenario == only,
                 None => scenario.is_usual() || self.fitted,
@@ -190,65 +141,32 @@ impl<'r> StudyRun<'r> {
         let groups = Scenario::groups(study, is_wanted);
         let of = groups.len() * (study.purposes().len() + 1) + following;
         let mut stage = 0;
-        let mut begin = || {
-            stage += 1;
-            (self.observer)(&StudyEvent::Began { stage, of });
-            stage
-        };
         let mut evaluated = vec![];
         let mut results = Results::new(study, vec![]);
         for scenarios in groups {
             for purpose in study.purposes() {
-                begin();
-                self.simulate(purpose, scenarios.clone())?;
+                stage += 1;
+                let records = self.stage([stage, of], |j| j.records(purpose, scenarios.clone()))?;
+                (self.observer)(&StudyEvent::Simulated(&records));
             }
-            self.check()?;
-            let stage = begin();
-            evaluated.extend(self.evaluate(&scenarios)?);
-            results = super::write_results(&self.folder, study, evaluated.clone())?;
-            data_card::write(&self.folder, study)?;
-            manifest::write(&self.folder, study)?;
+            self.job.check()?;
+            stage += 1;
+            let mut subjects = subjects(folder, study)?;
+            subjects.retain(|subject| scenarios.contains(&subject.scenario()));
+            evaluated.extend(self.stage([stage, of], |job| job.train_and_evaluate(&subjects))?);
+            results = self.job.write_results(evaluated.clone())?;
+            data_card::write(folder, study)?;
+            manifest::write(folder, study)?;
             let remaining = of - stage;
             (self.observer)(&StudyEvent::Evaluated { results: &results, remaining });
         }
         Ok((results, of))
     }
 
-    fn check(&self) -> Result<(), JobError> {
-        match self.workers.is_cancelled() {
-            true => Err(CampaignError::Cancelled.into()),
-            false => Ok(()),
-        }
-    }
-
-    fn simulate(&self, purpose: Purpose, scenarios: Vec<Scenario>) -> Result<(), JobError> {
-        let campaign = Campaign {
-            workers: self.workers,
-            ..Campaign::new(self.folder.path(), self.study, scenarios, purpose)
-        };
-        let rows = |done, all| {
-            (self.observer)(&StudyEvent::Rows { campaign: &campaign, done, all });
-        };
-        let outcome = campaign.run(rows)?;
-        (self.observer)(&StudyEvent::Simulated { campaign: &campaign, outcome: &outcome });
-        Ok(())
-    }
-
-    fn fly(&self, scenarios: &[Scenario]) -> Result<FlightResults, JobError> {
-        let progress =
-            |what: &str, share: f64| (self.observer)(&StudyEvent::Flying { what, share });
-        let crew = Crew { workers: self.workers, progress: &progress };
-        let results = flights::fly_all(&self.folder, self.study, scenarios, &crew)?;
-        (self.observer)(&StudyEvent::Flown(&results));
-        Ok(results)
-    }
-
-    fn evaluate(&self, scenarios: &[Scenario]) -> Result<Vec<SubjectResult>, JobError> {
-        let progress =
-            |what: &str, share: f64| (self.observer)(&StudyEvent::Evaluating { what, share });
-        let mut subjects = subjects(&self.folder, self.study)?;
-        subjects.retain(|subject| scenarios.contains(&subject.scenario()));
-        train_and_evaluate(&self.folder, self.study, &subjects, self.workers, &progress)
+    /// Works on a stage, given by its number among all.
+    fn stage<T>(&self, [stage, of]: [usize; 2], work: impl FnOnce(&Job) -> T) -> T {
+        let job = self.job;
+        work(&job.told(&|what, share| job.tell(&format!("{stage}/{of} {what}"), share)))
     }
 }
 

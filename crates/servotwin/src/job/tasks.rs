@@ -1,9 +1,8 @@
 //! Parts of any suites as tasks, which machines compute in any order into one folder, or into folders of their own that are
 //! copied together.
 
-use super::flights::{self, Crew};
-use super::{Folder, JobError, data_card, manifest, outcomes};
-use crate::campaign::{Campaign, calibration_file, runs};
+use super::{Job, JobError, data_card, flights, manifest, outcomes};
+use crate::campaign::{CampaignError, CampaignOutcome, calibration_file, runs, title};
 use crate::flight::{training_windows, watched};
 use crate::run::part;
 use crate::study::suites::{FLIGHTS, HARD_NEGATIVES, LEARN, RECORDS};
@@ -24,31 +23,8 @@ pub struct Task {
     pub files: Vec<String>,
     /// The number of its runs in all scenarios.
     pub runs: usize,
-    /// The files that must be there before, relative to the output folder; [`prepare`] writes them.
+    /// The files that must be there before, relative to the output folder; [`Job::prepare`] writes them.
     pub needs: Vec<String>,
-}
-
-/// A study, and the folder of its results.
-#[derive(Clone, Copy)]
-pub struct Place<'p> {
-    /// The study.
-    pub study: &'p Study,
-    /// Suites that stand in for those of the study.
-    pub changed: &'p [Suite],
-    /// The output folder.
-    pub folder: &'p Folder,
-}
-
-impl<'p> Place<'p> {
-    /// A suite of records or flights whose runs are tasks.
-    fn suite(&self, name: &str) -> Result<&'p Suite, JobError> {
-        let changed = self.changed.iter().find(|suite| suite.name == name);
-        let suite = changed.or_else(|| self.study.suite(name));
-        suite.filter(|suite| suite.purpose != Purpose::Tune).ok_or_else(|| JobError::NoSuite {
-            name: name.into(),
-            known: known(self.study).collect::<Vec<_>>().join(", "),
-        })
-    }
 }
 
 /// The names of suites whose tasks a study has: all records, all flights, and each suite of flights.
@@ -57,226 +33,257 @@ fn known(study: &Study) -> impl Iterator<Item = &str> {
     [RECORDS, FLIGHTS].into_iter().chain(flown.map(|suite| suite.name.as_str()))
 }
 
-/// The tasks of some suites in those of the scenarios that they have, in an order in which they can run. [`RECORDS`] stands
-/// for all suites of records, [`FLIGHTS`] for the flights to learn from and every suite that is not on request.
-///
-/// # Errors
-/// [`JobError::NoSuite`]; a scenario lacks sections of the study.
-pub fn tasks(
-    place: Place,
-    suites: &[String],
-    scenarios: impl Fn(Scenario) -> bool,
-) -> Result<Vec<Task>, JobError> {
-    let study = place.study;
-    let mut tasks = vec![];
-    for name in suites {
-        match name.as_str() {
-            RECORDS => tasks.extend(of_records(place, &scenarios)?),
-            FLIGHTS => {
-                flights::flights(study)?;
-                let judged = study.suites().filter(|suite| flights::is_usual(suite));
-                let taught =
-                    [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name));
-                let all: Vec<&Suite> = taught.chain(judged).collect();
-                for scenario in flights::scenarios(study).into_iter().filter(|&s| scenarios(s)) {
-                    tasks.extend(all.iter().flat_map(|suite| of_suite(place, suite, scenario)));
+impl<'j> Job<'j> {
+    /// A suite of records or flights whose runs are tasks.
+    ///
+    /// # Errors
+    /// [`JobError::NoSuite`].
+    pub fn suite(&self, name: &str) -> Result<&'j Suite, JobError> {
+        let changed = self.changed.iter().find(|suite| suite.name == name);
+        let suite = changed.or_else(|| self.study.suite(name));
+        suite.filter(|suite| suite.purpose != Purpose::Tune).ok_or_else(|| JobError::NoSuite {
+            name: name.into(),
+            known: known(self.study).collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    /// The scenarios of flights that are wanted.
+    fn flown(&self, wanted: impl Fn(Scenario) -> bool) -> impl Iterator<Item = Scenario> {
+        flights::scenarios(self.study).into_iter().filter(move |&scenario| wanted(scenario))
+    }
+
+    /// The tasks of some suites in those of the scenarios that they have, in an order in which they can run. [`RECORDS`]
+    /// stands for all suites of records, [`FLIGHTS`] for the flights to learn from and every suite that is not on request.
+    ///
+    /// # Errors
+    /// [`JobError::NoSuite`]; a scenario lacks sections of the study.
+    pub fn tasks(
+        &self,
+        suites: &[String],
+        scenarios: impl Fn(Scenario) -> bool,
+    ) -> Result<Vec<Task>, JobError> {
+        let study = self.study;
+        let mut tasks = vec![];
+        for name in suites {
+            match name.as_str() {
+                RECORDS => tasks.extend(self.of_records(&scenarios)?),
+                FLIGHTS => {
+                    flights::flights(study)?;
+                    let judged = study.suites().filter(|suite| flights::is_usual(suite));
+                    let taught = [LEARN, HARD_NEGATIVES].into_iter();
+                    let taught = taught.filter_map(|name| study.suite(name));
+                    let all: Vec<&Suite> = taught.chain(judged).collect();
+                    for scenario in self.flown(&scenarios) {
+                        tasks.extend(all.iter().flat_map(|suite| self.of_suite(suite, scenario)));
+                    }
+                }
+                name => {
+                    let suite = self.suite(name)?;
+                    tasks.extend(self.flown(&scenarios).flat_map(|own| self.of_suite(suite, own)));
                 }
             }
-            name => {
-                let suite = place.suite(name)?;
-                let own = flights::scenarios(study).into_iter().filter(|&s| scenarios(s));
-                tasks.extend(own.flat_map(|scenario| of_suite(place, suite, scenario)));
-            }
         }
+        Ok(tasks)
     }
-    Ok(tasks)
-}
 
-fn of_records(place: Place, scenarios: impl Fn(Scenario) -> bool) -> Result<Vec<Task>, JobError> {
-    let mut tasks = vec![];
-    for (purpose, scenarios) in runs(place.study, scenarios) {
-        let campaign = campaign(place, scenarios.clone(), purpose);
-        let (prepared, suite) = (campaign.prepared()?, campaign.suite().name);
-        tasks.extend((0..prepared.part_count()).map(|part| Task {
-            suite: suite.clone(),
-            scenarios: scenarios.clone(),
-            part,
-            files: prepared.files_of(part),
-            runs: prepared.rows_of(part),
-            needs: campaign.calibration().into_iter().collect(),
-        }));
+    fn of_records(&self, scenarios: impl Fn(Scenario) -> bool) -> Result<Vec<Task>, JobError> {
+        let mut tasks = vec![];
+        for (purpose, scenarios) in self.records_in(scenarios)? {
+            let campaign = self.campaign(purpose, scenarios.clone());
+            let (prepared, suite) = (campaign.prepared()?, campaign.suite().name);
+            tasks.extend((0..prepared.part_count()).map(|part| Task {
+                suite: suite.clone(),
+                scenarios: scenarios.clone(),
+                part,
+                files: prepared.files_of(part),
+                runs: prepared.rows_of(part),
+                needs: campaign.calibration().into_iter().collect(),
+            }));
+        }
+        Ok(tasks)
     }
-    Ok(tasks)
-}
 
-fn of_suite(Place { study, folder, .. }: Place, suite: &Suite, scenario: Scenario) -> Vec<Task> {
-    if !suite.scenarios.contains(&scenario) {
-        return vec![];
-    }
-    let (stem, needs) = match suite.name.as_str() {
-        HARD_NEGATIVES => (
-            training_windows::stem(suite, scenario),
-            vec![folder.spreads(scenario), folder.bands(scenario)],
-        ),
-        LEARN => (training_windows::stem(suite, scenario), vec![folder.spreads(scenario)]),
-        _ => (outcomes::stem(suite, scenario), vec![folder.diagnoser(scenario)]),
-    };
-    let inside = |path: PathBuf| {
-        let path = path.strip_prefix(folder.path()).expect("a file of the folder");
-        path.to_string_lossy().into_owned()
-    };
-    let needs: Vec<String> = needs.into_iter().map(inside).collect();
-    let task = |(part, runs): (usize, Vec<usize>)| Task {
-        suite: suite.name.clone(),
-        scenarios: vec![scenario],
-        part,
-        files: vec![part::file_name(&stem, part)],
-        runs: runs.len(),
-        needs: needs.clone(),
-    };
-    watched::parts(study, suite).into_iter().enumerate().map(task).collect()
-}
-
-fn campaign<'s>(
-    Place { study, folder, .. }: Place<'s>,
-    scenarios: Vec<Scenario>,
-    purpose: Purpose,
-) -> Campaign<'s> {
-    Campaign::new(folder.path(), study, scenarios, purpose)
-}
-
-/// Computes those files of tasks that are absent or unusable, in the order of the tasks. What they need that is not trained
-/// is prepared with them.
-///
-/// # Errors
-/// What a task needs is missing; a run cannot begin; a file cannot be written; [`Cancelled`](crate::campaign::CampaignError::Cancelled).
-pub fn run(place: Place, tasks: &[Task], crew: &Crew) -> Result<(), JobError> {
-    let all: usize = tasks.iter().map(|task| task.runs).sum();
-    let mut done = 0;
-    // The parts of a suite in a scenario fly together.
-    for alike in tasks.chunk_by(|a, b| (&a.suite, &a.scenarios) == (&b.suite, &b.scenarios)) {
-        let runs: usize = alike.iter().map(|task| task.runs).sum();
-        let told = |what: &str, share: f64| {
-            let runs = done as f64 + share * runs as f64;
-            (crew.progress)(what, runs / all.max(1) as f64);
+    fn of_suite(&self, suite: &Suite, scenario: Scenario) -> Vec<Task> {
+        if !suite.scenarios.contains(&scenario) {
+            return vec![];
+        }
+        let folder = self.folder;
+        let (stem, needs) = match suite.name.as_str() {
+            HARD_NEGATIVES => (
+                training_windows::stem(suite, scenario),
+                vec![folder.spreads(scenario), folder.bands(scenario)],
+            ),
+            LEARN => (training_windows::stem(suite, scenario), vec![folder.spreads(scenario)]),
+            _ => (outcomes::stem(suite, scenario), vec![folder.diagnoser(scenario)]),
         };
-        let parts: Vec<usize> = alike.iter().map(|task| task.part).collect();
-        let crew = Crew { workers: crew.workers, progress: &told };
-        run_parts(place, (&alike[0].suite, &alike[0].scenarios), &parts, &crew)?;
-        done += runs;
+        let inside = |path: PathBuf| {
+            let path = path.strip_prefix(folder.path()).expect("a file of the folder");
+            path.to_string_lossy().into_owned()
+        };
+        let needs: Vec<String> = needs.into_iter().map(inside).collect();
+        let task = |(part, runs): (usize, Vec<usize>)| Task {
+            suite: suite.name.clone(),
+            scenarios: vec![scenario],
+            part,
+            files: vec![part::file_name(&stem, part)],
+            runs: runs.len(),
+            needs: needs.clone(),
+        };
+        watched::parts(self.study, suite).into_iter().enumerate().map(task).collect()
     }
-    Ok(())
-}
 
-/// Computes parts of a suite in scenarios with the same plants.
-fn run_parts(
-    place: Place,
-    (suite, scenarios): (&str, &[Scenario]),
-    parts: &[usize],
-    crew: &Crew,
-) -> Result<(), JobError> {
-    let Place { study, folder, .. } = place;
-    let mut of_records = Purpose::OF_RECORDS.into_iter();
-    if let Some(purpose) = of_records.find(|&purpose| study.records(purpose).name == suite) {
-        let campaign = campaign(place, scenarios.to_vec(), purpose);
-        let campaign = Campaign { workers: crew.workers, ..campaign };
-        campaign.run_parts(&campaign.prepared()?, parts, rows_of(suite, crew))?;
-        return Ok(());
+    /// Computes those files of tasks that are absent or unusable, in the order of the tasks. What they need that is not
+    /// trained is prepared with them.
+    ///
+    /// # Errors
+    /// What a task needs is missing; a run cannot begin; a file cannot be written;
+    /// [`Cancelled`](crate::campaign::CampaignError::Cancelled).
+    pub fn run(&self, tasks: &[Task]) -> Result<(), JobError> {
+        let all: usize = tasks.iter().map(|task| task.runs).sum();
+        let mut done = 0;
+        // The parts of a suite in a scenario fly together.
+        for alike in tasks.chunk_by(|a, b| (&a.suite, &a.scenarios) == (&b.suite, &b.scenarios)) {
+            let runs: usize = alike.iter().map(|task| task.runs).sum();
+            let told = |what: &str, share: f64| {
+                self.tell(what, (done as f64 + share * runs as f64) / all.max(1) as f64);
+            };
+            let parts: Vec<usize> = alike.iter().map(|task| task.part).collect();
+            self.told(&told).run_parts((&alike[0].suite, &alike[0].scenarios), &parts)?;
+            done += runs;
+        }
+        Ok(())
     }
-    let known = place.suite(suite)?;
-    let (own, size) = ((known, scenarios[0]), study);
-    match known.purpose {
-        Purpose::Train => flights::fly_to_learn(folder, size, own, parts, crew),
-        _ => outcomes::fly_parts(folder, size, own, parts, crew),
-    }
-}
 
-/// Reports how many rows of a suite of records are simulated.
-fn rows_of<'c>(suite: &'c str, crew: &'c Crew) -> impl Fn(usize, usize) + Sync + 'c {
-    move |done, all| (crew.progress)(suite, done as f64 / all.max(1) as f64)
-}
-
-/// Writes a file that tasks need, unless it is there.
-///
-/// # Errors
-/// Parts of the flights that it comes from are missing; the work behind it fails; the file cannot be written.
-pub fn prepare(place: Place, file: &str, crew: &Crew) -> Result<(), JobError> {
-    let Place { study, folder, .. } = place;
-    let path = folder.path().join(file);
-    let workers = crew.workers;
-    for purpose in Purpose::OF_RECORDS {
-        if path == calibration_file(folder.path(), purpose) {
-            let campaign = campaign(place, vec![Scenario::Fitted], purpose);
-            return Ok(Campaign { workers, ..campaign }.calibrate()?);
+    /// Computes parts of a suite in scenarios with the same plants.
+    fn run_parts(
+        &self,
+        (suite, scenarios): (&str, &[Scenario]),
+        parts: &[usize],
+    ) -> Result<(), JobError> {
+        let mut of_records = Purpose::OF_RECORDS.into_iter();
+        if let Some(purpose) = of_records.find(|&own| self.study.records(own).name == suite) {
+            let campaign = self.campaign(purpose, scenarios.to_vec());
+            campaign.run_parts(&campaign.prepared()?, parts, &self.rows_of(suite))?;
+            return Ok(());
+        }
+        let suite = self.suite(suite)?;
+        match suite.purpose {
+            Purpose::Train => self.fly_to_learn((suite, scenarios[0]), parts),
+            _ => self.fly_parts((suite, scenarios[0]), parts),
         }
     }
-    let design = |scenario| flights::design(folder, study, scenario, workers);
-    for scenario in flights::scenarios(study) {
-        if path == folder.spreads(scenario) {
-            return design(scenario).map(drop);
-        } else if path == folder.bands(scenario) {
-            return flights::learned_bands(folder, &design(scenario)?).map(drop);
-        } else if path == folder.diagnoser(scenario) {
-            return flights::learn(folder, study, scenario, crew).map(drop);
-        }
-    }
-    Ok(())
-}
 
-/// Computes what is missing of some suites and joins their parts: data sets of records, outcomes of judged flights, and
-/// their counts.
-///
-/// # Errors
-/// As [`tasks`] and [`run`].
-pub fn join(
-    place: Place,
-    suites: &[String],
-    scenarios: impl Fn(Scenario) -> bool,
-    crew: &Crew,
-) -> Result<(), JobError> {
-    let Place { study, folder, .. } = place;
-    let mut judged = vec![];
-    for name in suites {
-        match name.as_str() {
-            RECORDS => {
-                for (purpose, scenarios) in runs(study, &scenarios) {
-                    let campaign = campaign(place, scenarios, purpose);
-                    let suite = campaign.suite().name;
-                    let campaign = Campaign { workers: crew.workers, ..campaign };
-                    campaign.run(rows_of(&suite, crew))?;
-                }
-                data_card::write(folder, study)?;
+    /// Reports how many rows of records are simulated.
+    fn rows_of<'c>(&'c self, what: &'c str) -> impl Fn(usize, usize) + Sync + 'c {
+        move |done, all| self.tell(what, done as f64 / all.max(1) as f64)
+    }
+
+    /// Writes a file that tasks need, unless it is there.
+    ///
+    /// # Errors
+    /// Parts of the flights that it comes from are missing; the work behind it fails; the file cannot be written.
+    pub fn prepare(&self, file: &str) -> Result<(), JobError> {
+        let Job { study, folder, .. } = *self;
+        let path = folder.path().join(file);
+        for purpose in Purpose::OF_RECORDS {
+            if path == calibration_file(folder.path(), purpose) {
+                return Ok(self.campaign(purpose, vec![Scenario::Fitted]).calibrate()?);
             }
-            FLIGHTS => judged.extend(study.suites().filter(|suite| flights::is_usual(suite))),
-            name => match place.suite(name)? {
-                suite if suite.purpose == Purpose::Test => judged.push(suite),
-                suite => run(place, &tasks(place, from_ref(&suite.name), &scenarios)?, crew)?,
-            },
         }
+        for scenario in flights::scenarios(study) {
+            if path == folder.spreads(scenario) {
+                return self.design(scenario).map(drop);
+            } else if path == folder.bands(scenario) {
+                return self.learned_bands(&self.design(scenario)?).map(drop);
+            } else if path == folder.diagnoser(scenario) {
+                return self.learn(scenario).map(drop);
+            }
+        }
+        Ok(())
     }
-    if !judged.is_empty() {
-        let own: Vec<Scenario> =
-            flights::scenarios(study).into_iter().filter(|&s| scenarios(s)).collect();
-        flights::fly(folder, study, &judged, &own, (crew, &|share| share))?;
-    }
-    manifest::write(folder, study).map(drop)
-}
 
-/// Runs suites and joins them. [`FLIGHTS`] trains the diagnosers; other suites are flown with those that are there.
-///
-/// # Errors
-/// As [`join`] and [`flights::learn`].
-pub fn run_suites(
-    place: Place,
-    suites: &[String],
-    scenarios: impl Fn(Scenario) -> bool,
-    crew: &Crew,
-) -> Result<(), JobError> {
-    if suites.iter().any(|name| name == FLIGHTS) {
-        flights::flights(place.study)?;
-        for scenario in flights::scenarios(place.study).into_iter().filter(|&s| scenarios(s)) {
-            flights::learn(place.folder, place.study, scenario, crew)?;
+    /// Simulates what is missing of the records of a purpose in scenarios with the same plants, and writes their data sets.
+    ///
+    /// # Errors
+    /// The study is empty, a twin cannot be simulated, or a file cannot be written.
+    pub(super) fn records(
+        &self,
+        purpose: Purpose,
+        scenarios: Vec<Scenario>,
+    ) -> Result<CampaignOutcome, JobError> {
+        let what = format!("simulating {}", title(purpose, &scenarios));
+        Ok(self.campaign(purpose, scenarios).run(&self.rows_of(&what))?)
+    }
+
+    /// Runs suites and joins their parts: data sets of records, outcomes of judged flights, and their counts. [`FLIGHTS`]
+    /// trains the diagnosers; other suites are flown with those that are there. Returns what was counted of records.
+    ///
+    /// # Errors
+    /// As [`Job::tasks`], [`Job::run`] and [`Job::learn`].
+    pub fn run_suites(
+        &self,
+        suites: &[String],
+        scenarios: impl Fn(Scenario) -> bool,
+    ) -> Result<Vec<CampaignOutcome>, JobError> {
+        self.complete(suites, scenarios, true)
+    }
+
+    /// Computes what is missing of some suites and joins their parts, with the diagnosers that are there.
+    ///
+    /// # Errors
+    /// As [`Job::tasks`] and [`Job::run`].
+    pub fn join(
+        &self,
+        suites: &[String],
+        scenarios: impl Fn(Scenario) -> bool,
+    ) -> Result<(), JobError> {
+        self.complete(suites, scenarios, false).map(drop)
+    }
+
+    fn complete(
+        &self,
+        suites: &[String],
+        scenarios: impl Fn(Scenario) -> bool,
+        learns: bool,
+    ) -> Result<Vec<CampaignOutcome>, JobError> {
+        let Job { study, folder, .. } = *self;
+        let flown: Vec<Scenario> = self.flown(&scenarios).collect();
+        let (mut judged, mut simulated) = (vec![], vec![]);
+        for name in suites {
+            match name.as_str() {
+                RECORDS => {
+                    for (purpose, scenarios) in self.records_in(&scenarios)? {
+                        simulated.push(self.records(purpose, scenarios)?);
+                    }
+                    data_card::write(folder, study)?;
+                }
+                FLIGHTS if learns => drop(self.fly_all(&flown)?),
+                FLIGHTS => judged.extend(study.suites().filter(|suite| flights::is_usual(suite))),
+                name => match self.suite(name)? {
+                    suite if suite.purpose == Purpose::Test => judged.push(suite),
+                    suite => self.run(&self.tasks(from_ref(&suite.name), &scenarios)?)?,
+                },
+            }
+        }
+        if !judged.is_empty() {
+            self.fly_suites(&judged, &flown)?;
+        }
+        manifest::write(folder, study)?;
+        Ok(simulated)
+    }
+
+    /// The purposes and scenarios of records that are simulated together.
+    fn records_in(
+        &self,
+        wanted: impl Fn(Scenario) -> bool,
+    ) -> Result<Vec<(Purpose, Vec<Scenario>)>, JobError> {
+        let all = runs(self.study, &wanted);
+        match Scenario::ALL.into_iter().find(|&scenario| wanted(scenario)) {
+            // The study lacks a section that the scenario needs.
+            Some(scenario) if all.is_empty() => {
+                Err(CampaignError::no_section(scenario, self.study).into())
+            }
+            _ => Ok(all),
         }
     }
-    join(place, suites, scenarios, crew)
 }

@@ -3,17 +3,15 @@
 //! A search is deterministic, so an interrupted one is drawn again from its beginning, and stored flights stand in for
 //! new ones where their points agree. Flights of the search are numbered from 0, random ones from [`MAX_RUNS`].
 
-use super::flights::{Crew, diagnoser};
+use super::flights::diagnoser;
 use super::outcomes::{FlownSuite, stored};
-use super::{Folder, JobError};
+use super::{Folder, Job, JobError};
 use crate::flight::worst_case;
 use crate::flight::worst_case::cross_entropy::{CrossEntropy, GENERATION};
 use crate::flight::worst_case::space::{MAX_POINTS, SearchPoint, SearchSpace};
 use crate::measure::outcome::RunOutcome;
-use crate::parallel::Workers;
 use crate::run::RunName;
-use crate::signal::random::NormalDeviates;
-use crate::study::{Scenario, Study, Suite};
+use crate::study::{Scenario, Stream, Suite};
 use servotwin_diagnosis::diagnoser::Session;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -21,12 +19,9 @@ use std::sync::Arc;
 /// The largest number of flights of the search, and of random flights.
 pub const MAX_RUNS: usize = MAX_POINTS / 2;
 
-/// The stream of random numbers of a search; that of random flights is the next one.
-const STREAM: u64 = 0x776f_7273_7400_0000;
-
 /// A search for an objective with the diagnoser of a scenario.
 struct Search<'s> {
-    study: &'s Study,
+    job: Job<'s>,
     scenario: Scenario,
     space: &'s SearchSpace,
     suite: Suite,
@@ -36,50 +31,69 @@ struct Search<'s> {
     flown: FlownSuite,
 }
 
-/// Flies `runs` points of a search and as many random ones. What the folder has stored of the same search is not flown
-/// again, and every generation is stored. Returns the flights of the search and the random ones.
-///
-/// # Errors
-/// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written; or the run was cancelled.
-pub fn search(
-    folder: &Folder,
-    (study, scenario): (&Study, Scenario),
-    space: &SearchSpace,
-    (seed, runs): (u64, usize),
-    crew: &Crew,
-) -> Result<[Vec<RunOutcome>; 2], JobError> {
-    let suite = worst_case::suite(study, space, seed).ok_or(JobError::NoFlights)?;
-    let new = FlownSuite::new(folder, study, &suite, scenario)?;
-    let path = folder.outcomes(&suite.name, scenario.name());
-    let known = stored(folder, &suite.name, scenario)?.filter(|own| own.origin() == new.origin());
-    let (flown, session) = (known.unwrap_or(new), session(folder, scenario)?);
-    let mut search = Search { study, scenario, space, suite, session, path, flown };
-    let mut found = [vec![], vec![]];
-    for (method, rows) in found.iter_mut().enumerate() {
-        let mut points = CrossEntropy::new(space, random(seed, method));
-        for first in (0..runs).step_by(GENERATION) {
-            let what = ["search", "random flights"][method];
-            (crew.progress)(
-                &format!("{}: {what}", space.objective.name()),
-                first as f64 / runs as f64,
-            );
-            let numbers = first..runs.min(first + GENERATION);
-            let numbers = numbers.map(|number| method * MAX_RUNS + number);
-            let drawn: Vec<(u64, SearchPoint)> =
-                numbers.map(|number| (number as u64, points.draw(number))).collect();
-            let flown = search.fly(&drawn, crew.workers)?;
-            if method == 0 {
-                let ranks = flown.iter().map(|row| space.objective.rank(row));
-                points.learn(drawn.into_iter().map(|(_, point)| point).zip(ranks).collect());
+impl Job<'_> {
+    /// Flies `runs` points of a search and as many random ones. What the folder has stored of the same search is not flown
+    /// again, and every generation is stored. Returns the flights of the search and the random ones.
+    ///
+    /// # Errors
+    /// The diagnoser is missing; a twin cannot be simulated; the file cannot be read or written; or the run was cancelled.
+    pub fn search(
+        &self,
+        (scenario, space): (Scenario, &SearchSpace),
+        (seed, runs): (u64, usize),
+    ) -> Result<[Vec<RunOutcome>; 2], JobError> {
+        let Job { study, folder, .. } = *self;
+        let suite = worst_case::suite(study, space, seed).ok_or(JobError::NoFlights)?;
+        let new = FlownSuite::new(folder, study, &suite, scenario)?;
+        let path = folder.outcomes(&suite.name, scenario.name());
+        let known = stored(folder, &suite.name, scenario)?;
+        let flown = known.filter(|own| own.origin() == new.origin()).unwrap_or(new);
+        let session = session(folder, scenario)?;
+        let mut search = Search { job: *self, scenario, space, suite, session, path, flown };
+        let mut found = [vec![], vec![]];
+        for (method, rows) in found.iter_mut().enumerate() {
+            let random = search.suite.seed_of(method).stream(Stream::Search);
+            let mut points = CrossEntropy::new(space, random);
+            for first in (0..runs).step_by(GENERATION) {
+                let what = ["search", "random flights"][method];
+                self.tell(
+                    &format!("{}: {what}", space.objective.name()),
+                    first as f64 / runs as f64,
+                );
+                let numbers = first..runs.min(first + GENERATION);
+                let numbers = numbers.map(|number| method * MAX_RUNS + number);
+                let drawn: Vec<(u64, SearchPoint)> =
+                    numbers.map(|number| (number as u64, points.draw(number))).collect();
+                let flown = search.fly(&drawn)?;
+                if method == 0 {
+                    let ranks = flown.iter().map(|row| space.objective.rank(row));
+                    points.learn(drawn.into_iter().map(|(_, point)| point).zip(ranks).collect());
+                }
+                rows.extend(flown);
             }
-            rows.extend(flown);
         }
+        Ok(found)
     }
-    Ok(found)
-}
 
-fn random(seed: u64, method: usize) -> NormalDeviates {
-    NormalDeviates::stream(seed, STREAM + method as u64)
+    /// Flies a stored flight of a search again with the diagnoser that the folder has now.
+    ///
+    /// # Errors
+    /// [`JobError::NoRun`]; the diagnoser is missing; a twin cannot be simulated.
+    pub fn fly_again(
+        &self,
+        name: &RunName,
+        space: &SearchSpace,
+    ) -> Result<Vec<RunOutcome>, JobError> {
+        let Job { study, folder, crew, .. } = *self;
+        let none = || JobError::NoRun { name: name.to_string() };
+        let stored = stored(folder, &name.suite, name.scenario)?.ok_or_else(none)?;
+        let mut rows = stored.outcomes.iter();
+        let row = rows.find(|row| row.number == name.number as u64).ok_or_else(none)?;
+        let point = (row.number, space.point_of(&row.point).ok_or_else(none)?);
+        let suite = worst_case::suite(study, space, stored.seed).ok_or(JobError::NoFlights)?;
+        let (place, session) = ((study, &suite, name.scenario), session(folder, name.scenario)?);
+        Ok(worst_case::fly(space, place, &session, &[point], crew.workers)?)
+    }
 }
 
 fn session(folder: &Folder, scenario: Scenario) -> Result<Session, JobError> {
@@ -89,12 +103,8 @@ fn session(folder: &Folder, scenario: Scenario) -> Result<Session, JobError> {
 
 impl Search<'_> {
     /// Flies those of a generation's points that are not stored, and stores all.
-    fn fly(
-        &mut self,
-        points: &[(u64, SearchPoint)],
-        workers: Workers,
-    ) -> Result<Vec<RunOutcome>, JobError> {
-        let Search { study, scenario, space, suite, session, path, flown } = self;
+    fn fly(&mut self, points: &[(u64, SearchPoint)]) -> Result<Vec<RunOutcome>, JobError> {
+        let Search { job, scenario, space, suite, session, path, flown } = self;
         let rows = &mut flown.outcomes;
         let is_stored = |rows: &[RunOutcome], number: u64, point: &SearchPoint| {
             let text = space.text_of(point);
@@ -103,8 +113,8 @@ impl Search<'_> {
         let mut missing = points.to_vec();
         missing.retain(|(number, point)| !is_stored(rows, *number, point));
         if !missing.is_empty() {
-            let place = (*study, &*suite, *scenario);
-            let new = worst_case::fly(space, place, session, &missing, workers)?;
+            let place = (job.study, &*suite, *scenario);
+            let new = worst_case::fly(space, place, session, &missing, job.crew.workers)?;
             rows.retain(|row| missing.iter().all(|(number, _)| *number != row.number));
             rows.extend(new);
             rows.sort_by_key(|row| row.number);
@@ -113,24 +123,4 @@ impl Search<'_> {
         let number = |number: &u64| flown.outcomes.iter().find(|row| row.number == *number);
         Ok(points.iter().filter_map(|(own, _)| number(own).cloned()).collect())
     }
-}
-
-/// Flies a stored flight of a search again with the diagnoser that the folder has now.
-///
-/// # Errors
-/// [`JobError::NoRun`]; the diagnoser is missing; a twin cannot be simulated.
-pub fn fly_again(
-    folder: &Folder,
-    study: &Study,
-    (name, space): (&RunName, &SearchSpace),
-    workers: Workers,
-) -> Result<Vec<RunOutcome>, JobError> {
-    let none = || JobError::NoRun { name: name.to_string() };
-    let stored = stored(folder, &name.suite, name.scenario)?.ok_or_else(none)?;
-    let mut rows = stored.outcomes.iter();
-    let row = rows.find(|row| row.number == name.number as u64).ok_or_else(none)?;
-    let point = (row.number, space.point_of(&row.point).ok_or_else(none)?);
-    let suite = worst_case::suite(study, space, stored.seed).ok_or(JobError::NoFlights)?;
-    let (place, session) = ((study, &suite, name.scenario), session(folder, name.scenario)?);
-    Ok(worst_case::fly(space, place, &session, &[point], workers)?)
 }

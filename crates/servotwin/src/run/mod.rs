@@ -8,6 +8,7 @@
 //!
 //! - [`plan`]: the runs of a suite
 //! - `runner`: flies them in lanes, beside the twins of their environments
+//! - `part`, `compute`: divides a suite into parts, and computes their files
 //! - [`fitted_twins`], [`other_plant`]: twins and plants that are not nominal
 //!
 //! A twin is simulated once and kept whole (`twins`); plants fly in lanes, and nothing of them is kept but what their
@@ -15,6 +16,7 @@
 
 mod beside_twin;
 mod calibration;
+pub(crate) mod compute;
 mod error;
 pub mod fitted_twins;
 pub mod other_plant;

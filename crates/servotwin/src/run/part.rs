@@ -4,9 +4,9 @@
 //! A part appears when all its runs have ended, and its bytes depend on the study alone. Parts that are computed
 //! anywhere, repeatedly or simultaneously, therefore join to the files of a single machine.
 
-use super::{CampaignError, plan};
+use super::{CampaignError, fitted_specimen, plan};
 use crate::manifest::in_hexadecimal;
-use crate::study::{Study, Suite};
+use crate::study::{Plants, Scenario, Study, Suite};
 use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::features::Sensor;
@@ -112,13 +112,22 @@ pub(crate) fn parts_of(
     parts
 }
 
-/// Divides the wanted parts into rounds of neighbors that are simulated together. A round holds its twins, and the rows of
-/// unfinished parts, in memory. A twin has `twin_samples` samples, and runs with the same value of `twin` share one.
-pub(crate) fn rounds<K: Ord>(
+/// Divides the wanted parts of a suite into rounds of neighbors that are simulated together. A round holds its twins, and the
+/// rows of unfinished parts, in memory. Where the twins of flights are fitted, each part is a round.
+pub(crate) fn rounds(
+    (study, suite, scenario): (&Study, &Suite, Scenario),
     parts: &[Vec<usize>],
     wanted: &BTreeSet<usize>,
-    (twin_samples, twin): (f64, impl Fn(usize) -> K),
 ) -> Vec<Vec<usize>> {
+    let is_alone = suite.is_fitted || (!suite.is_records && scenario.plants() == Plants::Pool);
+    let twin_samples = suite.longest_s() / study.sample_period_s;
+    let twin = |number: usize| {
+        if suite.is_unseen {
+            return (number, None);
+        }
+        let run = plan::run(study, suite, number);
+        (run.environment, fitted_specimen(study, suite, scenario, &run))
+    };
     let mut rounds: Vec<Vec<usize>> = vec![];
     let (mut runs, mut twins) = (0, BTreeSet::new());
     for &place in wanted {
@@ -127,7 +136,7 @@ pub(crate) fn rounds<K: Ord>(
         twins.extend(own());
         let is_full = runs > ROUND_RUNS || twins.len() as f64 * twin_samples > ROUND_TWIN_SAMPLES;
         let is_next = |round: &&mut Vec<usize>| round.ends_with(&[place.wrapping_sub(1)]);
-        match rounds.last_mut().filter(is_next).filter(|_| !is_full) {
+        match rounds.last_mut().filter(is_next).filter(|_| !is_full && !is_alone) {
             Some(round) => round.push(place),
             None => {
                 (runs, twins) = (parts[place].len(), own().collect());
@@ -164,6 +173,11 @@ impl PartFiles {
 
     fn path(&self, part: usize) -> PathBuf {
         self.folder.join(file_name(&self.stem, part))
+    }
+
+    /// The folder of all parts.
+    pub(crate) fn folder(&self) -> PathBuf {
+        self.folder.join(PARTS)
     }
 
     /// The numbers of all parts.

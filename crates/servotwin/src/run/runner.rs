@@ -67,6 +67,8 @@ pub struct Runner<'s> {
     deviations: Vec<Vec<f64>>,
     /// The parameters of the fitted twins, by specimen.
     fitted: BTreeMap<usize, Overrides>,
+    /// Ends the runs early when it is set; without it those of cancelled workers end.
+    pub(crate) stop: Option<&'s AtomicBool>,
 }
 
 impl<'s> Runner<'s> {
@@ -156,6 +158,7 @@ impl<'s> Runner<'s> {
             sensors,
             deviations: vec![],
             fitted: BTreeMap::new(),
+            stop: None,
         }
     }
 
@@ -344,7 +347,7 @@ impl<'s> Runner<'s> {
         mut done: impl FnMut(&Run, O, &Result<Statistics, SolverFailure>) + Send,
     ) {
         let views = |run: &Run, _| Some(observer(run));
-        self.fly_views((&self.simulations(), None), alter, views, |views, ended| {
+        self.fly_views(alter, views, |views, ended| {
             views.into_iter().for_each(|view| done(view.run, view.observer, &ended));
         });
     }
@@ -352,7 +355,7 @@ impl<'s> Runner<'s> {
     /// The runs of each simulation: one, or healthy runs of an environment that differ by the noise of their sensors alone.
     /// Those with full intensity come first: a few of them take a hundred times as long as the others, and would occupy a
     /// single lane at the end.
-    pub(crate) fn simulations(&self) -> Vec<Vec<usize>> {
+    fn simulations(&self) -> Vec<Vec<usize>> {
         let equals_twin = self.scenario().plants() == Plants::Twin
             && self.others.is_none()
             && self.deviations.is_empty();
@@ -369,18 +372,18 @@ impl<'s> Runner<'s> {
         alone
     }
 
-    /// Runs simulations with an observer for each run and scenario that `observer` wants to see. They end early when `stop`
-    /// is set, without it when the workers are cancelled.
+    /// The same with an observer for each run and scenario that `observer` wants to see. `done` is called when a simulation
+    /// ends, which may serve several runs.
     pub(crate) fn fly_views<'f, O: Observer>(
         &'f self,
-        (simulations, stop): (&[Vec<usize>], Option<&AtomicBool>),
         alter: impl Fn(&Run, &mut Variant<'f>) + Sync,
         observer: impl Fn(&Run, Scenario) -> Option<O> + Sync,
         mut done: impl FnMut(Vec<View<'f, O>>, Result<Statistics, SolverFailure>) + Send,
     ) {
         let ensemble = self.others.as_ref().map_or(&self.ensemble, |(_, ensemble)| ensemble);
+        let simulations = self.simulations();
         ensemble.prepare(simulations.len());
-        let (record, cancel) = (ensemble.record.clone(), stop.or(ensemble.cancel));
+        let (record, cancel) = (ensemble.record.clone(), self.stop.or(ensemble.cancel));
         let ensemble = Ensemble { record, cancel, ..*ensemble };
         let first = |simulation: usize| &self.runs[simulations[simulation][0]];
         ensemble.run(

@@ -35,7 +35,7 @@ fn data_sets(
         for purpose in study.purposes() {
             let campaign = Campaign::new(&folder.0, study, scenarios.clone(), purpose);
             let campaign = Campaign { workers: Workers::new(threads), ..campaign };
-            assert!(campaign.run(|_, _| ()).unwrap().failed.is_empty());
+            assert!(campaign.run(&|_, _| ()).unwrap().failed.is_empty());
             for &scenario in &scenarios {
                 let file = Results::new(&folder.0).data_set(scenario, purpose);
                 found.insert((scenario, purpose), table::read(file).unwrap());

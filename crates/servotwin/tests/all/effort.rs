@@ -23,7 +23,7 @@ fn data_sets(study: &Study, folder: &Folder) -> [Table; 2] {
     let scenarios = [Scenario::Ideal, Scenario::Noise];
     let campaign = Campaign::new(&folder.0, study, scenarios.into(), Purpose::Test);
     let campaign = Campaign { workers: Workers::new(2), ..campaign };
-    let outcome = campaign.run(|_, _| ()).unwrap();
+    let outcome = campaign.run(&|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     scenarios.map(|scenario| {
         table::read(folder.file(&format!("dataset-{}.parquet", scenario.name()))).unwrap()

@@ -41,7 +41,7 @@ fn campaign<'s>(
 }
 
 fn rows(campaign: &Campaign) -> Vec<PartRow> {
-    let outcome = campaign.run(|_, _| ()).unwrap();
+    let outcome = campaign.run(&|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty());
     campaign.windows().unwrap().remove(0)
 }
@@ -75,7 +75,7 @@ fn beside_a_fitted_twin_a_healthy_specimen_leaves_little() {
 fn the_pool_is_fitted_and_told_with_its_true_values() {
     let study = study(FITTED);
     let folder = Folder::new("pool");
-    campaign(&study, Scenario::Fitted, &folder, 2).run(|_, _| ()).unwrap();
+    campaign(&study, Scenario::Fitted, &folder, 2).run(&|_, _| ()).unwrap();
     let table = table::read(calibration_file(&folder.0, Purpose::Test)).unwrap();
     // Twenty specimens with two tolerances.
     assert_eq!(table.row_count(), 40);
@@ -115,7 +115,7 @@ fn threads_and_interruptions_change_no_bit() {
 fn what_the_setting_needs_is_told() {
     let none = study("");
     let folder = Folder::new("none");
-    let error = campaign(&none, Scenario::Fitted, &folder, 1).run(|_, _| ()).unwrap_err();
+    let error = campaign(&none, Scenario::Fitted, &folder, 1).run(&|_, _| ()).unwrap_err();
     assert!(matches!(error, CampaignError::NoSection { scenario: Scenario::Fitted, .. }));
     assert!(error.to_string().contains("[fitted]"), "{error}");
     assert!(Scenario::groups(&none, |_| true).iter().flatten().all(|s| *s != Scenario::Fitted));
@@ -146,12 +146,12 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     assert!(file(&parts, pool) == file(&whole, pool));
     let prepared = other.prepared().unwrap();
     for part in (0..prepared.part_count()).rev() {
-        other.run_parts(&prepared, &[part], |_, _| ()).unwrap();
+        other.run_parts(&prepared, &[part], &|_, _| ()).unwrap();
     }
     assert!(!parts.file(data_set).exists());
     // Only the parts may have been copied together.
     std::fs::remove_file(parts.file(pool)).unwrap();
-    other.run(|_, _| ()).unwrap();
+    other.run(&|_, _| ()).unwrap();
     assert!(file(&parts, pool) == file(&whole, pool));
     assert!(file(&parts, data_set) == file(&whole, data_set));
 
@@ -166,11 +166,11 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     let mut bare = Table::from_columns(columns).unwrap();
     bare.metadata = known.metadata.clone();
     table::write(bent.file(pool), &bare).unwrap();
-    third.run(|_, _| ()).unwrap();
+    third.run(&|_, _| ()).unwrap();
     assert!(file(&bent, data_set) != file(&whole, data_set));
     bare.metadata.clear();
     std::fs::remove_dir_all(bent.file("parts")).unwrap();
     table::write(bent.file(pool), &bare).unwrap();
-    third.run(|_, _| ()).unwrap();
+    third.run(&|_, _| ()).unwrap();
     assert!(file(&bent, data_set) == file(&whole, data_set));
 }

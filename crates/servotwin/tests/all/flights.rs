@@ -6,10 +6,7 @@ use servotwin::evaluation::model_file::write_model;
 use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::flight::training_windows::LeftOut;
 use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
-use servotwin::flight::watched;
-use servotwin::job::flights::{Crew, fly_all, learn};
-use servotwin::job::outcomes::{self, watching};
-use servotwin::job::tasks::{Place, run, tasks};
+use servotwin::job::{Crew, Job};
 use servotwin::job::{Folder, JobError};
 use servotwin::measure;
 use servotwin::measure::flights::{FlightGroup, FlightMetrics};
@@ -71,8 +68,11 @@ pub fn study() -> &'static Study {
 }
 
 fn learned(folder: &Scratch, scenario: Scenario, threads: usize) -> Diagnoser {
-    let crew = Crew { workers: Workers::new(threads), progress: &|_, _| () };
-    learn(&Folder::new(&folder.0), study(), scenario, &crew).unwrap()
+    job(study(), &Folder::new(&folder.0), threads).learn(scenario).unwrap()
+}
+
+fn job<'j>(study: &'j Study, folder: &'j Folder, threads: usize) -> Job<'j> {
+    Job { crew: Crew::quiet(Workers::new(threads)), ..Job::new(study, folder) }
 }
 
 pub fn diagnoser() -> &'static Arc<Diagnoser> {
@@ -86,10 +86,10 @@ fn suite(name: &str) -> &'static Suite {
 
 /// The outcomes of a suite, watched by the diagnoser.
 fn outcomes(name: &str, threads: usize) -> Vec<RunOutcome> {
-    let (place, own) = ((study(), suite(name), Scenario::Noise), Workers::new(threads));
-    let watching = watching(suite(name), diagnoser()).unwrap();
-    let count = if name == UNSEEN { 1000 } else { plan::count(study(), place.1) };
-    watched::fly(place, &watching, &(0..count).collect::<Vec<_>>(), own, &|_| ()).unwrap().outcomes
+    let scratch = Scratch::new(&format!("outcomes-{name}-{threads}"));
+    let folder = Folder::new(&scratch.0);
+    write_model(folder.diagnoser(Scenario::Noise), &**diagnoser()).unwrap();
+    job(study(), &folder, threads).fly(suite(name), Scenario::Noise).unwrap().outcomes
 }
 
 fn measured(rows: &[RunOutcome]) -> FlightMetrics {
@@ -221,8 +221,7 @@ fn hard_negatives_change_what_health_looks_like_and_no_band() {
     let folder =
         Folder::new(std::env::temp_dir().join(format!("servotwin-few-{}", std::process::id())));
     std::fs::create_dir_all(folder.path()).unwrap();
-    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let without = learn(&folder, &few, Scenario::Noise, &crew).unwrap();
+    let without = job(&few, &folder, 2).learn(Scenario::Noise).unwrap();
     std::fs::remove_dir_all(folder.path()).unwrap();
     let [with, without] = [&**diagnoser(), &without].map(|diagnoser| &diagnoser.lengths[0].panel);
     assert_eq!(with.bands, without.bands);
@@ -241,31 +240,29 @@ fn parts_of(folder: &Folder, suite: &str) -> BTreeMap<PathBuf, Vec<u8>> {
 fn parts_that_are_lost_or_damaged_are_flown_again_to_the_same_bytes() {
     let folder = Scratch::new("parts");
     let results = Folder::new(&folder.0);
-    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let (place, scenario) = (study(), Scenario::Noise);
+    let (job, scenario) = (job(study(), &results, 2), Scenario::Noise);
     // Hard negatives need the windows of all flights to learn from.
-    let of = Place { study: study(), changed: &[], folder: &results };
     let fly = |name: &str| {
-        let tasks = tasks(of, &[name.into()], |own| own == scenario).unwrap();
+        let tasks = job.tasks(&[name.into()], |own| own == scenario).unwrap();
         assert_eq!(tasks.len(), 1);
-        run(of, &tasks, &crew)
+        job.run(&tasks)
     };
     let unfinished = fly(HARD_NEGATIVES);
     assert!(matches!(unfinished, Err(JobError::Campaign(CampaignError::Unfinished { .. }))));
     fly(LEARN).unwrap();
-    let found = learn(&results, place, scenario, &crew).unwrap();
+    let found = job.learn(scenario).unwrap();
     assert!(text(&found) == text(&**diagnoser()));
     let left_out = std::fs::read_to_string(results.left_out(scenario)).unwrap();
     assert_eq!(serde_json::from_str::<LeftOut>(&left_out).unwrap(), LeftOut::default());
-    outcomes::fly(&results, place, suite(JUDGE), scenario, &crew).unwrap();
+    job.fly(suite(JUDGE), scenario).unwrap();
     let joined = || std::fs::read(results.outcomes(JUDGE, "noise")).unwrap();
     let (before, whole) = (joined(), parts_of(&results, "-noise-"));
     assert_eq!(whole.len(), 3, "learn, hard negatives, judge");
     for (path, content) in &whole {
         std::fs::write(path, &content[..content.len() / 2]).unwrap();
     }
-    learn(&results, place, scenario, &crew).unwrap();
-    outcomes::fly(&results, place, suite(JUDGE), scenario, &crew).unwrap();
+    job.learn(scenario).unwrap();
+    job.fly(suite(JUDGE), scenario).unwrap();
     assert!(parts_of(&results, "-noise-") == whole && joined() == before);
 }
 
@@ -273,21 +270,20 @@ fn parts_that_are_lost_or_damaged_are_flown_again_to_the_same_bytes() {
 #[ignore = "slow: ./check --all"]
 fn shares_of_a_suite_join_to_the_bytes_of_an_undivided_one() {
     let (alone, shared) = (Scratch::new("alone"), Scratch::new("shared"));
-    let crew = Crew { workers: Workers::new(2), progress: &|_, _| () };
-    let (place, scenario) = (study(), Scenario::Noise);
+    let scenario = Scenario::Noise;
     let many = suite(HEALTHY).clone().with_environments(300);
     let [alone, shared] = [&alone, &shared].map(|folder| Folder::new(&folder.0));
     for folder in [&alone, &shared] {
         write_model(folder.diagnoser(scenario), &**diagnoser()).unwrap();
     }
-    outcomes::fly(&alone, place, &many, scenario, &crew).unwrap();
+    job(study(), &alone, 2).fly(&many, scenario).unwrap();
     let changed = [many.clone()];
-    let of = Place { study: study(), changed: &changed, folder: &shared };
-    let mut tasks = tasks(of, &[HEALTHY.into()], |own| own == scenario).unwrap();
+    let job = Job { changed: &changed, ..job(study(), &shared, 2) };
+    let mut tasks = job.tasks(&[HEALTHY.into()], |own| own == scenario).unwrap();
     tasks.reverse();
-    run(of, &tasks, &crew).unwrap();
+    job.run(&tasks).unwrap();
     assert!(tasks.len() > 1 && parts_of(&shared, "healthy").len() == tasks.len());
-    outcomes::fly(&shared, place, &many, scenario, &crew).unwrap();
+    job.fly(&many, scenario).unwrap();
     let joined = |folder: &Folder| std::fs::read(folder.outcomes(HEALTHY, "noise")).unwrap();
     assert!(joined(&alone) == joined(&shared));
 }
@@ -477,10 +473,8 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     let study = with_other_plant("kinds = { \"cylinder\" = \"bristle_cylinder\" }");
     let path = std::env::temp_dir().join(format!("servotwin-other-{}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
-    let (folder, crew) =
-        (Folder::new(&path), Crew { workers: Workers::new(2), progress: &|_, _| () });
-    let scenario = [Scenario::Realistic];
-    let results = fly_all(&folder, &study, &scenario, &crew).unwrap();
+    let folder = Folder::new(&path);
+    let results = job(&study, &folder, 2).fly_all(&[Scenario::Realistic]).unwrap();
     let taught = std::fs::read(folder.diagnoser(Scenario::Realistic)).unwrap();
     let other = results.of_suite(OTHER_STRUCTURE).next().unwrap();
     assert_eq!((other.group.scenario.as_str(), other.flights, other.failed), ("realistic", 16, 0));
@@ -489,7 +483,7 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     assert_eq!(judged.len(), 1, "it is no further scenario");
     assert!(text(&other.classes) != text(&judged[0].classes));
     // Without such plants the diagnoser is the same.
-    learn(&folder, self::study(), scenario[0], &crew).unwrap();
+    job(self::study(), &folder, 2).learn(Scenario::Realistic).unwrap();
     assert!(taught == std::fs::read(folder.diagnoser(Scenario::Realistic)).unwrap());
     std::fs::remove_dir_all(&path).unwrap();
 }

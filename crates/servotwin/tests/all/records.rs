@@ -4,7 +4,7 @@
 use crate::folder::Folder;
 use servotwin::campaign::columns::{largest_column, view_column};
 use servotwin::evaluation::model_file::read_diagnoser;
-use servotwin::job::{Folder as Results, StudyRun, Subject};
+use servotwin::job::{Folder as Results, Job, StudyRun, Subject};
 use servotwin::parallel::Workers;
 use servotwin::run::{Observer, Runner, plan};
 use servotwin::study::{Purpose, Scenario, Study};
@@ -58,9 +58,9 @@ fn of_row(table: &Table, panel: &Panel, row: usize) -> (PanelVerdict, Vec<Vec<f6
 fn a_session_that_watches_a_record_answers_as_the_data_set() {
     let study = Study::parse(&(include_str!("../tiny.toml").to_owned() + TAIL), "tiny.toml");
     let (study, folder) = (study.unwrap(), Folder::new("records"));
-    let run = StudyRun { only: Some(Scenario::Noise), ..StudyRun::new(&study, &folder.0) };
-    drop(run.run().unwrap());
     let results = Results::new(&folder.0);
+    let run = StudyRun::new(Job::new(&study, &results));
+    drop(StudyRun { only: Some(Scenario::Noise), ..run }.run().unwrap());
     let diagnoser = Arc::new(read_diagnoser(results.records(Subject::Noise)).unwrap());
     assert!(diagnoser.record_s().is_some() && crate::flights::diagnoser().record_s().is_none());
     let table = table::read(results.data_set(Scenario::Noise, Purpose::Test)).unwrap();

@@ -10,7 +10,7 @@ pub(super) use effect::Touched;
 use list::set_names;
 pub use list::{ALL, UnseenFault};
 
-use super::watched::{Truth, Watching, watch};
+use super::watched::{Ended, Truth, Watching, watch};
 use crate::measure::flights::{Latency, latency};
 use crate::measure::outcome::{FirstAction, Needed, RunOutcome, Word};
 use crate::parallel::Workers;
@@ -298,7 +298,7 @@ pub(super) fn count(study: &Study, suite: &Suite) -> usize {
     suite.repeats * events(study).len()
 }
 
-/// Flies runs with unseen faults of a suite, watched by diagnoses. Returns the outcomes.
+/// Flies runs with unseen faults of a suite, watched by diagnoses.
 ///
 /// # Errors
 /// A command cannot be flown, or a twin cannot be simulated.
@@ -307,8 +307,8 @@ pub(super) fn fly(
     watching: &[Watching],
     numbers: &[usize],
     workers: Workers,
-    progress: &(dyn Fn(usize) + Sync),
-) -> Result<Vec<RunOutcome>, CampaignError> {
+    ended: Ended,
+) -> Result<(), CampaignError> {
     let Plan { cases, mut runs, told } = Plan::new(study, suite)?;
     runs.retain(|run| numbers.contains(&run.number));
     let case = |run: &Run| &cases[run.number];
@@ -319,7 +319,7 @@ pub(super) fn fly(
         let random = suite.seed_of(run.number).stream(Stream::Reading);
         Some(Touched::new(&case(run).changes, onset, random))
     };
-    Ok(watch(
+    watch(
         &flown,
         watching,
         &|run| case(run).truth(study, run),
@@ -331,8 +331,9 @@ pub(super) fn fly(
             }
             variant.later = case.changes.later(study, run, &variant.overrides);
         },
-        progress,
-    ))
+        ended,
+    );
+    Ok(())
 }
 
 /// Counts some flights.

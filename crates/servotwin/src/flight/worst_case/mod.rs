@@ -11,7 +11,7 @@ pub(crate) mod cross_entropy;
 pub mod space;
 
 use super::tracking::TrackedQuantities;
-use super::watched::{Truth, Watching, watch};
+use super::watched::{Flown, Truth, Watching, watch};
 use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};
@@ -61,7 +61,10 @@ pub(crate) fn fly(
         Truth { run, objective: Some(space.objective), ..planned }
     };
     let watching = [Watching { session: session.clone(), missing: None }];
-    let outcomes = watch(&flown, &watching, &truth, &|_| None, |_, _| (), &|_| ());
+    let mut outcomes = vec![];
+    let mut ended = |_, flown: Flown| outcomes.extend(flown.outcomes);
+    watch(&flown, &watching, &truth, &|_| None, |_, _| (), &mut ended);
+    outcomes.sort_by_key(|outcome| outcome.number);
     if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(outcomes) }
 }
 
