@@ -31,13 +31,11 @@ static servotwin_real limited(servotwin_real value, servotwin_real least, servot
 }
 
 /* Adds nats to a statistic, within 0 and a number of limits. */
-static servotwin_real gathered(
-    servotwin_real statistic, servotwin_real nats, servotwin_real limit, servotwin_real weight)
+static servotwin_real gathered(servotwin_real statistic, servotwin_real nats, servotwin_real limit)
 {
     const servotwin_real clipped = limited(nats, -servotwin_tuning.clip_nats, servotwin_tuning.clip_nats);
-    const servotwin_real weighted = clipped * weight;
     const servotwin_real most = servotwin_tuning.evidence_cap * limit;
-    return limited(statistic + weighted, 0.0, most);
+    return limited(statistic + clipped, 0.0, most);
 }
 
 static servotwin_real log_odds(servotwin_real probability)
@@ -71,7 +69,7 @@ void servotwin_evidence_take(servotwin_evidence *evidence, int32_t length, const
             const servotwin_real ratio = logarithms[claim] - logarithms[other];
             const servotwin_real nats = ratio - of_length->allowances[place];
             evidence->of_pairs[claim][other] =
-                gathered(evidence->of_pairs[claim][other], nats, of_length->limits[place], of_length->weight);
+                gathered(evidence->of_pairs[claim][other], nats, of_length->limits[place]);
         }
         /* Evidence against similar hypotheses counts only while there is evidence against health. */
         if ((claim != SERVOTWIN_HEALTHY) && (evidence->of_pairs[claim][SERVOTWIN_HEALTHY] == 0.0)) {
@@ -88,9 +86,9 @@ void servotwin_evidence_take(servotwin_evidence *evidence, int32_t length, const
         unknown = judgement->is_novel ? of_length->novel_nats : of_length->known_nats;
     }
     evidence->change =
-        gathered(evidence->change, change - of_length->allowance, of_length->limit_of_change, of_length->weight);
+        gathered(evidence->change, change - of_length->allowance, of_length->limit_of_change);
     evidence->unknown =
-        gathered(evidence->unknown, unknown - of_length->allowance, of_length->limit_of_change, of_length->weight);
+        gathered(evidence->unknown, unknown - of_length->allowance, of_length->limit_of_change);
 }
 
 servotwin_real servotwin_margin(const servotwin_evidence *evidence, int32_t length, int32_t claim)

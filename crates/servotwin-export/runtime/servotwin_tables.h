@@ -71,7 +71,6 @@ typedef struct {
     servotwin_real least_confidence;
     int32_t known_classes;
     const servotwin_known *known; /* healthy, then the actions */
-    servotwin_real weight; /* of the evidence of a window */
     const servotwin_real *limits; /* nats, of each hypothesis against each other */
     const servotwin_real *allowances; /* nats */
     servotwin_real limit_of_change; /* nats */

@@ -4,6 +4,7 @@ use super::progress::{Notes, Stages, with_crew};
 use super::{StudyOptions, flights, recordings, records, removed, summary, workers};
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
+use servotwin::campaign::CampaignError;
 use servotwin::job::tasks::Task;
 use servotwin::job::{self, Crew, Folder, Job, JobError, Results, StudyEvent, StudyRun};
 use servotwin::run::part::Share;
@@ -153,7 +154,8 @@ pub(super) fn suites(
     let job = Job { keep_traces: options.keep_traces, ..Job::new(study, &folder) };
     let mut changed = vec![];
     for name in names.iter().filter(|&name| name != RECORDS && name != FLIGHTS) {
-        let mut suite = job.suite(name)?.clone();
+        let suite = job.suite(name).map_err(|error| Failure::option("--suite", error))?;
+        let mut suite = suite.clone();
         suite.seed = options.seed.unwrap_or(suite.seed);
         changed.push(match options.environments {
             Some(count) => suite.with_environments(count as usize),
@@ -165,6 +167,10 @@ pub(super) fn suites(
         options.flown(study)?;
     }
     let wanted = |scenario| options.wants(study, scenario);
+    let named = options.scenario.as_deref().and_then(Scenario::named);
+    if let Some(scenario) = named.filter(|scenario| !scenario.is_possible(study)) {
+        return Err(CampaignError::no_section(scenario, study).into());
+    }
     let job = Job { changed: &changed, ..job };
     if options.share.is_some() || changed.iter().any(|suite| suite.purpose == Purpose::Train) {
         let _hold = folder.join_study(study)?;

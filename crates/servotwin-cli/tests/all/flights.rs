@@ -237,7 +237,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     };
     let none = fly(&study, &folder.file("out"));
     assert!(
-        stderr(&none).contains("the suites of the study, effects, healthy, judge"),
+        stderr(&none).contains("there are records, flights, effects, healthy, judge"),
         "{}",
         stderr(&none)
     );

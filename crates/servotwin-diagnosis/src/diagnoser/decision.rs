@@ -4,15 +4,14 @@
 //! length, its committee gives each a probability p_h. For every pair
 //!
 //! ```text
-//! z_hg = clip(ln p_h − ln p_g − a_hg, ±c) · w^q
+//! z_hg = clip(ln p_h − ln p_g − a_hg, ±c)
 //! S_hg ← clamp(S_hg + z_hg, 0, K b_hg)
 //! S_hg ← 0 for every g where S_h0 = 0                           (1)
 //! h may be raised where S_hg ≥ b_hg for every g ≠ h             (2)
 //! ```
 //!
-//! with w the share of the window that is new, a_hg an allowance, and c a clip, so that no single window decides.
-//! Windows overlap, and the same sample must not count twice. But a later window also sees it in a new context, hence
-//! the exponent q.
+//! with a_hg an allowance, and c a clip, so that no single window decides. Windows overlap, and each of them counts in full:
+//! a later one sees the same sample in a new context.
 //!
 //! The allowance against health is larger for specimens with tolerances. Tolerances persist, and a fault that looks
 //! slightly likelier than health would otherwise be raised some day, however high its limit. For the same reason the
@@ -170,7 +169,7 @@ impl DecisionLimits {
         is_off: &[bool],
         window_s: f64,
     ) -> Self {
-        let of_change = libm::log(3600.0 / (tuning.false_alarms_per_h * window_s));
+        let of_change = libm::log(3600.0 / (tuning.false_alarm_target_per_h * window_s));
         let of_isolation = -libm::log(tuning.wrong_isolation);
         let count = hypotheses.count();
         let limit = |claim: usize, other: usize| {
@@ -290,15 +289,8 @@ impl PairSums {
             && self.of_pairs.iter().chain([&self.change, &self.unknown]).all(|sum| sum.is_finite())
     }
 
-    /// Adds the evidence of a window, of which `share` is new.
-    pub(crate) fn take(
-        &mut self,
-        said: WindowAnswer,
-        share: f64,
-        tuning: &Tuning,
-        limits: &DecisionLimits,
-    ) {
-        let weight = tuning.weight(share);
+    /// Adds the evidence of a window.
+    pub(crate) fn take(&mut self, said: WindowAnswer, tuning: &Tuning, limits: &DecisionLimits) {
         let (clip, cap) = (tuning.clip_nats, tuning.evidence_cap);
         let count = limits.hypotheses.count();
         let log = |hypothesis: usize| match said {
@@ -311,13 +303,13 @@ impl PairSums {
             }
             WindowAnswer::Probabilities(p, _) => libm::log(p[hypothesis].max(LEAST_PROBABILITY)),
         };
-        let weigh = |nats: f64| nats.clamp(-clip, clip) * weight;
+        let clipped = |nats: f64| nats.clamp(-clip, clip);
         for claim in 0..count {
             let (own, row) = (log(claim), limits.row(claim).iter().zip(limits.allowances(claim)));
             let statistics = &mut self.of_pairs[claim * count..(claim + 1) * count];
             for (other, (statistic, (limit, allowed))) in statistics.iter_mut().zip(row).enumerate()
             {
-                *statistic = add(*statistic, weigh(own - log(other) - allowed), cap * limit);
+                *statistic = add(*statistic, clipped(own - log(other) - allowed), cap * limit);
             }
             if claim > 0 && statistics[0] == 0.0 {
                 statistics.fill(0.0);
@@ -329,9 +321,9 @@ impl PairSums {
                 (log_odds(1.0 - p[0]) - tuning.change_allowance_nats(), novelty.nats())
             }
         };
-        let weigh = |nats: f64| weigh(nats - tuning.allowance_nats);
-        self.change = add(self.change, weigh(change), cap * limits.of_change);
-        self.unknown = add(self.unknown, weigh(unknown), cap * limits.of_change);
+        let clipped = |nats: f64| clipped(nats - tuning.allowance_nats);
+        self.change = add(self.change, clipped(change), cap * limits.of_change);
+        self.unknown = add(self.unknown, clipped(unknown), cap * limits.of_change);
     }
 
     /// The smallest evidence for a hypothesis against any other, in parts of the limit. It may be raised from 1 on.
@@ -401,14 +393,13 @@ mod tests {
     /// The actions are `c0`, `c1`, …; only the first switches off.
     const IS_OFF: [bool; 8] = [true, false, false, false, false, false, false, false];
 
-    /// Small allowances, and overlapping windows by the root of their new share.
+    /// Small allowances.
     fn generic(names: &Names) -> Tuning {
         Tuning {
             allowance_nats: 0.5,
             health_allowance_nats: 0.0,
             off_allowance_nats: 0.0,
             other_allowance_nats: 0.0,
-            overlap_exponent: 0.5,
             ..Tuning::usual(names, &["c0"])
         }
     }
@@ -436,7 +427,7 @@ mod tests {
             let mut evidence = PairSums::new(hypotheses);
             let said = sure_of(truth, 0.99);
             for _ in 0..40 {
-                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), &tuning, &limits);
             }
             for claim in 1..7 {
                 let raised = evidence.margin(claim, &limits) >= 1.0;
@@ -457,7 +448,7 @@ mod tests {
         said.fill(0.002);
         (said[2], said[5]) = (0.495, 0.495);
         for _ in 0..200 {
-            evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(&said, KNOWN), &tuning, &limits);
         }
         assert!(evidence.of_change(&limits) >= 1.0);
         assert!((1..7).all(|claim| evidence.margin(claim, &limits) < 1.0));
@@ -484,7 +475,7 @@ mod tests {
         let mut random = crate::random::Random::new(1);
         for _ in 0..100_000 {
             let said = if random.unit() < 0.05 { &faulty } else { &healthy };
-            evidence.take(WindowAnswer::Probabilities(said, KNOWN), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(said, KNOWN), &tuning, &limits);
             assert!(evidence.margin(3, &limits) < 1.0);
         }
     }
@@ -501,7 +492,7 @@ mod tests {
             (said[0], said[1]) = (0.9 * (1.0 - share), 0.1 * (1.0 - share));
             said[3..].fill(1e-9);
             (0..10_000).position(|_| {
-                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), &tuning, &limits);
                 evidence.margin(2, &limits) >= 1.0
             })
         };
@@ -522,7 +513,7 @@ mod tests {
             for claim in [1, 2] {
                 let mut said = sure_of(claim, 0.99);
                 (said[0], said[3 - claim]) = (0.01, 1e-9);
-                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), &tuning, &limits);
             }
         }
         // Both are equally likely, four and a half nats above health.
@@ -531,7 +522,7 @@ mod tests {
         for _ in 0..1000 {
             let mut said = sure_of(2, 0.99);
             said[0] = 0.01;
-            evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(&said, KNOWN), &tuning, &limits);
         }
         assert!(evidence.of_pairs[2 * hypotheses.count()] > 0.0);
     }
@@ -548,7 +539,7 @@ mod tests {
             let rival = hypotheses.place(0, hypotheses.split(claim).unwrap().1);
             (said[claim], said[rival]) = (0.8, 0.2);
             let margins = (0..100).map(|_| {
-                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), 1.0, &tuning, &limits);
+                evidence.take(WindowAnswer::Probabilities(&said, KNOWN), &tuning, &limits);
                 evidence.margin(claim, &limits)
             });
             margins.fold(0.0, f64::max)
@@ -565,11 +556,11 @@ mod tests {
         let said = sure_of(4, 0.99);
         let novel = IsNovel { novel: true, share_of_known: 0.001 };
         for _ in 0..40 {
-            evidence.take(WindowAnswer::Probabilities(&said, novel), 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::Probabilities(&said, novel), &tuning, &limits);
         }
         assert!(evidence.margin(4, &limits) >= 1.0 && evidence.of_unknown(&limits) >= 1.0);
         for _ in 0..60 {
-            evidence.take(WindowAnswer::InBand, 0.2, &tuning, &limits);
+            evidence.take(WindowAnswer::InBand, &tuning, &limits);
         }
         assert!(evidence.margin(4, &limits) == 0.0 && evidence.of_unknown(&limits) == 0.0);
         assert!(evidence.of_change(&limits) == 0.0);

@@ -108,7 +108,7 @@ impl Evidence {
             own.is_new = newest.has_ended() && newest.is_full();
             if own.is_new {
                 let (window, share) = (newest.window(), newest.share_of_newest());
-                own.take(length, (window, share), stands_in, &is_masked)?;
+                own.take(length, window, stands_in, &is_masked)?;
                 own.take_doubts(diagnoser, length, (window, share));
             }
         }
@@ -255,11 +255,11 @@ impl LengthEvidence {
         &self.state.doubts[boundary]
     }
 
-    /// Takes a window, of which `share` is new.
+    /// Takes a window.
     fn take(
         &mut self,
         length: &Length,
-        (window, share): (&Window, f64),
+        window: &Window,
         stands_in: &[bool],
         is_masked: impl Fn(u32) -> bool,
     ) -> Result<(), Error> {
@@ -269,7 +269,7 @@ impl LengthEvidence {
             Some(novelty) => WindowAnswer::Probabilities(probabilities, novelty),
             None => WindowAnswer::InBand,
         };
-        sums.take(answer, share, &self.tuning, &self.limits);
+        sums.take(answer, &self.tuning, &self.limits);
         Ok(())
     }
 

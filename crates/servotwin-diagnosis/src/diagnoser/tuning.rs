@@ -142,7 +142,7 @@ const fn tuned(seed: u32) -> Origin {
 
 // Name, kind, usual value, range and unit; origin, source and meaning.
 tuning! {
-    false_alarms_per_h: f64 = 1e-3 in 1e-12..=3600.0, "1/h",
+    false_alarm_target_per_h: f64 = 1e-3 in 1e-12..=3600.0, "1/h",
         Statistical, "decisions/018-evidence.md",
         "False alarms of an action in a fault-free hour, for an error of cost 1: a target, from which the limits against \
          health follow.";
@@ -164,9 +164,6 @@ tuning! {
         tuned(9), "decisions/018-evidence.md",
         "Subtracted besides against another actuator for an action that switches off: nearly uncertain windows are no \
          knowledge, however many.";
-    overlap_exponent: f64 = 0.0 in 0.0..=1e6, "",
-        tuned(7), "decisions/018-evidence.md",
-        "Exponent of a window's new share: with 0 every window counts in full, with 1 every sample once.";
     clip_nats: f64 = 8.0 in 1e-3..=100.0, "nats",
         Statistical, "decisions/018-evidence.md",
         "The largest evidence of one window, odds of 3,000 to 1: no single window decides.";
@@ -282,11 +279,6 @@ impl Tuning {
             other_allowance_nats: allowances.other_nats,
             ..self.clone()
         }
-    }
-
-    /// The weight of the evidence of a window, of which `share` is new.
-    pub fn weight(&self, share: f64) -> f64 {
-        libm::pow(share, self.overlap_exponent)
     }
 
     /// The probability of health of a window with every residual in its band.
@@ -451,7 +443,7 @@ mod tests {
         good.check(&names()).unwrap();
         assert_eq!(good.switches_off(&names()), [true, false]);
         let bad = [
-            Tuning { false_alarms_per_h: 0.0, ..good.clone() },
+            Tuning { false_alarm_target_per_h: 0.0, ..good.clone() },
             Tuning { wrong_isolation: f64::NAN, ..good.clone() },
             Tuning { pending_share: 1.0, ..good.clone() },
             Tuning { recover_s: -1.0, ..good.clone() },

@@ -293,7 +293,6 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
             health_allowance_nats: ALLOWANCES.health_nats,
             off_allowance_nats: ALLOWANCES.off_nats,
             other_allowance_nats: ALLOWANCES.other_nats,
-            overlap_exponent: 0.5,
             ..Tuning::usual(&names(actuators), &["shut_down"])
         },
     };

@@ -49,7 +49,6 @@ fn entry(place: usize, panes: u32, diagnoser: &Diagnoser, length: &Length) -> St
         number(length.panel.least_confidence.unwrap_or(0.0)),
         length.novelty.classes.len().to_string(),
         array("known"),
-        number(tuning.weight(share)),
         array("limits"),
         array("allowances"),
         number(diagnoser.limits_of(length).of_change),

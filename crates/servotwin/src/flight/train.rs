@@ -145,11 +145,11 @@ pub(crate) fn of_records(
 /// The constants of a test on the ground: its only window decides, and begins with the first sample.
 fn of_test(diagnoser: &Diagnoser, study: &Study) -> Tuning {
     let window_s = diagnoser.lengths[0].span.samples() as f64 * study.sample_period_s;
-    let false_alarms_per_h = TEST_FALSE_ALARMS * 3600.0 / window_s;
+    let false_alarm_target_per_h = TEST_FALSE_ALARMS * 3600.0 / window_s;
     Tuning {
         clip_nats: TEST_CLIP_NATS,
         settle_s: 0.0,
-        ..deciding_once(diagnoser, (false_alarms_per_h, TEST_WRONG_ISOLATION))
+        ..deciding_once(diagnoser, (false_alarm_target_per_h, TEST_WRONG_ISOLATION))
     }
 }
 
@@ -157,11 +157,11 @@ fn of_test(diagnoser: &Diagnoser, study: &Study) -> Tuning {
 /// equal costs of all errors.
 fn deciding_once(
     Diagnoser { tuning, lengths, .. }: &Diagnoser,
-    (false_alarms_per_h, wrong_isolation): (f64, f64),
+    (false_alarm_target_per_h, wrong_isolation): (f64, f64),
 ) -> Tuning {
     let is_off = vec![false; lengths[0].panel.trees.names.actions.len()];
     Tuning {
-        false_alarms_per_h,
+        false_alarm_target_per_h,
         wrong_isolation,
         allowance_nats: 0.0,
         health_allowance_nats: 0.0,

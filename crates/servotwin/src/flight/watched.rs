@@ -66,7 +66,7 @@ impl Truth {
 
     /// What is known of the flight before it is flown, watched by a diagnoser.
     pub(crate) fn run_watched_by(&self, diagnoser: &Diagnoser) -> RunOutcome {
-        let target_per_h = diagnoser.tuning.false_alarms_per_h;
+        let target_per_h = diagnoser.tuning.false_alarm_target_per_h;
         RunOutcome { target_per_h, ..self.run.clone() }
     }
 
