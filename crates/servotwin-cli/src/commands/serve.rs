@@ -101,7 +101,7 @@ impl Run for Options {
 type Opened = (Address, Map, Box<dyn Source>);
 
 fn open(options: &Options, source: &str, study: &Study, global: Global) -> Result<Opened, Failure> {
-    let address = options.input.address(source)?;
+    let address = Address::parse(source)?;
     let (map, rows) = options.input.open(&address, study, options.study.is_named(), global)?;
     Ok((address, map, rows))
 }

@@ -107,7 +107,7 @@ impl Run for Options {
         }
         let study = find_study(self.study.as_deref())?;
         let input = &self.input;
-        let address = input.address(&self.source)?;
+        let address = Address::parse(&self.source)?;
         if let Some(path) = &self.make_map {
             return make_map(options, &address, &study, path, global);
         }
