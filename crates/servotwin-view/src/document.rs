@@ -438,6 +438,11 @@ impl Table {
         (0..self.columns.len()).filter(shown).collect()
     }
 
+    /// The columns for people, and whether each holds numbers.
+    pub(crate) fn aligned(&self) -> Vec<(usize, bool)> {
+        self.shown().into_iter().map(|k| (k, self.is_number(k))).collect()
+    }
+
     /// Whether the column holds numbers, which are aligned at the right.
     pub(crate) fn is_number(&self, column: usize) -> bool {
         let mut texts = self.rows.iter().map(|(row, _)| row[column].text.trim()).peekable();
