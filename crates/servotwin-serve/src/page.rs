@@ -93,7 +93,7 @@ mod tests {
             json!({ "time_s": 0.01, "kind": "action", "actuator": HOSTILE, "command": "off" });
         let messages = [frame, Message::Event(event.to_string().into())];
         let html = page_of(HOSTILE, 0.01, &[signal], &messages);
-        assert!(html.contains("alert(1)&lt;/script&gt;") && html.contains(", off at 0.01 s"));
+        assert!(html.contains("alert(1)&#60;/script&#62;") && html.contains(", off at 0.01 s"));
         assert_eq!(html.matches("</script>").count(), 5, "the record and its scripts");
         for loaded in ["src=\"", "href=\"", "@import", "url(", "<img"] {
             assert!(!html.contains(loaded), "{loaded}");

@@ -26,7 +26,8 @@ pub mod value_map;
 
 use std::path::Path;
 
-pub use meaning::{SemanticColor, dark_rules};
+pub use meaning::SemanticColor;
+pub(crate) use meaning::dark_rules;
 pub use style::Look;
 
 use servotwin_io::files::{FileError, write_atomically};

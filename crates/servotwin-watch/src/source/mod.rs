@@ -6,12 +6,10 @@
 
 mod formats;
 pub mod frame;
-#[cfg(any(feature = "mf4", feature = "mat"))]
+#[cfg(feature = "mf4")]
 mod groups;
 mod lines;
 mod live;
-#[cfg(feature = "mat")]
-mod mat;
 #[cfg(feature = "mcap")]
 mod mcap;
 #[cfg(feature = "mf4")]
@@ -37,7 +35,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 pub use formats::{extensions, is_log};
-pub use survey::{LogColumn, is_time_name};
+pub use survey::LogColumn;
+pub(crate) use survey::is_time_name;
 
 /// The unit of a date as text.
 pub(crate) const DATE: &str = "date";
@@ -370,7 +369,7 @@ pub enum SourceError {
 }
 
 impl SourceError {
-    #[cfg(any(feature = "mf4", feature = "mat"))]
+    #[cfg(feature = "mf4")]
     fn unreadable(address: &str, cause: &str) -> Self {
         SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
     }
