@@ -18,7 +18,6 @@ import threading
 import urllib.error
 import urllib.request
 from collections import deque
-from collections.abc import Sequence
 from pathlib import Path as _Path
 from typing import IO, Optional, Union
 
@@ -144,7 +143,7 @@ class Live:
 def live(
     system: Union[_native.System, _native.Study, Path, None] = None,
     *,
-    source: Union[str, Sequence[str], None] = None,
+    source: Optional[str] = None,
     map: Optional[Path] = None,
     model: Optional[Path] = None,
     out: Path = "out",
@@ -164,8 +163,8 @@ def live(
     ----------
     system : System, Study or path, optional
         A study, its file or name, or a built-in system; the aileron with two actuators by default.
-    source : str or sequence of str, optional
-        A stream as `servotwin serve --source` takes it; several are a fleet.
+    source : str, optional
+        A stream as `servotwin serve --source` takes it.
     map : path, optional
         The map file that assigns the columns of the source to signals; a stream needs one.
     model : path, optional
@@ -197,9 +196,7 @@ def live(
     with tempfile.TemporaryDirectory(prefix="servotwin-live-") as folder:
         arguments = [_binary(), "serve", "--port", "0", "--end-with-stdin"]
         arguments += [*_study(system, _Path(folder)), "--out", os.fspath(out)]
-        for one in [source] if isinstance(source, str) else source or []:
-            arguments += ["--source", one]
-        for option, file in (("--map", map), ("--model", model)):
+        for option, file in (("--source", source), ("--map", map), ("--model", model)):
             if file is not None:
                 arguments += [option, os.fspath(file)]
         if command is not None:

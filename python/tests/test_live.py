@@ -99,7 +99,7 @@ def test_a_study_in_memory_flies(study):
         assert json.loads(asked(page.url + "about")[0])["title"] == given.system.title
 
 
-def test_several_streams_are_a_fleet(study, learned, tmp_path):
+def test_a_stream_has_a_page(study, learned, tmp_path):
     system = servotwin.System()
     ids, units = [*system.inputs["id"], *system.sensors["id"]], [*system.inputs["unit"], *system.sensors["unit"]]
     named = [f', unit = "{unit}"' if unit else "" for unit in units]
@@ -107,12 +107,10 @@ def test_several_streams_are_a_fleet(study, learned, tmp_path):
     inputs = len(system.inputs["id"])
     text = ["format = 1", "[time]", 'column = "t"', "[inputs]", *lines[:inputs], "[sensors]", *lines[inputs:]]
     (tmp_path / "map.toml").write_text("\n".join(text), encoding="utf-8")
-    sources = [f"udp://127.0.0.1:{port}" for port in (9173, 9174)]
-    with servotwin.live(study["system"], source=sources, map=tmp_path / "map.toml", model=learned) as page:
-        rows = json.loads(asked(page.url + "fleet")[0])
-        second = json.loads(asked(page.url + "2/about")[0])
-    assert [row["title"].split(": ")[1] for row in rows] == sources
-    assert second["kind"] == "stream"
+    source = "udp://127.0.0.1:9173"
+    with servotwin.live(study["system"], source=source, map=tmp_path / "map.toml", model=learned) as page:
+        about = json.loads(asked(page.url + "about")[0])
+    assert (about["title"].split(": ")[1], about["kind"]) == (source, "stream")
 
 
 @pytest.mark.parametrize("how", ["ends", "wait"])

@@ -17,7 +17,6 @@ use servotwin::toml_text::Diagnostic;
 use servotwin::toml_text::TomlError;
 use servotwin_export::ExportError;
 use servotwin_safety::SafetyError;
-use servotwin_view::FigureError;
 use servotwin_view::document::{Content, Document, Form, Table, Verdict};
 use servotwin_view::row;
 use servotwin_watch::WatchError;
@@ -172,10 +171,6 @@ failures! {
     RewriteError: |error| Failure::input(error);
     TableError: |error| Failure::new(of_table(&error), error);
     FileError: |error| Failure::work(error);
-    FigureError: |error| match error {
-        FigureError::UnknownFormat { .. } => Failure::usage(error),
-        _ => Failure::work(error),
-    };
     ExportError: |error| match error {
         ExportError::File(error) => error.into(),
         ExportError::FolderInUse(_) | ExportError::Damaged { .. } => Failure::usage(error),

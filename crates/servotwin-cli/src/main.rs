@@ -273,7 +273,7 @@ fn rendered(document: &Document, global: Global) -> String {
         _ if global.json => render::json(document),
         Some(Verdict { call: Call::Act, line }) if global.quiet => format!("{}\n", line.text),
         _ if global.quiet && document.form != Form::Listing => String::new(),
-        _ => render::terminal(document, global.details),
+        _ => render::terminal(document, global.details, out::columns()),
     }
 }
 

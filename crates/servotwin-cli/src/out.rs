@@ -15,6 +15,11 @@ pub(crate) fn stderr() -> Printable<Stderr> {
     Printable::new(io::stderr())
 }
 
+/// The columns of the terminal, if standard output is one.
+pub(crate) fn columns() -> Option<u16> {
+    terminal_size::terminal_size_of(io::stdout()).map(|(width, _)| width.0)
+}
+
 /// Whether standard error is a terminal.
 pub(crate) fn is_stderr_seen() -> bool {
     io::stderr().is_terminal()

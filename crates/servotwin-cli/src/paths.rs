@@ -8,7 +8,6 @@ use crate::failure::Failure;
 use servotwin::files::{check_writable, remove_leftovers, resolve_links};
 use servotwin::study::Study;
 use servotwin::table;
-use servotwin_view::{FigureError, PngError};
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -26,8 +25,6 @@ struct Named {
 pub(crate) enum Format {
     /// A table; its extension selects the format.
     Table,
-    /// A figure; its extension selects the format.
-    Figure,
     /// One fixed format. The name has one of these extensions, or none.
     Only(&'static [&'static str]),
     /// A file with any extension, or one whose command checks it.
@@ -37,6 +34,8 @@ pub(crate) enum Format {
 impl Format {
     /// An HTML page.
     pub(crate) const HTML: Format = Format::Only(&["html", "htm"]);
+    /// A figure.
+    pub(crate) const SVG: Format = Format::Only(&["svg"]);
     /// A system or a map.
     pub(crate) const TOML: Format = Format::Only(&["toml"]);
     /// A recording for viewers of MCAP.
@@ -49,12 +48,6 @@ impl Format {
         let ending = ending.to_ascii_lowercase();
         match self {
             Format::Table => Ok(table::format_of(path).map(|_| ())?),
-            Format::Figure if !["svg", "png"].contains(&&*ending) => {
-                Err(FigureError::UnknownFormat { path: path.into() }.into())
-            }
-            Format::Figure if ending == "png" && !cfg!(feature = "png") => {
-                Err(FigureError::Png(PngError::Feature).into())
-            }
             Format::Only(allowed) if !ending.is_empty() && !allowed.contains(&&*ending) => {
                 let (ending, path) = (allowed[0], path.display());
                 Err(Failure::usage(format!("{option} must end in .{ending}, not as {path} does")))

@@ -9,7 +9,7 @@ use jiff::civil::Date;
 const EPOCH: Date = Date::constant(1970, 1, 1);
 
 /// Times above this count from 1970, s; a log from 1973 or later has such times.
-pub const CALENDAR_S: f64 = 1e8;
+const CALENDAR_S: f64 = 1e8;
 
 /// A readable time: `2026-11-21 08:15:02.500` if it counts from 1970, else `12.34 s`.
 ///

@@ -148,11 +148,6 @@ impl Newest {
         let sample = (number(&frame[..8]) + number(&frame[8..12])).saturating_sub(1);
         Newest { sample, unix_ms: unix_ms() }
     }
-
-    /// The time since it was published, s; never negative, though the clock may be set.
-    pub(crate) fn age_s(self) -> f64 {
-        (1e-3 * (unix_ms() - self.unix_ms)).max(0.0)
-    }
 }
 
 /// The time of the clock, ms since 1970.

@@ -18,18 +18,14 @@ pub(crate) struct Part {
 
 /// The page itself. It loads parts by one tag each.
 pub(crate) const HTML: &str = include_str!("../page/index.html");
-/// The page of a fleet.
-pub(crate) const FLEET: &str = include_str!("../page/fleet.html");
-/// Styles and scripts of both.
-pub(crate) const PARTS: [Part; 8] = [
+/// Its styles and scripts.
+pub(crate) const PARTS: [Part; 6] = [
     style("uplot.css", CHARTS_STYLE),
     style("player.css", PLAYER_STYLE),
     style("page.css", include_str!("../page/page.css")),
     script("uplot.js", CHARTS_SCRIPT),
     script("player.js", PLAYER_SCRIPT),
-    script("common.js", include_str!("../page/common.js")),
     script("page.js", include_str!("../page/page.js")),
-    script("fleet.js", include_str!("../page/fleet.js")),
 ];
 
 const fn style(name: &'static str, text: &'static str) -> Part {
@@ -97,7 +93,7 @@ mod tests {
             json!({ "time_s": 0.01, "kind": "action", "actuator": HOSTILE, "command": "off" });
         let messages = [frame, Message::Event(event.to_string().into())];
         let html = page_of(HOSTILE, 0.01, &[signal], &messages);
-        assert!(html.contains("alert(1)&lt;/script&gt;") && html.contains(", off at 0.01 s"));
+        assert!(html.contains("alert(1)&#60;/script&#62;") && html.contains(", off at 0.01 s"));
         assert_eq!(html.matches("</script>").count(), 5, "the record and its scripts");
         for loaded in ["src=\"", "href=\"", "@import", "url(", "<img"] {
             assert!(!html.contains(loaded), "{loaded}");

@@ -10,21 +10,14 @@
 //! | `/page.html` | the present flight as a page that needs no server, to be saved |
 //! | `/counts` | viewers, lost frames and refusals, and when the newest sample was made |
 //!
-//! With several sources these paths stand below the number of each (`/1/`, `/2/`, …), and two more lead there:
-//!
-//! | path | gives |
-//! |---|---|
-//! | `/` | the page of the fleet, with a row for each source |
-//! | `/fleet` | state and age of each source |
-//!
 //! A browser states where a page comes from. Requests from any other page than this server's are refused, so no other
 //! page that the user has open can inject a fault or ask for a session. Behind a proxy that ends TLS the page has
 //! another scheme, so hosts are compared. Beyond this machine a token is needed as well.
 //!
 //! A connection that sends no request within ten seconds ends, as does a viewer that takes nothing for so long.
 
-use crate::feed::{Begin, Feed, LiveSource, Message, Newest, RunError};
-use crate::page::{FLEET, HTML, PARTS, page_of};
+use crate::feed::{Begin, Feed, LiveSource, Message, RunError};
+use crate::page::{HTML, PARTS, page_of};
 use crate::request::{LONGEST, Refused, Request, WAITING};
 use crate::session::table_of;
 use axum::Router;
@@ -53,9 +46,8 @@ use std::fs::File;
 use std::io::Read;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::broadcast::error::RecvError;
@@ -200,11 +192,9 @@ impl Counts {
     }
 }
 
-/// What a server knows of one source.
+/// What a server knows of its source.
 struct Shared {
-    access: Arc<Access>,
-    /// Its number in the fleet, from 1.
-    number: usize,
+    access: Access,
     feed: Feed,
     requests: SyncSender<Request>,
     about: Value,
@@ -214,20 +204,15 @@ struct Shared {
 }
 
 impl Shared {
-    fn new(
-        (access, saving): &(Arc<Access>, Arc<Semaphore>),
-        number: usize,
-        source: &dyn LiveSource,
-    ) -> (Arc<Self>, Receiver<Request>) {
+    fn new(access: Access, source: &dyn LiveSource) -> (Arc<Self>, Receiver<Request>) {
         let (requests, waiting) = sync_channel(WAITING);
         let shared = Shared {
-            access: access.clone(),
-            number,
+            access,
             feed: Feed::default(),
             requests,
             about: source.about(),
             signals: source.signals(),
-            saving: saving.clone(),
+            saving: Arc::new(Semaphore::new(MAX_SAVING)),
             counts: Counts::default(),
         };
         (Arc::new(shared), waiting)
@@ -235,13 +220,6 @@ impl Shared {
 
     fn period_s(&self) -> f64 {
         self.about["period_s"].as_f64().unwrap_or(0.0)
-    }
-
-    /// The row of a fleet: title, state and the time since the last frame, s.
-    fn row(&self) -> String {
-        let (title, state) = (&self.about["title"], self.feed.state_now());
-        let age_s = json!(self.feed.newest().map(Newest::age_s));
-        format!("{{\"title\":{title},\"age_s\":{age_s},\"state\":{state}}}")
     }
 }
 
@@ -278,61 +256,47 @@ impl Server {
         }
     }
 
-    /// Runs sources, one or a fleet, and serves them until `stop` is set or all have ended.
+    /// Runs a source, and serves it until `stop` is set or it has ended.
     ///
     /// # Errors
-    /// A source ended early, or the system gives no thread. In a fleet the others go on first.
-    pub fn run(self, sources: &[&dyn LiveSource], stop: &AtomicBool) -> Result<(), ServeError> {
-        let common = (Arc::new(self.access), Arc::new(Semaphore::new(MAX_SAVING)));
-        let (members, waiting): (Vec<_>, Vec<_>) =
-            sources.iter().zip(1..).map(|(source, k)| Shared::new(&common, k, *source)).unzip();
+    /// The source ended early, or the system gives no thread.
+    pub fn run(self, source: &dyn LiveSource, stop: &AtomicBool) -> Result<(), ServeError> {
+        let (shared, waiting) = Shared::new(self.access, source);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
         let runtime = runtime.map_err(ServeError::System)?;
-        let under_way = &AtomicUsize::new(members.len());
         std::thread::scope(|scope| {
-            let mut threads = vec![];
-            for ((source, member), waiting) in sources.iter().zip(&members).zip(waiting) {
-                let member = member.clone();
-                threads.push(scope.spawn(move || {
-                    let ended = run_member(*source, &member, &waiting, stop);
-                    under_way.fetch_sub(1, Ordering::Relaxed);
-                    ended
-                }));
-            }
-            let must_stop =
-                || stop.load(Ordering::Relaxed) || under_way.load(Ordering::Relaxed) == 0;
-            let served = runtime.block_on(serve(self.listener, &members, must_stop));
-            // Without a server nobody can end the sources.
+            let of_thread = &shared;
+            let run = scope.spawn(move || run_source(source, of_thread, &waiting, stop));
+            let must_stop = || stop.load(Ordering::Relaxed) || run.is_finished();
+            let served = runtime.block_on(serve(self.listener, &shared, must_stop));
+            // Without a server nobody can end the source.
             stop.store(true, Ordering::Relaxed);
-            let join = |thread: ScopedJoinHandle<'_, Result<(), RunError>>| {
-                thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            };
-            let ended: Vec<_> = threads.into_iter().map(join).collect();
+            let ended = run.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             served.map_err(ServeError::System)?;
-            Ok(ended.into_iter().collect::<Result<(), _>>()?)
+            Ok(ended?)
         })
     }
 }
 
-/// Runs a source of a server; its viewers read why it ended early.
-fn run_member(
+/// Runs the source of a server; its viewers read why it ended early.
+fn run_source(
     source: &dyn LiveSource,
-    member: &Shared,
+    shared: &Shared,
     waiting: &Receiver<Request>,
     stop: &AtomicBool,
 ) -> Result<(), RunError> {
-    let ended = source.run(&member.feed, waiting, stop);
+    let ended = source.run(&shared.feed, waiting, stop);
     if let Err(error) = &ended {
-        let now_s = member.feed.now_s(member.period_s());
-        member.feed.event(&event(now_s, "failed", json!({ "why": error.to_string() })));
-        member.feed.state(&json!({ "alarm": "error", "finding": error.to_string() }));
+        let now_s = shared.feed.now_s(shared.period_s());
+        shared.feed.event(&event(now_s, "failed", json!({ "why": error.to_string() })));
+        shared.feed.state(&json!({ "alarm": "error", "finding": error.to_string() }));
     }
     ended
 }
 
 async fn serve(
     listener: std::net::TcpListener,
-    members: &[Arc<Shared>],
+    shared: &Arc<Shared>,
     must_stop: impl Fn() -> bool,
 ) -> std::io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
@@ -342,7 +306,7 @@ async fn serve(
         }
     };
     tokio::select! {
-        () = accept(listener, router(members)) => {}
+        () = accept(listener, router(shared)) => {}
         () = stopped => {}
     }
     Ok(())
@@ -370,56 +334,31 @@ async fn accept(listener: TcpListener, router: Router) {
     }
 }
 
-/// The paths of one source, or those of a fleet above those of each.
-fn router(members: &[Arc<Shared>]) -> Router {
-    if let [member] = members {
-        return paths("", member);
-    }
-    let all: Arc<[Arc<Shared>]> = Arc::from(members);
-    let rows = move || {
-        let rows: Vec<String> = all.iter().map(|member| member.row()).collect();
-        async move { typed("application/json", format!("[{}]", rows.join(","))) }
-    };
-    let page = || async { typed(PAGE, FLEET) };
-    let fleet = guarded(Router::new().route("/", get(page)), &members[0], Asked::Page)
-        .merge(guarded(Router::new().route("/fleet", get(rows)), &members[0], Asked::Data))
-        .route("/{file}", get(public))
-        .with_state(members[0].clone());
-    let add = |all: Router, member: &Arc<Shared>| {
-        all.merge(paths(&format!("/{}", member.number), member))
-    };
-    members.iter().fold(fleet, add)
-}
-
 type Member = State<Arc<Shared>>;
 
-/// The paths of one source.
-fn paths(prefix: &str, member: &Arc<Shared>) -> Router {
-    let at = |path: &str| format!("{prefix}/{path}");
+/// The paths of the source.
+fn router(shared: &Arc<Shared>) -> Router {
     let json = "application/json";
     let data = Router::new()
         .route(
-            &at("about"),
+            "/about",
             get(async move |State(shared): Member| typed(json, shared.about.to_string())),
         )
+        .route("/events", get(async move |State(shared): Member| typed(json, shared.feed.events())))
         .route(
-            &at("events"),
-            get(async move |State(shared): Member| typed(json, shared.feed.events())),
-        )
-        .route(
-            &at("counts"),
+            "/counts",
             get(async move |State(shared): Member| {
                 typed(json, shared.counts.now(&shared.feed).to_string())
             }),
         )
-        .route(&at("session"), get(|State(shared): Member| session(shared, SavedAs::Table)))
-        .route(&at("page.html"), get(|State(shared): Member| session(shared, SavedAs::Page)))
-        .route(&at("live"), get(join));
+        .route("/session", get(|State(shared): Member| session(shared, SavedAs::Table)))
+        .route("/page.html", get(|State(shared): Member| session(shared, SavedAs::Page)))
+        .route("/live", get(join));
     let page = async |State(shared): Member| framed(&shared.access, typed(PAGE, HTML));
-    guarded(data, member, Asked::Data)
-        .merge(guarded(Router::new().route(&at(""), get(page)), member, Asked::Page))
-        .route(&at("{file}"), get(public))
-        .with_state(member.clone())
+    guarded(data, shared, Asked::Data)
+        .merge(guarded(Router::new().route("/", get(page)), shared, Asked::Page))
+        .route("/{file}", get(public))
+        .with_state(shared.clone())
 }
 
 #[derive(Deserialize)]
@@ -428,8 +367,8 @@ struct Pass {
 }
 
 /// The same paths for requests that are let in.
-fn guarded(paths: Router<Arc<Shared>>, member: &Arc<Shared>, asked: Asked) -> Router<Arc<Shared>> {
-    paths.route_layer(from_fn_with_state((member.clone(), asked), let_in))
+fn guarded(paths: Router<Arc<Shared>>, shared: &Arc<Shared>, asked: Asked) -> Router<Arc<Shared>> {
+    paths.route_layer(from_fn_with_state((shared.clone(), asked), let_in))
 }
 
 /// Lets a request in, or answers why not, and counts it.
@@ -696,8 +635,7 @@ mod tests {
     #[tokio::test]
     async fn a_third_session_is_not_saved_beside_two() {
         let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
-        let common = (Arc::new(access), Arc::new(Semaphore::new(MAX_SAVING)));
-        let (shared, _waiting) = Shared::new(&common, 1, &Nothing);
+        let (shared, _waiting) = Shared::new(access, &Nothing);
         let save = async || session(shared.clone(), SavedAs::Table).await;
         let two = [save().await, save().await];
         assert!(two.iter().all(|answer| answer.status() == StatusCode::OK));

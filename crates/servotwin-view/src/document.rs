@@ -421,7 +421,11 @@ impl Table {
     }
 
     /// Adds a row, emphasized or not.
-    pub fn push_if<V: Into<Value>>(&mut self, is_strong: bool, row: impl IntoIterator<Item = V>) {
+    pub(crate) fn push_if<V: Into<Value>>(
+        &mut self,
+        is_strong: bool,
+        row: impl IntoIterator<Item = V>,
+    ) {
         let row: Vec<Value> = row.into_iter().map(Into::into).collect();
         debug_assert_eq!(row.len(), self.columns.len(), "{:?}", self.columns);
         self.rows.push((row, is_strong));
@@ -436,6 +440,11 @@ impl Table {
     pub(crate) fn shown(&self) -> Vec<usize> {
         let shown = |k: &usize| !self.is_empty() && !self.columns[*k].heading.is_empty();
         (0..self.columns.len()).filter(shown).collect()
+    }
+
+    /// The columns for people, and whether each holds numbers.
+    pub(crate) fn aligned(&self) -> Vec<(usize, bool)> {
+        self.shown().into_iter().map(|k| (k, self.is_number(k))).collect()
     }
 
     /// Whether the column holds numbers, which are aligned at the right.

@@ -100,7 +100,7 @@ pub(super) fn shades() -> Vec<Shade> {
 }
 
 /// Style sheet rules that make a drawing's colors readable on a dark background; texts keep their colors.
-pub fn dark_rules() -> String {
+pub(crate) fn dark_rules() -> String {
     let rule = |[light, dark]: Shade| {
         format!(
             "  .drawing [stroke=\"{light}\"] {{ stroke: {dark}; }}\n  \

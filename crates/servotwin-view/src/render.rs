@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn a_terminal_shows_the_verdict_first_and_the_beginning_of_a_long_table() {
-        let text = terminal(&document(), false);
+        let text = terminal(&document(), false, None);
         let begin = "Stop: control valve, since 1.39 s.\nstroke  12.5 mm\n\nlog    lasts  remark\n\
                      log 0    0 s  µ|\n";
         assert!(text.starts_with(begin), "{text}");
@@ -46,9 +46,22 @@ mod tests {
                 "log 9    9 s  µ|\n… and 2 more: --details shows all\n\nnote: a limit\n"
             )
         );
-        let whole = terminal(&document(), true);
+        let whole = terminal(&document(), true, None);
         assert!(whole.contains("log 11   11 s") && whole.ends_with("for the curious\n"), "{whole}");
-        assert_eq!(terminal(&document().formed(Form::Listing), false), whole);
+        assert_eq!(terminal(&document().formed(Form::Listing), false, None), whole);
+    }
+
+    #[test]
+    fn a_wide_table_is_wrapped_to_the_terminal_and_whole_in_a_pipe() {
+        let mut table = Table::of("part | remark");
+        table.push(["servo valve", "a sentence that is longer than the terminal is wide"]);
+        let mut document = Document::default();
+        document.table("parts", table);
+        let widest = |width| {
+            let text = terminal(&document, true, width);
+            text.lines().map(|line| line.chars().count()).max().unwrap()
+        };
+        assert!(widest(Some(40)) <= 40 && widest(None) > 40, "{:?}", widest(Some(40)));
     }
 
     #[test]

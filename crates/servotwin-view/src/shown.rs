@@ -77,7 +77,7 @@ pub fn shown(si: f64, unit: Unit) -> String {
 }
 
 /// The number in the display unit as text, and the unit's symbol.
-pub fn number_and_unit(si: f64, unit: Unit) -> (String, &'static str) {
+pub(crate) fn number_and_unit(si: f64, unit: Unit) -> (String, &'static str) {
     let shown = Shown::of(unit, si);
     (number(shown.value(si), 5), shown.symbol())
 }

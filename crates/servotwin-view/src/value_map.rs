@@ -6,7 +6,6 @@
 
 use super::Figure;
 use super::font;
-use super::heatmap::draw_scale;
 use super::style::{FRAME, WORST, ink_on, scale};
 use super::svg::{Anchor, Area, Canvas, Type};
 
@@ -134,6 +133,25 @@ impl ValueMap {
         let text = self.text(value);
         let title = format!("{}, {}: {text}", self.rows[row], self.columns[column]);
         canvas.titled(&title, |canvas| draw_box(canvas, area, &fill, &text));
+    }
+}
+
+/// Draws the color scale beside a map, with labels of its upper end, middle and lower end.
+fn draw_scale(canvas: &mut Canvas, area: Area, labels: [&str; 3]) {
+    const STEPS: usize = 24;
+    let step = area.height / STEPS as f64;
+    for place in 0..STEPS {
+        let share = 1.0 - (place as f64 + 0.5) / STEPS as f64;
+        let y = area.y + step * place as f64;
+        // A little overlap hides white seams between the steps.
+        let height = if place + 1 == STEPS { step } else { step + 0.5 };
+        let fill = scale(share);
+        canvas.rect(Area { y, height, ..area }, &format!(" fill=\"{fill}\""));
+    }
+    canvas.rect(area, &format!(" fill=\"none\" stroke=\"{FRAME}\" stroke-width=\".6\""));
+    for (share, label) in [0.0, 0.5, 1.0].into_iter().zip(labels) {
+        let y = area.y + area.height * share;
+        canvas.text((area.right() + 4.0, y + 3.4), label, Type::new(9.0));
     }
 }
 

@@ -132,7 +132,7 @@ impl WatchCounts {
     }
 
     /// Counts one occurrence of a kind; the detail of the first is kept.
-    pub fn note_with(&mut self, kind: Irregularity, place: u64, detail: &dyn fmt::Display) {
+    pub(crate) fn note_with(&mut self, kind: Irregularity, place: u64, detail: &dyn fmt::Display) {
         let tally = &mut self.tallies[kind as usize];
         if tally.count == 0 {
             tally.first = place;

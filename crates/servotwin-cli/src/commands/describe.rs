@@ -19,7 +19,7 @@ use std::path::PathBuf;
 pub(crate) struct Options {
     #[command(flatten)]
     system: SystemOption,
-    /// Draw the components and their connections to a .svg or .png file.
+    /// Draw the components and their connections to a .svg file.
     #[arg(long, value_name = "FILE")]
     schematic: Option<PathBuf>,
     /// List the faults that its components can have, instead of describing the system.
@@ -33,7 +33,7 @@ pub(crate) struct Options {
 impl Run for Options {
     fn paths(&self) -> Paths {
         let read = Paths::default().read("SYSTEM", &self.system.path);
-        read.write("--schematic", Format::Figure, &self.schematic)
+        read.write("--schematic", Format::SVG, &self.schematic)
     }
 
     fn run(&self, global: Global) -> Result<Document, Failure> {

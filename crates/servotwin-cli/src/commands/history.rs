@@ -15,6 +15,7 @@ use servotwin::shown::number;
 use servotwin::table::{self, Column, Table, Values};
 use servotwin_view::document::{Document, Line, Table as Rows, Value, Verdict, line};
 use servotwin_view::row;
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
 /// Follow the wear of one tail number: each fault with its trend and the time to a threshold.
@@ -43,11 +44,16 @@ pub(crate) struct Options {
     /// Write a table with one row for each flight (.csv or .parquet).
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// The logs in the folder, once they are known.
+    #[arg(skip)]
+    found: RefCell<Option<LogFolder>>,
 }
 
 impl Run for Options {
     fn paths(&self) -> Paths {
-        let logs = LogFolder::read(&self.folder).unwrap_or_default().paths;
+        let found = LogFolder::read(&self.folder).ok();
+        let logs = found.iter().flat_map(|folder| folder.paths.clone()).collect::<Vec<_>>();
+        self.found.replace(found);
         let paths = self.fit.paths(Paths::default().read("the log", logs));
         paths.write("--out", Format::Table, &self.out)
     }
@@ -59,7 +65,9 @@ impl Run for Options {
         }
         let study = self.fit.study()?;
         let logs = self.fit.logs(&study, global)?;
-        let folder = LogFolder::read(&self.folder)?;
+        // A folder that could not be listed gives its reason now.
+        let found = self.found.take().map_or_else(|| LogFolder::read(&self.folder), Ok);
+        let folder = found?;
         if let Some(skipped) = folder.sentence() {
             note(global, &skipped);
         }

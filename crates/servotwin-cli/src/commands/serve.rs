@@ -13,8 +13,7 @@ use servotwin_model::spec::Unit;
 use servotwin_serve::{Access, Live, LiveSource, Server, Stream};
 use servotwin_view::document::Document;
 use servotwin_watch::guard::needed;
-use servotwin_watch::map::Map;
-use servotwin_watch::source::{Address, Source};
+use servotwin_watch::source::Address;
 use servotwin_watch::watchdog::WatchdogRules;
 use std::io::Write;
 use std::net::IpAddr;
@@ -26,8 +25,7 @@ use std::time::Duration;
 ///
 /// You inject faults into the actuator, and watch residuals, diagnosis and reaction. The plant and its twin fly in
 /// real time, with the diagnosis and a flight control computer that reacts, and a ghost flies the same without them.
-/// --source shows a live stream instead; several make a fleet, with a row for each. The page of a log is written by
-/// servotwin watch --html. The page is at 127.0.0.1 unless you name another address; then the printed link has a
+/// --source shows a live stream instead. The page of a log is written by servotwin watch --html. The page is at 127.0.0.1 unless you name another address; then the printed link has a
 /// token, without which nobody comes in. Ctrl-C ends it. The built-in aileron flies with a diagnosis that comes with
 /// the program; for anything else the command trains one first if it is missing, which takes about two minutes.
 #[derive(clap::Args)]
@@ -41,9 +39,9 @@ pub(crate) struct Options {
     #[arg(long, value_name = "PORT", default_value_t = 8470)]
     port: u16,
     /// Show this stream instead of a flight: - for lines from standard input, udp://HOST:PORT to listen on, or
-    /// mqtt://HOST/TOPIC to subscribe to. Repeat the option for a fleet.
+    /// mqtt://HOST/TOPIC to subscribe to.
     #[arg(long, value_name = "SOURCE", conflicts_with_all = ["command", "specimen"])]
-    source: Vec<String>,
+    source: Option<String>,
     #[command(flatten)]
     input: InputOptions,
     /// The command signal [default: noise that moves the surface all the time].
@@ -67,13 +65,13 @@ impl Run for Options {
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
         stop::heed();
-        if let Some(log) = self.source.iter().find(|source| log_of(source).is_some()) {
+        if let Some(log) = self.source.as_ref().filter(|source| log_of(source).is_some()) {
             return Err(Failure::usage(format!(
                 "{log} is a file, and --source shows a stream: servotwin watch {log} --html FILE writes its page"
             )));
         }
         if self.end_with_stdin {
-            if self.source.iter().any(|source| source == "-") {
+            if self.source.as_deref() == Some("-") {
                 return Err(Failure::usage(
                     "--source - reads standard input, so --end-with-stdin cannot wait for its end",
                 ));
@@ -82,44 +80,23 @@ impl Run for Options {
         }
         let study = self.study.read(global)?;
         let server = Server::listen(Access::to((self.address, self.port).into())?)?;
-        if self.source.is_empty() {
-            return show(server, &[&live(self, study, global)?]);
-        }
+        let Some(source) = &self.source else {
+            return show(server, &live(self, study, global)?);
+        };
         // A source that cannot be opened fails before training takes its time.
-        let opened = self.source.iter().map(|source| open(self, source, &study, global));
-        let opened = opened.collect::<Result<Vec<_>, _>>()?;
+        let address = Address::parse(source)?;
+        let (map, rows) = self.input.open(&address, &study, self.study.is_named(), global)?;
         let diagnoser = diagnoser(self, &study, Scenario::Realistic, global)?;
-        let streams = opened.into_iter().map(|opened| stream(&study, opened, &diagnoser, global));
-        let streams: Vec<Stream> = streams.collect();
-        let sources: Vec<&dyn LiveSource> =
-            streams.iter().map(|stream| stream as &dyn LiveSource).collect();
-        show(server, &sources)
-    }
-}
-
-/// A source that can be read, and its map.
-type Opened = (Address, Map, Box<dyn Source>);
-
-fn open(options: &Options, source: &str, study: &Study, global: Global) -> Result<Opened, Failure> {
-    let address = options.input.address(source)?;
-    let (map, rows) = options.input.open(&address, study, options.study.is_named(), global)?;
-    Ok((address, map, rows))
-}
-
-fn stream<'s>(
-    study: &'s Study,
-    (address, map, rows): Opened,
-    diagnoser: &Arc<Diagnoser>,
-    global: Global,
-) -> Stream<'s> {
-    warn_of_lacking(&map, &needed(diagnoser, &study.system), global);
-    Stream {
-        title: format!("{}: {address}", study.system.title),
-        study,
-        diagnoser: diagnoser.clone(),
-        map,
-        rows: Mutex::new(rows),
-        silence: WatchdogRules::of_period(diagnoser.period_s),
+        warn_of_lacking(&map, &needed(&diagnoser, &study.system), global);
+        let stream = Stream {
+            title: format!("{}: {address}", study.system.title),
+            study: &study,
+            silence: WatchdogRules::of_period(diagnoser.period_s),
+            diagnoser,
+            map,
+            rows: Mutex::new(rows),
+        };
+        show(server, &stream)
     }
 }
 
@@ -138,12 +115,12 @@ fn end_with_stdin() {
     });
 }
 
-/// Prints the link and serves sources until Ctrl-C.
-fn show(server: Server, sources: &[&dyn LiveSource]) -> Result<Document, Failure> {
+/// Prints the link and serves a source until Ctrl-C.
+fn show(server: Server, source: &dyn LiveSource) -> Result<Document, Failure> {
     // Whoever started the command waits for the link, which is a stream's only line.
     let _ = writeln!(out::stdout(), "{}", server.link());
     let _ = out::stdout().flush();
-    server.run(sources, stop::flag())?;
+    server.run(source, stop::flag())?;
     Ok(Document::raw(String::new()))
 }
 

@@ -81,7 +81,7 @@ pub(crate) struct Options {
     /// Write the recorded values to a .csv or .parquet file.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Draw the recorded values to a .svg or .png file.
+    /// Draw the recorded values to a .svg file.
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
@@ -123,7 +123,7 @@ impl Run for Options {
             .read("SYSTEM", &self.system.path)
             .read("the table", tables)
             .write("--out", Format::Table, &self.out)
-            .write("--plot", Format::Figure, &self.plot)
+            .write("--plot", Format::SVG, &self.plot)
     }
 
     fn run(&self, global: Global) -> Result<Document, Failure> {

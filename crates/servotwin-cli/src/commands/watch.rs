@@ -39,7 +39,7 @@ use std::time::Duration;
 /// twin.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// A log (.csv, .parquet, .mcap, .jsonl; .mf4 and .mat if the program has the features of these names), - for lines
+    /// A log (.csv, .parquet, .jsonl; .mcap and .mf4 if the program has the features of these names), - for lines
     /// from standard input, udp://HOST:PORT to listen on, or mqtt://HOST/TOPIC to subscribe to.
     source: String,
     /// A study file, which names the system [default: paper, the paper's study of the aileron].
@@ -107,7 +107,7 @@ impl Run for Options {
         }
         let study = find_study(self.study.as_deref())?;
         let input = &self.input;
-        let address = input.address(&self.source)?;
+        let address = Address::parse(&self.source)?;
         if let Some(path) = &self.make_map {
             return make_map(options, &address, &study, path, global);
         }
@@ -276,7 +276,7 @@ impl Setup<'_> {
         }
         let (Some(path), Some(page)) = (&options.html, page) else { return Ok(document) };
         let verdict = document.verdict.as_ref().map_or("", |verdict| &verdict.line.text);
-        let page = page.screen.page(verdict, &render::terminal(&document, true));
+        let page = page.screen.page(verdict, &render::terminal(&document, true, None));
         match files::write_atomically(path, |out| out.write_all(page.as_bytes())) {
             // What hours of a stream gave is shown, though its page cannot be written.
             Err(error) if address.is_live() => {

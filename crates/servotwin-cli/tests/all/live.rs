@@ -194,15 +194,7 @@ fn a_silent_stream_says_no_data_and_a_second_sender_is_not_mixed_in() {
     for event in ["no_data", "data_again", "heartbeat", "channel_no_data"] {
         assert!(kept.contains(&format!("{{\"event\":\"{event}\"")), "{event}");
     }
-    // A sender that is not named is ignored.
-    let more = ["--json", "--sender", "10.9.8.7", "--heartbeat", "100ms"];
-    let watch = Running::start(&rig.watch(&source, &more));
-    let is_beat = |line: &Value| line["event"] == "heartbeat" && line["frames"].as_u64() > Some(0);
-    let beat = watch.feed_until(&mut || own.send(None), is_beat);
-    assert_eq!((&beat["samples"], &beat["time_s"]), (&0.into(), &Value::Null), "{beat}");
-    watch.interrupt();
     let wrong: &[(&[&str], &str)] = &[
-        (&["--sender", "rig"], "--sender rig is out of range: any, an IP address or IP:PORT"),
         (&["--no-data-after", "0s"], "0.1 s to 86,400 s"),
         (&["--no-data-after", "2bar"], "--no-data-after"),
     ];
@@ -211,12 +203,6 @@ fn a_silent_stream_says_no_data_and_a_second_sender_is_not_mixed_in() {
         assert_eq!(output.status.code(), Some(2), "{more:?}");
         assert!(stderr(&output).contains(message), "{more:?}: {}", stderr(&output));
     }
-    let output = servotwin(&rig.watch(&rig.log, &["--sender", "any"]));
-    assert!(
-        stderr(&output).contains("--sender names the senders of a udp:// source"),
-        "{}",
-        stderr(&output)
-    );
 }
 
 #[cfg(target_os = "linux")]

@@ -48,7 +48,7 @@ fn no_output_overwrites_an_input_or_another_output() {
         ("describe A/own.toml --schematic A/own.toml", "would overwrite SYSTEM A/own.toml"),
         ("watch A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("fit A/a.csv --out A/x.csv", "--out must end in .toml, not as A/x.csv does"),
-        ("simulate --plot A/x.pdf", "A/x.pdf: a figure is saved as .svg or .png"),
+        ("simulate --plot A/x.pdf", "--plot must end in .svg, not as A/x.pdf does"),
     ];
     let read = || {
         let files = ["a.csv", "m.json", "own.toml", "c.jsonl", "study.toml"];

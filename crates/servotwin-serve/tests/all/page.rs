@@ -6,7 +6,7 @@ use std::process::Command;
 #[test]
 fn a_page_keeps_a_minute_of_an_hour_and_draws_its_peaks() {
     let folder = env!("CARGO_MANIFEST_DIR");
-    let scripts = ["/../servotwin-watch/page/player.js", "/page/common.js", "/page/page.js"];
+    let scripts = ["/../servotwin-watch/page/player.js", "/page/page.js"];
     let scripts = scripts.map(|name| format!("{folder}{name}"));
     let mut node = Command::new("node");
     let Ok(output) = node.arg(format!("{folder}/tests/all/page.cjs")).args(scripts).output() else {

@@ -57,18 +57,13 @@ pub fn served(visit: impl FnOnce(SocketAddr)) {
 
 /// Serves a source on a free port while `visit` runs.
 pub fn served_from(source: &impl LiveSource, visit: impl FnOnce(SocketAddr)) {
-    served_from_all(&[source], visit);
-}
-
-/// Serves a fleet on a free port while `visit` runs.
-pub fn served_from_all(sources: &[&dyn LiveSource], visit: impl FnOnce(SocketAddr)) {
     let access = Access::to(([127, 0, 0, 1], 0).into()).unwrap();
     let server = Server::listen(access).unwrap();
     let link = server.link();
     let address = link.trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
-        let run = scope.spawn(|| server.run(sources, &stop));
+        let run = scope.spawn(|| server.run(source, &stop));
         // A failed visit must end the server, too.
         let visited = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| visit(address)));
         stop.store(true, Ordering::Relaxed);
@@ -120,14 +115,9 @@ pub fn own(address: SocketAddr, path: &str) -> Value {
 }
 
 pub fn join(address: SocketAddr) -> WebSocket<TcpStream> {
-    join_at(address, "/live")
-}
-
-/// Joins the viewers of one source of a fleet.
-pub fn join_at(address: SocketAddr, path: &str) -> WebSocket<TcpStream> {
     let stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
-    let request = format!("ws://{address}{path}").into_client_request().unwrap();
+    let request = format!("ws://{address}/live").into_client_request().unwrap();
     tungstenite::client(request, stream).unwrap().0
 }
 

@@ -84,6 +84,16 @@ impl Value {
         Value::of(texts.join(", "), &values.iter().map(|value| &value.json).collect::<Vec<_>>())
     }
 
+    /// The first line of the text.
+    pub(crate) fn first_line(&self) -> &str {
+        self.text.lines().next().unwrap_or_default()
+    }
+
+    /// The remarks below the first line.
+    pub(crate) fn below(&self) -> Vec<&str> {
+        self.text.lines().skip(1).collect()
+    }
+
     /// The text in one line.
     pub(crate) fn in_line(&self) -> String {
         match self.text.split_once('\n') {

@@ -18,42 +18,41 @@ pub fn markdown(document: &Document) -> String {
 fn add(page: &mut String, document: &Document, level: usize) {
     let mut is_in_paragraph = false;
     for Block { id, content, .. } in &document.blocks {
-        let is_sentence = matches!(content, Content::Text(_));
-        if !(is_sentence && is_in_paragraph) {
-            page.push('\n');
-        }
-        is_in_paragraph = is_sentence;
-        match content {
-            Content::Text(line) => *page += &format!("{}\n", line.text),
-            Content::Note(line) => *page += &format!("> {}\n", line.text),
-            Content::Heading(heading) => *page += &format!("**{heading}**\n"),
+        let listed = |line: String| format!("- {line}\n");
+        let own = match content {
+            Content::Text(line) => format!("{}\n", line.text),
+            Content::Note(line) => format!("> {}\n", line.text),
+            Content::Heading(heading) => format!("**{heading}**\n"),
             Content::Facts(facts) => {
                 let shown = facts.iter().filter(|(_, name, _)| !name.is_empty());
-                shown.for_each(|(_, name, value)| {
-                    *page += &format!("- {name}: {}\n", value.in_line())
-                });
+                shown
+                    .map(|(_, name, value)| listed(format!("{name}: {}", value.in_line())))
+                    .collect()
             }
-            Content::List(lines) => {
-                lines.iter().for_each(|line| *page += &format!("- {}\n", line.text));
-            }
-            Content::Table(own) => *page += &table(own),
-            Content::Files(paths) => {
-                paths.iter().for_each(|path| *page += &format!("- `{path}`\n"))
-            }
-            Content::Figure { caption, .. } => {
-                *page += &format!("![{caption}](figures/{id}.svg)\n")
-            }
-            Content::Raw(text) => *page += &format!("```text\n{}\n```\n", text.trim_end()),
+            Content::List(lines) => lines.iter().map(|line| listed(line.text.clone())).collect(),
+            Content::Table(own) => table(own),
+            Content::Files(paths) => paths.iter().map(|path| listed(format!("`{path}`"))).collect(),
+            Content::Figure { caption, .. } => format!("![{caption}](figures/{id}.svg)\n"),
+            Content::Raw(text) => format!("```text\n{}\n```\n", text.trim_end()),
             Content::Section(section) => {
+                let mut own = String::new();
                 if !section.title.is_empty() {
-                    *page += &format!("{} {}\n", "#".repeat(level), section.title);
+                    own += &format!("{} {}\n", "#".repeat(level), section.title);
                 }
-                add(page, section, level + 1);
+                add(&mut own, section, level + 1);
+                own
             }
-            Content::Data(_) => {
-                page.pop();
+            Content::Data(_) => String::new(),
+        };
+        let is_sentence = matches!(content, Content::Text(_));
+        if !own.is_empty() {
+            // A block that shows nothing leaves no blank line.
+            if !(is_sentence && is_in_paragraph) {
+                page.push('\n');
             }
+            is_in_paragraph = is_sentence;
         }
+        *page += &own;
     }
 }
 

@@ -7,13 +7,13 @@
 
 mod series;
 
+use askama::Template;
 use serde::Serialize;
 use serde_json::{Value, json};
 use series::Series;
 use servotwin_io::moment;
-use servotwin_io::text::{base64, escaped};
+use servotwin_io::text::base64;
 use sha2::{Digest, Sha256};
-use std::fmt::Write;
 
 /// The library that draws the charts.
 pub const CHARTS_SCRIPT: &str = include_str!("../../page/uplot.js");
@@ -108,6 +108,20 @@ pub fn event(time_s: f64, kind: &str, about: Value) -> Value {
     event
 }
 
+/// The file; the template escapes every text.
+#[derive(Template)]
+#[template(path = "player.html")]
+struct Page<'p> {
+    title: &'p str,
+    verdict: &'p str,
+    summary: String,
+    report: &'p str,
+    left_out: usize,
+    /// The record as JSON.
+    data: String,
+    scripts: [&'static str; 4],
+}
+
 /// Gathers the data of the file.
 #[derive(Debug)]
 pub struct PlayerRecord {
@@ -144,43 +158,21 @@ impl PlayerRecord {
     }
 
     /// The file, with a verdict on top and, below the charts, a report as lines of text.
+    ///
+    /// # Panics
+    /// Never: the template renders texts alone.
     pub fn page(&self, verdict: &str, report: &str) -> String {
-        let [title, verdict, summary, report] =
-            [&self.title, verdict, &self.summary(), report].map(escaped);
-        // A text in JSON must not end the script element.
-        let data = self.data().to_string().replace('<', "\\u003c");
-        let scripts = [FINE, CHARTS_SCRIPT, PLAYER_SCRIPT, START];
-        let allowed =
-            scripts.map(|script| format!(" 'sha256-{}'", base64(&Sha256::digest(script))));
-        let mut html = format!(
-            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; base-uri 'none'; \
-             form-action 'none'; style-src 'unsafe-inline'; script-src{}\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <title>{title}</title>\n<style>\n{CHARTS_STYLE}\n{PLAYER_STYLE}</style>\n</head>\n\
-             <body class=\"record\">\n<header><h1>{title}</h1>\n<p id=\"said\" role=\"status\">{verdict}</p>\n\
-             <p class=\"hint\">{summary}</p></header>\n<main>\n\
-             <section><p class=\"tools\" id=\"tools\"></p>\n\
-             <details id=\"chooser\"><summary>Choose charts</summary><div id=\"choices\"></div></details>\n\
-             <div id=\"plots\" tabindex=\"0\"></div>\n\
-             <noscript><p>The curves and the events need JavaScript.</p></noscript></section>\n\
-             <section><h2>Events</h2><ol id=\"events\" reversed></ol></section>\n",
-            allowed.concat()
-        );
-        if self.left_out > 0 {
-            let _ = writeln!(html, "<section>and {} events more</section>", self.left_out);
-        }
-        if !report.is_empty() {
-            let _ = writeln!(html, "<section><h2>Report</h2><pre>{report}</pre></section>");
-        }
-        let _ = writeln!(
-            html,
-            "</main>\n<script type=\"application/json\" id=\"record\">{data}</script>"
-        );
-        for script in scripts {
-            let _ = writeln!(html, "<script>{script}</script>");
-        }
-        html + "</body>\n</html>\n"
+        let page = Page {
+            title: &self.title,
+            verdict,
+            summary: self.summary(),
+            report,
+            left_out: self.left_out,
+            // A text in JSON must not end the script element.
+            data: self.data().to_string().replace('<', "\\u003c"),
+            scripts: [FINE, CHARTS_SCRIPT, PLAYER_SCRIPT, START],
+        };
+        page.render().expect("texts are rendered")
     }
 
     fn summary(&self) -> String {

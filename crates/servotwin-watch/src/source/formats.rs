@@ -47,7 +47,7 @@ macro_rules! reader {
 }
 
 /// All formats. A file that is of no other is text.
-static FORMATS: [LogFormat; 5] = [
+static FORMATS: [LogFormat; 4] = [
     LogFormat {
         extensions: &["csv", "tsv", "jsonl", "ndjson"],
         probe: |_| false,
@@ -67,11 +67,6 @@ static FORMATS: [LogFormat; 5] = [
         extensions: &["mf4", "mdf"],
         probe: |head| head.starts_with(b"MDF     ") || head.starts_with(b"UnFinMF "),
         reader: reader!(mf4, "mf4"),
-    },
-    LogFormat {
-        extensions: &["mat"],
-        probe: |head| head.starts_with(b"MATLAB 5.0") || head.starts_with(b"MATLAB 7.3"),
-        reader: reader!(mat, "mat"),
     },
 ];
 

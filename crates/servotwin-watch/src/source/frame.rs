@@ -9,7 +9,6 @@
 use super::object::{Leaf, walk, without_special_numbers};
 use super::{Bad, LogRow, Read, Wanted};
 use crate::counts::{Flaw, Irregularity};
-use serde_json::Value;
 use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::dialect::separator_of;
@@ -286,20 +285,7 @@ pub(crate) fn object(line: &[u8]) -> Option<&[u8]> {
 /// The keys of an object including nested ones; `None` if it is not an object.
 fn leaves(object: &[u8]) -> Option<Vec<String>> {
     let mut found = vec![];
-    add_leaves(&serde_json::from_slice(object).ok()?, String::new(), &mut found);
-    Some(found)
-}
-
-fn add_leaves(value: &Value, path: String, found: &mut Vec<String>) {
-    let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
-    match value {
-        Value::Object(map) => map.iter().for_each(|(key, own)| add_leaves(own, below(key), found)),
-        Value::Array(list) => list
-            .iter()
-            .enumerate()
-            .for_each(|(place, own)| add_leaves(own, below(&place.to_string()), found)),
-        _ => found.push(path),
-    }
+    walk("", object, &mut |path, _| found.push(path.to_owned())).ok().map(|()| found)
 }
 
 /// The separator of a header, and its names.

@@ -3,14 +3,13 @@
 //! A column is named by the topic without its leading `/`, a point, and the key in the message (`measured.p_a_1_pa`).
 //! `log_time` is the time of the message in ns. A damaged chunk is skipped and counted; reading continues after it.
 //!
-//! Rows are ordered by time. A first pass finds out whether messages are in order, as recorders write them. Ordered
-//! messages are read one by one. In any other file (written topic by topic, or merged), the wanted numbers are read
-//! into memory and sorted.
+//! A first pass finds the columns, and whether messages are in the order of their times, as recorders write them. A file
+//! that was written topic by topic, or merged, is rejected.
 
 use super::frame::Frames;
 use super::object::Leaf;
 use super::survey::{LogColumn, Objects};
-use super::{Bad, LogRow, Read, Source, SourceError, Wanted};
+use super::{LogRow, Read, Source, SourceError, Wanted};
 use crate::counts::{Flaw, Irregularity};
 use ::mcap::McapError;
 use ::mcap::read::ChunkReader;
@@ -28,11 +27,11 @@ pub(crate) const LOG_TIME: &str = "log_time";
 /// The largest chunk or record, bytes.
 const LARGEST: usize = 1 << 28;
 
-/// The most numbers of an unordered file that are sorted in memory: a gigabyte.
-const MOST_SORTED: usize = 50_000_000;
+/// A message may be older than an earlier one by this time, ns: rows wait so long for late ones.
+const DISORDER_NS: u64 = 50_000_000;
 
-/// A file whose messages are in order.
-struct InOrder {
+/// An open file.
+struct Rows {
     messages: Messages,
     frames: Frames,
     /// The number of wanted columns.
@@ -46,16 +45,13 @@ struct InOrder {
 
 /// Opens a file that must have the wanted columns.
 pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-    let Survey { columns, is_in_order } = survey(path, Some(wanted))?;
-    let known: Vec<String> = columns.into_iter().map(|column| column.name).collect();
+    let known: Vec<String> =
+        survey(path, Some(wanted))?.into_iter().map(|column| column.name).collect();
     wanted.require(&path.display().to_string(), &known)?;
-    if !is_in_order {
-        return Ok(Box::new(Sorted::open(path, wanted)?));
-    }
     let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
     let (messages, frames) = (Messages::open(path)?, Frames::new(wanted));
     let width = wanted.names.len();
-    Ok(Box::new(InOrder { messages, frames, width, log_time, next: None, read: 0 }))
+    Ok(Box::new(Rows { messages, frames, width, log_time, next: None, read: 0 }))
 }
 
 /// A message in JSON.
@@ -74,7 +70,7 @@ enum Next {
     End,
 }
 
-impl Source for InOrder {
+impl Source for Rows {
     fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
         let first = match self.next.take() {
             Some(message) => message,
@@ -130,7 +126,7 @@ impl Source for InOrder {
 
 /// The columns of all channels, with the time and its unit.
 pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
-    let found = survey(path, None)?.columns;
+    let found = survey(path, None)?;
     match found.len() {
         1 => {
             let (address, seen) = (path.display().to_string(), "no message is in JSON".into());
@@ -140,17 +136,14 @@ pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     }
 }
 
-/// The result of a first pass through a file.
-struct Survey {
-    columns: Vec<LogColumn>,
-    is_in_order: bool,
-}
-
 /// Scans a file for columns: a channel may begin anywhere. If columns are `wanted`, the scan may stop collecting once
 /// it has them.
-fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Survey, SourceError> {
+///
+/// # Errors
+/// The file cannot be read, or its messages are not in the order of their times.
+fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Vec<LogColumn>, SourceError> {
     let mut messages = Messages::open(path)?;
-    let (mut found, mut last_ns, mut is_in_order) = (Objects::default(), 0, true);
+    let (mut found, mut newest_ns) = (Objects::default(), 0);
     found.name(LOG_TIME, "ns");
     let mut has_all = false;
     loop {
@@ -159,109 +152,17 @@ fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Survey, SourceError> {
             Next::Flawed(_) => continue,
             Next::End => break,
         };
-        is_in_order &= last_ns <= message.log_time_ns;
-        last_ns = message.log_time_ns;
+        newest_ns = message.log_time_ns.max(newest_ns);
+        if newest_ns - message.log_time_ns > DISORDER_NS {
+            return Err(SourceError::Unsorted { address: path.display().to_string() });
+        }
         if !has_all {
             found.take(LOG_TIME, &Leaf::Number(message.log_time_ns as f64));
             found.add(&message.prefix, &message.data);
             has_all = wanted.is_some_and(|wanted| found.has_all(wanted));
         }
     }
-    Ok(Survey { columns: found.finish(), is_in_order })
-}
-
-/// The wanted numbers of an unordered file, sorted by message time.
-struct Sorted {
-    wanted: Wanted,
-    log_time: Option<usize>,
-    parts: Vec<Part>,
-    /// Flawed messages, reported while the file is read.
-    flaws: VecDeque<(u64, Flaw)>,
-    next: usize,
-}
-
-/// The values of one message.
-struct Part {
-    log_time_ns: u64,
-    number: u64,
-    /// The index in a row of every number, and the number.
-    values: Box<[(u16, f64)]>,
-    bad: u64,
-    first_bad: Option<Box<Bad>>,
-}
-
-impl Sorted {
-    fn open(path: &Path, wanted: &Wanted) -> Result<Self, SourceError> {
-        let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
-        let (wanted, parts, flaws) = (wanted.clone(), vec![], VecDeque::new());
-        let mut sorted = Sorted { wanted, log_time, parts, flaws, next: 0 };
-        let (mut messages, frames) = (Messages::open(path)?, Frames::new(&sorted.wanted));
-        let (mut row, mut numbers) = (LogRow::default(), 0);
-        loop {
-            match messages.next()? {
-                Next::Message(message) => numbers += sorted.take(&frames, &message, &mut row),
-                Next::Flawed(flaw) => sorted.flaws.push_back((messages.count, flaw)),
-                Next::End => break,
-            }
-            if numbers > MOST_SORTED {
-                let address = path.display().to_string();
-                return Err(SourceError::Unsorted { address, most: MOST_SORTED });
-            }
-        }
-        sorted.parts.sort_by_key(|part| (part.log_time_ns, part.number));
-        Ok(sorted)
-    }
-
-    /// Keeps the wanted numbers of a message; returns how many there are.
-    fn take(&mut self, frames: &Frames, message: &Message, row: &mut LogRow) -> usize {
-        row.begin(self.wanted.names.len());
-        let &Message { log_time_ns, number, .. } = message;
-        if let Err(flaw) = frames.add(&message.prefix, &message.data, row) {
-            self.flaws.push_back((number, flaw));
-            return 0;
-        }
-        let known = row.values.iter().enumerate().filter(|(_, value)| !value.is_nan());
-        let values: Box<[_]> = known.map(|(place, value)| (place as u16, *value)).collect();
-        let (count, first_bad) = (values.len(), row.first_bad.take().map(Box::new));
-        if count > 0 || row.bad > 0 {
-            self.parts.push(Part { log_time_ns, number, values, bad: row.bad, first_bad });
-        }
-        count
-    }
-}
-
-impl Source for Sorted {
-    fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
-        if let Some((place, flaw)) = self.flaws.pop_front() {
-            row.place = place;
-            return Ok(Read::Flawed(flaw));
-        }
-        let Some(first) = self.parts.get(self.next) else { return Ok(Read::End) };
-        row.begin(self.wanted.names.len());
-        row.place = first.number;
-        if let Some(place) = self.log_time {
-            row.values[place] = first.log_time_ns as f64;
-        }
-        let is_same = |part: &&Part| part.log_time_ns == first.log_time_ns;
-        for part in self.parts[self.next..].iter().take_while(is_same) {
-            for &(place, value) in &part.values {
-                row.values[usize::from(place)] = value;
-            }
-            row.bad += part.bad;
-            row.first_bad = row.first_bad.take().or_else(|| part.first_bad.as_deref().cloned());
-            self.next += 1;
-        }
-        Ok(super::frame::with_time(&self.wanted, row))
-    }
-
-    fn counted(&self) -> &'static str {
-        "message"
-    }
-
-    fn share(&self) -> Option<f64> {
-        let all = self.parts.len();
-        (all > 0).then(|| self.next as f64 / all as f64)
-    }
+    Ok(found.finish())
 }
 
 /// The messages of a file in file order.

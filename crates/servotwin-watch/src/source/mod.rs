@@ -6,12 +6,10 @@
 
 mod formats;
 pub mod frame;
-#[cfg(any(feature = "mf4", feature = "mat"))]
+#[cfg(feature = "mf4")]
 mod groups;
 mod lines;
 mod live;
-#[cfg(feature = "mat")]
-mod mat;
 #[cfg(feature = "mcap")]
 mod mcap;
 #[cfg(feature = "mf4")]
@@ -22,7 +20,7 @@ mod object;
 mod stdin;
 mod survey;
 pub mod table;
-pub mod udp;
+mod udp;
 
 use super::counts::Flaw;
 use crate::span::CutError;
@@ -37,7 +35,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 pub use formats::{extensions, is_log};
-pub use survey::{LogColumn, is_time_name};
+pub use survey::LogColumn;
+pub(crate) use survey::is_time_name;
 
 /// The unit of a date as text.
 pub(crate) const DATE: &str = "date";
@@ -201,7 +200,7 @@ pub enum Address {
     /// Lines of standard input.
     Stdin,
     /// UDP datagrams sent to this address.
-    Udp(SocketAddr, udp::Allowed),
+    Udp(SocketAddr),
     /// Messages from an MQTT broker.
     #[cfg(feature = "mqtt")]
     Mqtt(mqtt::Subscription),
@@ -209,7 +208,7 @@ pub enum Address {
 
 impl Address {
     /// Parses an address: a file, `-`, `udp://HOST:PORT`, or
-    /// `mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=1]`.
+    /// `mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[?qos=1]`.
     ///
     /// # Errors
     /// [`SourceError::Address`], or [`SourceError::Feature`] if this program cannot read such a source.
@@ -221,26 +220,15 @@ impl Address {
         if let Some(rest) = text.strip_prefix("udp://") {
             use std::net::ToSocketAddrs;
             let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
-            return found
-                .next()
-                .map(|to| Address::Udp(to, udp::Allowed::First))
-                .ok_or_else(|| wrong("udp://HOST:PORT"));
+            return found.next().map(Address::Udp).ok_or_else(|| wrong("udp://HOST:PORT"));
         }
         if text.starts_with("mqtt://") || text.starts_with("mqtts://") {
             return Address::parse_mqtt(text);
         }
         if text.contains("://") {
-            return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPICS"));
+            return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPIC"));
         }
         Ok(Address::File(PathBuf::from(text)))
-    }
-
-    /// Restricts the accepted senders; `None` if the source has no senders.
-    pub fn from_senders(self, allowed: udp::Allowed) -> Option<Self> {
-        match self {
-            Address::Udp(address, _) => Some(Address::Udp(address, allowed)),
-            _ => None,
-        }
     }
 
     #[cfg(feature = "mqtt")]
@@ -280,7 +268,7 @@ impl Address {
         Ok(match self {
             Address::File(path) => (formats::reader_of(path)?.open)(path, wanted)?,
             Address::Stdin => stdin::open(std::io::stdin(), wanted),
-            Address::Udp(address, allowed) => udp::open(*address, allowed.clone(), wanted)?,
+            Address::Udp(address) => udp::open(*address, wanted)?,
             #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => mqtt::open(subscription, wanted)?,
         })
@@ -295,7 +283,7 @@ impl Address {
         let names = match self {
             Address::File(path) => return (formats::reader_of(path)?.columns)(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
-            Address::Udp(address, allowed) => udp::columns(*address, allowed)?,
+            Address::Udp(address) => udp::columns(*address)?,
             #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
@@ -308,7 +296,7 @@ impl fmt::Display for Address {
         match self {
             Address::File(path) => write!(out, "{}", path.display()),
             Address::Stdin => write!(out, "standard input"),
-            Address::Udp(address, _) => write!(out, "udp://{address}"),
+            Address::Udp(address) => write!(out, "udp://{address}"),
             #[cfg(feature = "mqtt")]
             Address::Mqtt(subscription) => write!(out, "{subscription}"),
         }
@@ -346,9 +334,6 @@ pub enum SourceError {
     /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },
-    /// Two topics of a broker send the same column: what may be done.
-    #[error("{0}")]
-    Mixed(String),
     /// A file is damaged or has an unsupported format.
     #[error("{address}: {cause}")]
     Unreadable { address: String, cause: String },
@@ -367,12 +352,11 @@ pub enum SourceError {
     /// No line names columns.
     #[error("{address}: no line with the names of columns, and no JSON object: {seen}")]
     NoHeader { address: String, seen: String },
-    /// An unordered file has more numbers than can be sorted in memory.
+    /// The messages of a file are not in the order of their times.
     #[error(
-        "{address} is not in the order of its times and has more than {most} numbers to sort: sort it by log time \
-         first"
+        "{address} is not in the order of its times: sort it first, for example with 'mcap sort' of Foxglove"
     )]
-    Unsorted { address: String, most: usize },
+    Unsorted { address: String },
     /// No row of the log lies in the requested time span.
     #[error(transparent)]
     Cut(CutError),
@@ -385,7 +369,7 @@ pub enum SourceError {
 }
 
 impl SourceError {
-    #[cfg(any(feature = "mf4", feature = "mat"))]
+    #[cfg(feature = "mf4")]
     fn unreadable(address: &str, cause: &str) -> Self {
         SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
     }

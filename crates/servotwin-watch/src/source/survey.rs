@@ -21,7 +21,7 @@ const TIMES: &str = "time t ts timestamp timestamps stamp logtime datetime date 
                      zeitstempel datum uhrzeit messzeit";
 
 /// Whether a name without unit, reduced to lowercase letters and digits, is that of a time.
-pub fn is_time_name(key: &str) -> bool {
+pub(crate) fn is_time_name(key: &str) -> bool {
     TIMES.split(' ').any(|name| name == key)
 }
 

@@ -1,6 +1,6 @@
 //! Reads UDP datagrams, each with one or more lines.
 //!
-//! A separate thread receives them into a bounded queue, so that a busy diagnosis loses none. `Senders` decides which
+//! A separate thread receives them into a bounded queue, so that a busy diagnosis loses none. [`Lock`] decides whose
 //! datagrams are accepted.
 
 use super::frame::{self, Frames};
@@ -9,7 +9,7 @@ use super::{PAUSE, Read, Source, SourceError, Wanted};
 use crate::counts::{Flaw, Irregularity};
 use socket2::SockRef;
 use std::io;
-use std::net::{IpAddr, SocketAddr, UdpSocket};
+use std::net::{SocketAddr, UdpSocket};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread;
@@ -27,95 +27,41 @@ const RECEIVE_BUFFER: usize = 4 << 20;
 /// A locked sender that is silent for this long makes room for another.
 const RELEASE: Duration = Duration::from_secs(2);
 
-/// The senders that are accepted.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum Allowed {
-    /// The first that sends a sample, until it is silent for two seconds.
-    #[default]
-    First,
-    /// Every sender.
-    Any,
-    /// Only these senders.
-    These(Vec<Sender>),
-}
-
-/// A sender in the list.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sender {
-    /// Any port of a host.
-    Host(IpAddr),
-    /// One port of a host.
-    Port(SocketAddr),
-}
-
-impl Allowed {
-    /// Parses sender texts: `any`, an IP address, or an address with a port. An empty list selects the first sender.
-    ///
-    /// # Errors
-    /// The first invalid text.
-    pub fn parse(texts: &[String]) -> Result<Self, String> {
-        if texts.is_empty() {
-            return Ok(Allowed::First);
-        }
-        if texts.iter().any(|text| text == "any") {
-            return Ok(Allowed::Any);
-        }
-        let sender = |text: &String| {
-            let host = text.parse().map(|ip: IpAddr| Sender::Host(ip.to_canonical()));
-            let port = || text.parse().map(|address| Sender::Port(canonical(address)));
-            host.or_else(|_| port()).map_err(|_| text.clone())
-        };
-        texts.iter().map(sender).collect::<Result<_, _>>().map(Allowed::These)
-    }
-}
-
 /// Converts an IPv4-mapped IPv6 address to IPv4.
 fn canonical(address: SocketAddr) -> SocketAddr {
     SocketAddr::new(address.ip().to_canonical(), address.port())
 }
 
-/// Decides whose datagrams are accepted.
-#[derive(Debug)]
-struct Senders {
-    allowed: Allowed,
+/// The sender that is accepted: the first that sends a sample, until it is silent for [`RELEASE`].
+#[derive(Debug, Default)]
+struct Lock {
     /// The locked sender, and the time of its last datagram.
     locked: Option<(SocketAddr, Instant)>,
 }
 
-impl Senders {
+impl Lock {
     fn takes(&mut self, sender: SocketAddr, now: Instant) -> bool {
         let sender = canonical(sender);
-        match &self.allowed {
-            Allowed::Any => true,
-            Allowed::These(these) => these.iter().any(|known| match known {
-                Sender::Host(ip) => *ip == sender.ip(),
-                Sender::Port(address) => *address == sender,
-            }),
-            Allowed::First => {
-                let Some((known, last)) = &mut self.locked else { return true };
-                if *known == sender {
-                    *last = now;
-                    return true;
-                }
-                let is_released = now.saturating_duration_since(*last) >= RELEASE;
-                if is_released {
-                    self.locked = None;
-                }
-                is_released
-            }
+        let Some((known, last)) = &mut self.locked else { return true };
+        if *known == sender {
+            *last = now;
+            return true;
         }
+        let is_released = now.saturating_duration_since(*last) >= RELEASE;
+        if is_released {
+            self.locked = None;
+        }
+        is_released
     }
 
     /// Locks onto a sender after its first sample.
     fn lock(&mut self, sender: SocketAddr, now: Instant) {
-        if self.allowed == Allowed::First && self.locked.is_none() {
-            self.locked = Some((canonical(sender), now));
-        }
+        self.locked.get_or_insert((canonical(sender), now));
     }
 }
 
-fn locked(senders: &Mutex<Senders>) -> MutexGuard<'_, Senders> {
-    senders.lock().unwrap_or_else(PoisonError::into_inner)
+fn locked(lock: &Mutex<Lock>) -> MutexGuard<'_, Lock> {
+    lock.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A UDP source.
@@ -134,43 +80,35 @@ fn bind(address: SocketAddr) -> Result<UdpSocket, SourceError> {
 }
 
 /// Listens at an address.
-pub(super) fn open(
-    address: SocketAddr,
-    allowed: Allowed,
-    wanted: &Wanted,
-) -> Result<Box<dyn Source>, SourceError> {
-    Ok(Box::new(start(bind(address)?, address, allowed, wanted)))
+pub(super) fn open(address: SocketAddr, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
+    Ok(Box::new(start(bind(address)?, address, wanted)))
 }
 
-fn start(socket: UdpSocket, address: SocketAddr, allowed: Allowed, wanted: &Wanted) -> Udp {
+fn start(socket: UdpSocket, address: SocketAddr, wanted: &Wanted) -> Udp {
     let (queue, news) = sync_channel(WAITING);
-    let senders = Arc::new(Mutex::new(Senders { allowed, locked: None }));
-    let of_thread = Arc::downgrade(&senders);
+    let lock = Arc::new(Mutex::new(Lock::default()));
+    let of_thread = Arc::downgrade(&lock);
     thread::spawn(move || receive(&socket, &queue, &of_thread));
     let mut frames = Frames::new(wanted);
     Live::new(format!("udp://{address}"), "datagram", news, move |sender, line, row| {
         // A datagram accepted into the queue is read, even if another sender was locked meanwhile.
         let read = frames.read(line, row);
         if read == Read::Row {
-            locked(&senders).lock(*sender, Instant::now());
+            locked(&lock).lock(*sender, Instant::now());
         }
         Ok(read)
     })
 }
 
-/// Receives datagrams until the reader, who owns the senders, is dropped.
-fn receive(
-    socket: &UdpSocket,
-    queue: &SyncSender<News<SocketAddr>>,
-    senders: &Weak<Mutex<Senders>>,
-) {
+/// Receives datagrams until the reader, who owns the lock, is dropped.
+fn receive(socket: &UdpSocket, queue: &SyncSender<News<SocketAddr>>, lock: &Weak<Mutex<Lock>>) {
     let mut buffer = vec![0; LARGEST];
     let mut dropped = Drops { flaws: vec![], last: Instant::now() };
-    while let Some(senders) = senders.upgrade() {
+    while let Some(lock) = lock.upgrade() {
         let received = socket.recv_from(&mut buffer);
         let now = Instant::now();
         match received {
-            Ok((_, sender)) if !locked(&senders).takes(sender, now) => {
+            Ok((_, sender)) if !locked(&lock).takes(sender, now) => {
                 dropped.add(Irregularity::ForeignSender, sender);
             }
             Ok((bytes, sender)) => {
@@ -230,19 +168,17 @@ pub(super) fn is_pause(error: &io::Error) -> bool {
 }
 
 /// The columns of the first datagram that names any; waits for it.
-pub(crate) fn columns(address: SocketAddr, allowed: &Allowed) -> Result<Vec<String>, SourceError> {
+pub(crate) fn columns(address: SocketAddr) -> Result<Vec<String>, SourceError> {
     let socket = bind(address)?;
-    let mut senders = Senders { allowed: allowed.clone(), locked: None };
     let mut datagram = vec![0; LARGEST];
     loop {
         match socket.recv_from(&mut datagram) {
-            Ok((length, sender)) if senders.takes(sender, Instant::now()) => {
+            Ok((length, _)) => {
                 let mut lines = datagram[..length].split(|&byte| byte == b'\n');
                 if let Some(names) = lines.find_map(frame::columns) {
                     return Ok(names);
                 }
             }
-            Ok(_) => {}
             Err(error) if is_pause(&error) => {}
             Err(error) => return Err(failed(address, &error)),
         }
@@ -260,15 +196,15 @@ mod tests {
         Wanted { names, columns, time: Some(0), ..Wanted::default() }
     }
 
-    fn open(allowed: Allowed) -> (Udp, SocketAddr) {
+    fn open() -> (Udp, SocketAddr) {
         let socket = bind("127.0.0.1:0".parse().unwrap()).unwrap();
         let address = socket.local_addr().unwrap();
-        (start(socket, address, allowed, &wanted()), address)
+        (start(socket, address, &wanted()), address)
     }
 
     #[test]
     fn datagrams_of_lines_and_noise() {
-        let (mut source, address) = open(Allowed::First);
+        let (mut source, address) = open();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         for datagram in [&b"1,2\n2,3\n"[..], b"\x00\xff\x01", b"", b"{\"t\": 3, \"p\": 4}"] {
             sender.send_to(datagram, address).unwrap();
@@ -305,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_second_sender_is_counted_and_not_mixed_in() {
-        let (mut source, address) = open(Allowed::First);
+        let (mut source, address) = open();
         let [own, other] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
         // Noise does not lock the source to its sender.
         other.send_to(b"\x00\x01", address).unwrap();
@@ -323,30 +259,8 @@ mod tests {
     }
 
     #[test]
-    fn only_senders_that_are_named_are_heard() {
-        let [own, other] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
-        let own_address = own.local_addr().unwrap();
-        for (texts, expected) in [
-            (vec![own_address.to_string()], [true, false]),
-            (vec!["10.9.8.7".into(), own_address.to_string()], [true, false]),
-            (vec!["127.0.0.1".into()], [true, true]),
-            (vec!["any".into()], [true, true]),
-            (vec!["10.9.8.7".into()], [false, false]),
-        ] {
-            let (mut source, address) = open(Allowed::parse(&texts).unwrap());
-            for (sender, is_heard) in [&own, &other].into_iter().zip(expected) {
-                sender.send_to(b"1,2", address).unwrap();
-                let (read, _) = next(&mut source);
-                assert_eq!(read == Read::Row, is_heard, "{texts:?}: {read:?}");
-            }
-        }
-        assert_eq!(Allowed::parse(&["rig".into()]), Err("rig".into()));
-        assert_eq!(Allowed::parse(&[]), Ok(Allowed::First));
-    }
-
-    #[test]
     fn a_sender_that_comes_back_from_another_port_is_heard_after_a_silence() {
-        let mut senders = Senders { allowed: Allowed::First, locked: None };
+        let mut senders = Lock::default();
         let [own, again]: [SocketAddr; 2] =
             ["10.0.0.1:1000", "[::ffff:10.0.0.1]:1001"].map(|text| text.parse().unwrap());
         let begin = Instant::now();
@@ -361,7 +275,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_into_the_queue_is_counted() {
-        let (mut source, address) = open(Allowed::Any);
+        let (mut source, address) = open();
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let datagram = vec![b'#'; 60_000];
         // Nobody reads meanwhile. Datagrams that the operating system drops are not counted.

@@ -1,6 +1,6 @@
 //! MQTT: a broker of the test's own, which does what it is told and may fall silent, and mosquitto.
 
-use servotwin_watch::counts::{Flaw, Irregularity};
+use servotwin_watch::counts::Irregularity;
 use servotwin_watch::source::{Address, LogRow, Read, Source, SourceError, Wanted};
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -200,49 +200,13 @@ fn a_message_of_more_than_a_mebibyte_is_counted_and_the_connection_stays() {
 }
 
 #[test]
-fn a_retained_message_is_no_sample_and_two_units_are_not_mixed() {
-    let messages = [
-        ("rig/old", true, "{\"t\": -9000, \"p\": 7}"),
-        ("rig/one", false, "{\"t\": 1, \"p\": 2}"),
-        ("rig/two", false, "{\"t\": 1, \"p\": 3}"),
-    ];
+fn a_retained_message_is_no_sample() {
+    let messages =
+        [("rig/one", true, "{\"t\": -9000, \"p\": 7}"), ("rig/one", false, "{\"t\": 1, \"p\": 2}")];
     let (port, _hold) = broker(vec![session(&messages, Then::AnswerPings)]);
-    let mut source = open(&format!("mqtt://127.0.0.1:{port}/rig/+"), &["t", "p"]).unwrap();
-    let retained = Read::Flawed(Flaw::new(Irregularity::Retained, "topic rig/old"));
+    let mut source = open(&format!("mqtt://127.0.0.1:{port}/rig/one"), &["t", "p"]).unwrap();
+    let retained = Read::Flawed(Irregularity::Retained.into());
     assert_eq!(reads(&mut *source, 2), [(retained, vec![]), row(1.0, 2.0)]);
-    let mut row = LogRow::default();
-    let error = loop {
-        match source.read(&mut row) {
-            Err(error) => break error.to_string(),
-            Ok(read) => assert_eq!(read, Read::Pause),
-        }
-    };
-    for part in ["rig/one", "rig/two", &format!("mqtt://127.0.0.1:{port}/rig/one"), "\"one:p\""] {
-        assert!(error.contains(part), "{error}");
-    }
-}
-
-#[test]
-fn columns_of_two_topics_of_one_unit_are_joined() {
-    let messages = [
-        ("rig/pressure", false, "{\"t\": 1, \"p\": 2}"),
-        ("rig/position", false, "{\"t\": 1, \"p\": 3}"),
-    ];
-    let sessions = || vec![session(&messages, Then::AnswerPings)];
-    let (port, _hold) = broker(sessions());
-    let address = format!("mqtt://127.0.0.1:{port}/rig/pressure,rig/position");
-    let mut source = open(&address, &["t", "pressure:p", "rig/position:p"]).unwrap();
-    let found = reads(&mut *source, 2);
-    assert_eq!((found[0].1[..2].to_vec(), found[1].1[2]), (vec![1.0, 2.0], 3.0));
-    assert!(found[0].1[2].is_nan() && found[1].1[1].is_nan());
-    let (port, _hold) = broker(sessions());
-    let address = Address::parse(&format!("mqtt://127.0.0.1:{port}/rig/+")).unwrap();
-    let names = address.columns().unwrap().into_iter().map(|column| column.name);
-    let mut names: Vec<String> = names.collect();
-    // The order within an object depends on what else is compiled.
-    names.sort();
-    let expected = ["p", "position:p", "position:t", "pressure:p", "pressure:t", "t"];
-    assert_eq!(names, expected);
 }
 
 #[test]
@@ -366,7 +330,7 @@ fn expected(from: u32, to: u32) -> Vec<(Read, Vec<f64>)> {
 fn val_mosquitto_delivers_in_both_qualities_and_after_it_was_killed_twice() {
     let mut broker = Mosquitto::start("qualities", "");
     for qos in [0, 1] {
-        let address = format!("mqtt://127.0.0.1:{}/rig/+?qos={qos}", broker.port);
+        let address = format!("mqtt://127.0.0.1:{}/rig/one?qos={qos}", broker.port);
         let mut source = open(&address, &["t", "p"]).unwrap();
         broker.publish("rig/one", qos, false, &payloads(0, 500));
         assert_eq!(reads(&mut *source, 1000), expected(0, 500), "quality {qos}");
@@ -399,26 +363,16 @@ fn val_mosquitto_that_is_stopped_is_lost_and_found_again() {
 }
 
 #[test]
-fn val_mosquitto_retained_messages_are_no_samples_and_units_are_not_mixed() {
+fn val_mosquitto_retained_messages_and_those_of_other_topics_are_no_samples() {
     let broker = Mosquitto::start("units", "");
     broker.publish("rig/one", 1, true, &["{\"t\": -32400, \"p\": 0}".into()]);
-    let mut source = open(&format!("mqtt://127.0.0.1:{}/rig/+", broker.port), &["t", "p"]).unwrap();
-    let retained = Read::Flawed(Flaw::new(Irregularity::Retained, "topic rig/one"));
+    let one = |topic: &str| format!("mqtt://127.0.0.1:{}/rig/{topic}", broker.port);
+    let mut source = open(&one("one"), &["t", "p"]).unwrap();
+    let retained = Read::Flawed(Irregularity::Retained.into());
     assert_eq!(reads(&mut *source, 1), [(retained, vec![])]);
     broker.publish("rig/one", 1, false, &payloads(0, 1));
     assert_eq!(reads(&mut *source, 2), expected(0, 1));
-    broker.publish("rig/two", 1, false, &payloads(0, 1));
-    let begin = Instant::now();
-    let mut row = LogRow::default();
-    let error = loop {
-        match source.read(&mut row) {
-            Err(error) => break error,
-            Ok(read) => assert!(begin.elapsed() < PATIENCE, "{read:?}"),
-        }
-    };
-    assert!(matches!(error, SourceError::Mixed(_)), "{error}");
-    let one = format!("mqtt://127.0.0.1:{}/rig/two", broker.port);
-    let mut source = open(&one, &["t", "p"]).unwrap();
+    let mut source = open(&one("two"), &["t", "p"]).unwrap();
     broker.publish("rig/one", 1, false, &payloads(5, 7));
     broker.publish("rig/two", 1, false, &payloads(3, 4));
     assert_eq!(reads(&mut *source, 2), expected(3, 4));

@@ -1,5 +1,5 @@
-//! Files of measurement systems and of MATLAB, as asammdf and SciPy wrote them (`tests/foreign/make_recordings.py`), and
-//! what is said of them where the feature that reads them is off.
+//! Files of measurement systems, as asammdf wrote them (`tests/foreign/make_recordings.py`), and what is said of them where
+//! the feature that reads them is off.
 
 use servotwin_watch::source::{Address, Wanted};
 use std::path::PathBuf;
@@ -13,27 +13,23 @@ fn wanted(names: &[&str], time: Option<usize>) -> Wanted {
     Wanted { names, time, ..Wanted::default() }
 }
 
-#[cfg(not(all(feature = "mf4", feature = "mat")))]
+#[cfg(not(feature = "mf4"))]
 #[test]
 fn a_file_of_a_feature_that_is_off_names_it_and_the_line_to_type() {
-    let cases = [
-        ("recording_plain.mf4", "mf4", cfg!(feature = "mf4")),
-        ("log_plain.mat", "mat", cfg!(feature = "mat")),
-    ];
-    for (name, feature, is_on) in cases {
-        let address = Address::File(foreign(name));
-        let columns = address.columns().map(|_| ()).map_err(|error| error.to_string());
-        let opened =
-            address.open(&wanted(&["p"], None)).map(|_| ()).map_err(|error| error.to_string());
-        for told in [columns, opened] {
-            let line = format!("cargo install --path crates/servotwin-cli --features {feature}");
-            let is_told = told.is_err_and(|told| told.contains(&line) && told.contains(name));
-            assert!(is_told != is_on, "{name}");
-        }
+    let address = Address::File(foreign("recording_plain.mf4"));
+    let columns = address.columns().map(|_| ()).map_err(|error| error.to_string());
+    let opened = address.open(&wanted(&["p"], None)).map(|_| ()).map_err(|error| error.to_string());
+    for told in [columns, opened] {
+        let told = told.unwrap_err();
+        assert!(
+            told.contains("cargo install --path crates/servotwin-cli --features mf4"),
+            "{told}"
+        );
+        assert!(told.contains("recording_plain.mf4"), "{told}");
     }
 }
 
-#[cfg(any(feature = "mf4", feature = "mat"))]
+#[cfg(feature = "mf4")]
 mod read {
     use super::*;
     use servotwin_watch::source::{LogRow, Read};
@@ -104,8 +100,7 @@ mod read {
             std::thread::current().id()
         ));
         std::fs::write(&path, bytes).unwrap();
-        let time = if ending == "mat" { "t" } else { "time" };
-        let found = rows(&path, &wanted(&[time, "p_a"], Some(0)));
+        let found = rows(&path, &wanted(&["time", "p_a"], Some(0)));
         std::fs::remove_file(&path).unwrap();
         found.unwrap_err()
     }
@@ -196,50 +191,6 @@ mod mf4 {
     fn hand_mutated_files_neither_panic_nor_hang() {
         for name in FILES {
             mutate(name, &["time", "command", "p_a", "x_p", "temperature"]);
-        }
-    }
-}
-
-#[cfg(feature = "mat")]
-mod mat {
-    use super::read::{columns, mutate, refusal, rows};
-    use super::*;
-
-    const FILES: [&str; 2] = ["log_plain.mat", "log_zipped.mat"];
-
-    #[test]
-    fn vectors_matrices_and_fields_are_columns() {
-        let expected = ["t", "log.p_a", "log.inner.x_p", "p_1", "p_2", "short", "is_on", "large"];
-        let names = ["t", "log.p_a", "log.inner.x_p", "p_1", "p_2", "is_on", "large"];
-        for name in FILES {
-            let found: Vec<String> = columns(name).into_iter().map(|(name, _)| name).collect();
-            assert_eq!(found, expected, "{name}");
-            let found = rows(&foreign(name), &wanted(&names, Some(0))).unwrap();
-            assert_eq!(found.len(), 100, "{name}");
-            for (k, row) in found.iter().enumerate() {
-                let x = k as f64;
-                let is_on = if k % 2 == 0 { 1.0 } else { 0.0 };
-                let large = (9_007_199_254_740_992 + k as u64) as f64;
-                assert_eq!(row[..], [x / 64.0, x / 8.0, x, x, -x, is_on, large], "{name}");
-            }
-        }
-    }
-
-    #[test]
-    fn what_is_not_read_is_refused_with_its_reason() {
-        let refused =
-            rows(&foreign("log_plain.mat"), &wanted(&["t", "short"], Some(0))).unwrap_err();
-        assert!(refused.contains("'short' has 7 values and 't' 100"), "{refused}");
-        let of = |change: &dyn Fn(&mut Vec<u8>)| refusal("log_plain.mat", change);
-        assert!(of(&|bytes| bytes[..10].copy_from_slice(b"MATLAB 7.3")).contains("-v7"));
-        assert!(of(&|bytes| bytes.truncate(100)).contains("no MAT file of version 5"));
-        assert!(of(&|bytes| bytes.truncate(600)).contains("ends within a variable"));
-    }
-
-    #[test]
-    fn hand_mutated_files_neither_panic_nor_hang() {
-        for name in FILES {
-            mutate(name, &["t", "log.p_a", "p_1"]);
         }
     }
 }

@@ -13,7 +13,6 @@ use servotwin_watch::guard::{self, LogPlan, Opened, Trial};
 use servotwin_watch::intake;
 use servotwin_watch::map::Map;
 use servotwin_watch::shipped;
-use servotwin_watch::source::udp::Allowed;
 use servotwin_watch::source::{Address, Source};
 use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
@@ -31,10 +30,6 @@ pub(crate) struct InputOptions {
     pub map: Option<PathBuf>,
     #[command(flatten)]
     span: SpanOptions,
-    /// For udp://: accept datagrams only from this sender, IP or IP:PORT; repeat the option for several senders. With
-    /// 'any', accept all [default: the first sender of a sample, until it is silent for 2 s].
-    #[arg(long, value_name = "ADDRESS")]
-    sender: Vec<String>,
 }
 
 /// The path of a source that is a file.
@@ -46,19 +41,6 @@ pub(crate) fn log_of(source: &str) -> Option<PathBuf> {
 }
 
 impl InputOptions {
-    /// The source, restricted to the allowed senders.
-    pub(crate) fn address(&self, source: &str) -> Result<Address, Failure> {
-        let address = Address::parse(source)?;
-        if self.sender.is_empty() {
-            return Ok(address);
-        }
-        let allowed = Allowed::parse(&self.sender);
-        let range = "any, an IP address or IP:PORT";
-        let allowed = allowed.map_err(|given| Failure::out_of_range("--sender", given, range))?;
-        let none = "--sender names the senders of a udp:// source; this source has none";
-        address.from_senders(allowed).ok_or_else(|| Failure::usage(none))
-    }
-
     /// Opens a source, or the part of it that the options name, with the map of its columns. `is_study_named` states
     /// whether the user named the study.
     pub(crate) fn open(

@@ -7,7 +7,7 @@ use std::time::Duration;
 /// The default keep-alive interval.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
-/// The broker and the topics of a subscription.
+/// The broker and the topic of a subscription.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Subscription {
     /// The host; an IPv6 address is in brackets.
@@ -16,8 +16,8 @@ pub struct Subscription {
     pub port: u16,
     /// User name and password, if given.
     pub user: Option<(String, String)>,
-    /// The topic filters; `+` and `#` are wildcards.
-    pub filters: Vec<String>,
+    /// The topic, without wildcards: the values of two actuators must not be mixed.
+    pub topic: String,
     /// The quality of service: 0 at most once, 1 at least once.
     pub qos: u8,
     /// The keep-alive interval. A broker that is silent for one and a half times this long counts as lost.
@@ -37,10 +37,10 @@ pub enum Authority {
 
 impl Subscription {
     /// The form of an address, for messages.
-    pub(crate) const FORM: &str = "mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[,TOPIC…][?qos=0 or 1&keep_alive=1…3600 in s\
-        &ca=FILE for mqtts]";
+    pub(crate) const FORM: &str = "mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[?qos=0 or 1&keep_alive=1…3600 in s&ca=FILE for \
+        mqtts], with one topic without + and #,";
 
-    /// Parses `mqtt://[user:password@]host[:port]/topic[,topic…][?qos=1&keep_alive=10]`. The default port is 1883, or
+    /// Parses `mqtt://[user:password@]host[:port]/topic[?qos=1&keep_alive=10]`. The default port is 1883, or
     /// 8883 for `mqtts://`, which also accepts `ca=FILE`.
     pub(crate) fn parse(text: &str) -> Option<Self> {
         let (rest, is_tls) = match text.strip_prefix("mqtts://") {
@@ -51,7 +51,7 @@ impl Subscription {
             Some((rest, options)) => (rest, Some(options)),
             None => (rest, None),
         };
-        let (place, topics) = rest.split_once('/')?;
+        let (place, topic) = rest.split_once('/')?;
         let (user, host) = match place.rsplit_once('@') {
             Some((user, host)) => {
                 let (name, password) = user.split_once(':').unwrap_or((user, ""));
@@ -60,14 +60,13 @@ impl Subscription {
             None => (None, place),
         };
         let (host, port) = host_and_port(host, if is_tls { 8883 } else { 1883 })?;
-        let filters: Vec<String> = topics.split(',').map(str::to_owned).collect();
         let tls = is_tls.then_some(Authority::System);
-        let (qos, keep_alive) = (0, KEEP_ALIVE);
-        let mut found = Subscription { host, port, user, filters, qos, keep_alive, tls };
+        let (topic, qos, keep_alive) = (topic.to_owned(), 0, KEEP_ALIVE);
+        let mut found = Subscription { host, port, user, topic, qos, keep_alive, tls };
         for option in options.iter().flat_map(|options| options.split('&')) {
             found.set(option)?;
         }
-        found.filters.iter().all(|filter| rumqttc::valid_filter(filter)).then_some(found)
+        (!found.topic.is_empty() && rumqttc::valid_topic(&found.topic)).then_some(found)
     }
 
     fn set(&mut self, option: &str) -> Option<()> {
@@ -84,17 +83,6 @@ impl Subscription {
             _ => return None,
         }
         Some(())
-    }
-
-    /// Whether messages may come from several topics.
-    pub(crate) fn has_several_topics(&self) -> bool {
-        self.filters.len() > 1 || self.filters.iter().any(|filter| filter.contains(['+', '#']))
-    }
-
-    /// The broker's part of the address, without user and password.
-    pub(crate) fn broker(&self) -> String {
-        let secure = if self.tls.is_some() { "s" } else { "" };
-        format!("mqtt{secure}://{}:{}", self.host, self.port)
     }
 }
 
@@ -117,7 +105,8 @@ fn host_and_port(text: &str, usual: u16) -> Option<(String, u16)> {
 impl fmt::Display for Subscription {
     fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         // Titles and messages must not show the password.
-        write!(out, "{}/{}", self.broker(), self.filters.join(","))
+        let secure = if self.tls.is_some() { "s" } else { "" };
+        write!(out, "mqtt{secure}://{}:{}/{}", self.host, self.port, self.topic)
     }
 }
 
@@ -132,20 +121,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_address_names_broker_topics_and_quality() {
+    fn an_address_names_broker_topic_and_quality() {
         let parse = Subscription::parse;
-        assert_eq!(parse("mqtt://me:se/cret@rig:1884/a/+/b?qos=1"), None, "a slash ends the host");
-        let full = parse("mqtt://me:secret@rig:1884/a/+/b,c?qos=1&keep_alive=3").unwrap();
+        assert_eq!(parse("mqtt://me:se/cret@rig:1884/a/b?qos=1"), None, "a slash ends the host");
+        let full = parse("mqtt://me:secret@rig:1884/a/b?qos=1&keep_alive=3").unwrap();
         assert_eq!(full.user, Some(("me".into(), "secret".into())));
         assert_eq!((&*full.host, full.port, full.qos), ("rig", 1884, 1));
-        assert_eq!(full.filters, ["a/+/b", "c"]);
+        assert_eq!(full.topic, "a/b");
         assert_eq!(full.keep_alive, Duration::from_secs(3));
         let plain = parse("mqtt://rig/a").unwrap();
-        assert_eq!((plain.port, plain.has_several_topics(), plain.tls), (1883, false, None));
-        let secure = parse("mqtts://[::1]/a/#?ca=rig.pem").unwrap();
+        assert_eq!((plain.port, plain.tls), (1883, None));
+        let secure = parse("mqtts://[::1]/a?ca=rig.pem").unwrap();
         assert_eq!((&*secure.host, secure.port), ("[::1]", 8883));
         assert_eq!(secure.tls, Some(Authority::File("rig.pem".into())));
-        assert!(secure.has_several_topics() && full.has_several_topics());
         let wrong = [
             "rig",
             "rig/",
@@ -153,8 +141,8 @@ mod tests {
             "rig/a?qos=2",
             "rig/a?keep_alive=0",
             "rig/a?ca=x",
-            "rig/a,",
-            "rig/a#",
+            "rig/a/+",
+            "rig/#",
             "rig:/a",
             "[::1/a",
             "rig/a?word",

@@ -6,12 +6,11 @@
 use super::super::live::News;
 use super::super::{PAUSE, Read};
 use super::address::{Authority, Subscription};
-use crate::counts::{Flaw, Irregularity};
+use crate::counts::Irregularity;
 use rumqttc::{
     Client, Connection, ConnectionError, Event, MqttOptions, Outgoing, Packet, QoS,
-    RecvTimeoutError, StateError, SubscribeFilter, SubscribeReasonCode, Transport, mqttbytes,
+    RecvTimeoutError, StateError, SubscribeReasonCode, Transport, mqttbytes,
 };
-use servotwin_io::sanitize;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Weak};
 use std::thread;
@@ -35,9 +34,8 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(8);
 
 /// What the thread reports; dropping it ends the thread.
 pub(super) struct Mailbox {
-    /// Messages by topic, and losses of the connection. [`Read::Reconnected`] follows each acceptance of the
-    /// subscription.
-    pub news: Receiver<News<String>>,
+    /// Messages, and losses of the connection. [`Read::Reconnected`] follows each acceptance of the subscription.
+    pub news: Receiver<News<()>>,
     /// The thread ends when nobody holds this.
     pub alive: Arc<()>,
 }
@@ -127,7 +125,7 @@ struct Keeper {
     connection: Connection,
     subscription: Subscription,
     wants_retained: bool,
-    send: SyncSender<News<String>>,
+    send: SyncSender<News<()>>,
     watch: Weak<()>,
     is_connected: bool,
     /// The deadline for answering a ping or a subscription.
@@ -159,7 +157,7 @@ impl Keeper {
     }
 
     /// Drops the connection. Packets received before the loss are reported first.
-    fn lose(&mut self, mut cause: String) -> Vec<News<String>> {
+    fn lose(&mut self, mut cause: String) -> Vec<News<()>> {
         let mut news = vec![];
         for event in std::mem::take(&mut self.connection.eventloop.state.events) {
             let Event::Incoming(packet) = event else { continue };
@@ -179,7 +177,7 @@ impl Keeper {
     }
 
     /// Handles one event of the connection, or detects a silent broker.
-    fn step(&mut self) -> Result<Option<News<String>>, String> {
+    fn step(&mut self) -> Result<Option<News<()>>, String> {
         // A connection attempt has its own time limit; abandoning it here would restart it.
         let event = match self.is_connected {
             false => self.connection.recv().map_err(|_| "the client has ended".to_owned())?,
@@ -204,25 +202,21 @@ impl Keeper {
         self.answered().map(|()| news)
     }
 
-    fn take(&mut self, packet: Packet) -> Result<Option<News<String>>, String> {
-        let flawed = |flaw: Flaw| Some(News::Other(Read::Flawed(flaw)));
+    fn take(&mut self, packet: Packet) -> Result<Option<News<()>>, String> {
+        let flawed = |kind: Irregularity| Some(News::Other(Read::Flawed(kind.into())));
         match packet {
             Packet::ConnAck(_) => {
                 let qos =
                     if self.subscription.qos == 0 { QoS::AtMostOnce } else { QoS::AtLeastOnce };
-                let filters = self.subscription.filters.iter();
-                let filters = filters.map(|filter| SubscribeFilter::new(filter.clone(), qos));
-                self.client.try_subscribe_many(filters).map_err(|error| error.to_string())?;
+                let asked = self.client.try_subscribe(&self.subscription.topic, qos);
+                asked.map_err(|error| error.to_string())?;
                 (self.is_connected, self.answer_by) = (true, Some(Instant::now() + PATIENCE));
                 Ok(None)
             }
             Packet::SubAck(answer) => {
-                let refused = answer.return_codes.iter();
-                let refused = refused.zip(&self.subscription.filters);
-                let mut refused =
-                    refused.filter(|(code, _)| **code == SubscribeReasonCode::Failure);
-                if let Some((_, filter)) = refused.next() {
-                    return Err(format!("the broker refuses the subscription to {filter}"));
+                if answer.return_codes.contains(&SubscribeReasonCode::Failure) {
+                    let topic = &self.subscription.topic;
+                    return Err(format!("the broker refuses the subscription to {topic}"));
                 }
                 (self.answer_by, self.pause) = (None, FIRST_PAUSE);
                 Ok(Some(News::Other(Read::Reconnected)))
@@ -232,15 +226,12 @@ impl Keeper {
                 Ok(None)
             }
             Packet::Publish(message) if message.payload.len() > MAX_MESSAGE => {
-                Ok(flawed(Irregularity::TooLong.into()))
+                Ok(flawed(Irregularity::TooLong))
             }
             Packet::Publish(message) if message.retain && !self.wants_retained => {
-                let topic = format!("topic {}", sanitize::text(&message.topic));
-                Ok(flawed(Flaw::new(Irregularity::Retained, topic)))
+                Ok(flawed(Irregularity::Retained))
             }
-            Packet::Publish(message) => {
-                Ok(Some(News::Lines(message.topic, message.payload.to_vec())))
-            }
+            Packet::Publish(message) => Ok(Some(News::Lines((), message.payload.to_vec()))),
             Packet::Disconnect => Err("the broker ended the connection".into()),
             _ => Ok(None),
         }
