@@ -12,7 +12,7 @@ use servotwin::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
 use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
 use servotwin::measure::flights::{FlightMetrics, HealthyMetrics};
-use servotwin::measure::{self, Measure};
+use servotwin::measure::{self, Measure, Rates};
 use servotwin::shown::{Shown, shown};
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
@@ -144,6 +144,12 @@ impl Who {
         }
     }
 
+    /// What it says of healthy specimens.
+    pub(crate) fn of_healthy(self, evaluation: &Evaluation) -> &Rates {
+        let [trees, committee] = &evaluation.healthy;
+        if self == Who::Trees { trees } else { committee }
+    }
+
     /// The result under the hardest protocol that the study allows.
     pub(crate) fn headline(self, evaluation: &Evaluation) -> Option<&ProtocolResult> {
         self.under(evaluation, evaluation.headline()?.protocol)
@@ -188,15 +194,14 @@ pub fn headline(scenarios: &[&SubjectResult], words: &Vocabulary) -> Vec<Headlin
             push(&words.measure(measure), who.title(), true, &of);
         }
     }
-    let (trees, committee) = (Who::Trees.title(), Who::Committee.title());
-    if words.has_off() {
-        let healthy = format!("healthy specimen {}", words.switched_off());
-        push(&healthy, trees, true, &|e| Some(e.false_alarms.as_ref()?.tree_shutdowns));
-        push(&healthy, committee, true, &|e| Some(e.false_alarms.as_ref()?.committee_shutdowns));
+    for who in Who::ALL {
+        let of = |own: &Evaluation| who.of_healthy(own).counted(&measure::FALSE_SHUTDOWN);
+        push(&words.measure(&measure::FALSE_SHUTDOWN), who.title(), true, &of);
     }
-    let healthy = "healthy specimen alarms";
-    push(healthy, "bands", true, &|e| Some(e.false_alarms.as_ref()?.alarms));
-    push("fault detected", "bands", false, &|e| Some(e.detection.detected));
+    for (measure, is_safety) in [(measure::VISIBLE_BY_CHANCE, true), (measure::VISIBLE, false)] {
+        let of = |own: &Evaluation| own.in_band.counted(&measure);
+        push(&words.measure(&measure), "bands", is_safety, &of);
+    }
     for measure in RIGHT {
         for who in Who::ALL {
             let of = |own: &Evaluation| who.headline(own)?.rates.counted(measure);

@@ -178,14 +178,12 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
             rates.push(MeasuredRate { measure, by, protocol, rate });
         }
     };
-    push("fault detected", "bands", ALL, Some(evaluation.detection.detected));
-    let healthy = evaluation.false_alarms.as_ref();
-    push("healthy specimen alarms", "bands", ALL, healthy.map(|healthy| healthy.alarms));
-    if words.has_off() {
-        let measure = format!("healthy specimen {}", words.switched_off());
-        push(&measure, Who::Trees.title(), ALL, healthy.map(|healthy| healthy.tree_shutdowns));
-        let committee = healthy.map(|healthy| healthy.committee_shutdowns);
-        push(&measure, Who::Committee.title(), ALL, committee);
+    for measure in [&measure::VISIBLE, &measure::VISIBLE_BY_CHANCE] {
+        push(&words.measure(measure), "bands", ALL, evaluation.in_band.counted(measure));
+    }
+    for who in Who::ALL {
+        let rate = who.of_healthy(evaluation).counted(&measure::FALSE_SHUTDOWN);
+        push(&words.measure(&measure::FALSE_SHUTDOWN), who.title(), ALL, rate);
     }
     for protocol in protocols(evaluation) {
         for measure in lines::RIGHT.into_iter().chain(lines::SAFETY) {

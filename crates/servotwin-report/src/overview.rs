@@ -164,13 +164,14 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Fact> {
     );
     push(
         "False alarms: healthy specimens taken for faulty".into(),
-        evaluation.false_alarms.as_ref().map(|alarms| match who {
-            Who::Trees => alarms.trees,
-            Who::Committee => alarms.committee,
-        }),
+        who.of_healthy(evaluation).counted(&measure::FALSE_ALARM),
         Target::Never,
     );
-    push("Faults detected".into(), Some(evaluation.detection.detected), Target::AtLeast(TARGET));
+    push(
+        "Faults detected".into(),
+        evaluation.in_band.counted(&measure::VISIBLE),
+        Target::AtLeast(TARGET),
+    );
     push(
         format!("Isolated by the {}, of the detected faults", who.title()),
         rate(&measure::END_TO_END),

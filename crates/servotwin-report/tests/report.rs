@@ -237,8 +237,6 @@ fn evaluation(has_stop: bool) -> Evaluation {
     };
     Evaluation {
         detection: Detection {
-            detected: Rate::new(5, 8),
-            failed: 0,
             curves: vec![
                 curve("leakage_a.leakage", "leakage", [2, 2]),
                 curve("sensor_ram.bias_positive", "position_sensor", [0, 1]),
@@ -249,7 +247,8 @@ fn evaluation(has_stop: bool) -> Evaluation {
                 least("sensor_ram.bias_positive", "stroke/idle", None),
             ],
         },
-        paper_detection: Rate::new(5, 8),
+        in_band: [(&measure::VISIBLE, Rate::new(5, 8))].into_iter().collect(),
+        in_paper_band: [(&measure::VISIBLE, Rate::new(5, 8))].into_iter().collect(),
         bands: None,
         features: 1,
         constant_features: vec![],
@@ -261,7 +260,7 @@ fn evaluation(has_stop: bool) -> Evaluation {
         flips: None,
         classifiers: vec![],
         stages: vec![],
-        false_alarms: None,
+        healthy: Default::default(),
     }
 }
 
@@ -342,7 +341,8 @@ fn only_specimens_with_tolerances_are_compared_with_those_without() {
     let subject = |subject: Subject, detected: u64| {
         let mut evaluation = evaluation(true);
         evaluation.detection.curves[1].points = vec![(1.0, Rate::new(detected, 40))];
-        evaluation.detection.detected = Rate::new(40 + detected, 80);
+        evaluation.in_band =
+            [(&measure::VISIBLE, Rate::new(40 + detected, 80))].into_iter().collect();
         let settings = servotwin::evaluation::EvaluationSettings::default();
         SubjectResult::new(subject, &study, settings, evaluation)
     };

@@ -9,6 +9,9 @@ use crate::results::StudyResultsFolder;
 use servotwin::job::{Folder, JobError, outcomes};
 use servotwin::measure::flights::{FlightMetrics, STRONG};
 use servotwin::measure::outcome::{FirstAction, RunOutcome};
+use servotwin::measure::{
+    Measure, OTHER_ACTION, RIGHT_ACTION_OF_ALL, SILENT, VISIBLE, WRONG_SHUTDOWN,
+};
 use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
 use std::collections::BTreeMap;
@@ -109,25 +112,24 @@ impl JudgedFlights {
             FaultIntensities::Strong => row.intensity >= STRONG,
             FaultIntensities::Weak => row.intensity < STRONG,
         };
-        let mut counts = ActionCounts::default();
-        for (place, row) in self.faults.iter().enumerate() {
-            if row.action != action || !is_meant(row) {
-                continue;
-            }
-            let is_visible = row.visible_s.is_some();
-            let is_hidden = !is_visible || row.first == FirstAction::None;
-            let passed = self.passed.as_ref().and_then(|passed| passed[place]);
-            let passed = passed.filter(|_| is_hidden);
-            counts.flown += 1;
-            counts.missed += u64::from(!row.is_isolated());
-            counts.hidden += u64::from(is_hidden);
-            counts.invisible += u64::from(!is_visible);
-            counts.other_action += u64::from(is_visible && row.first == FirstAction::OtherAction);
-            counts.wrong_shutdown += u64::from(row.shutdown_healthy);
-            counts.tested += u64::from(passed.is_some());
-            counts.passed += u64::from(passed == Some(true));
+        let is_own = |row: &RunOutcome| row.action == action && is_meant(row);
+        let own = self.faults.iter().filter(|row| is_own(row));
+        let counts = |measure: &Measure| measure.count(own.clone());
+        let [visible, flown] = counts(&VISIBLE);
+        let [silent, _] = counts(&SILENT);
+        let passed = self.passed.iter().flatten().zip(&self.faults);
+        let passed = passed.filter(|(_, row)| is_own(row) && is_hidden(row));
+        let passed: Vec<bool> = passed.filter_map(|(passed, _)| *passed).collect();
+        ActionCounts {
+            flown,
+            missed: flown - counts(&RIGHT_ACTION_OF_ALL)[0],
+            hidden: flown - visible + silent,
+            invisible: flown - visible,
+            other_action: counts(&OTHER_ACTION)[0],
+            wrong_shutdown: counts(&WRONG_SHUTDOWN)[0],
+            tested: passed.len() as u64,
+            passed: passed.iter().filter(|passed| **passed).count() as u64,
         }
-        counts
     }
 
     /// Shutdowns of healthy lanes by false alarms, per hour of a lane, with their evidence.
@@ -150,6 +152,11 @@ impl JudgedFlights {
         );
         (value, evidence)
     }
+}
+
+/// Whether no action answers a fault, or no sensor shows it.
+fn is_hidden(row: &RunOutcome) -> bool {
+    row.visible_s.is_none() || row.first == FirstAction::None
 }
 
 /// The fault and the bits of its intensity.

@@ -8,6 +8,7 @@ use crate::{Global, Run, stop};
 use servotwin::evaluation::metrics::Rate;
 use servotwin::job::Crew;
 use servotwin::job::{Among, Folder};
+use servotwin::measure::{RIGHT_ACTION_OF_ALL, SHUTDOWN_MISSED_OF_ALL, VISIBLE, WRONG_SHUTDOWN};
 use servotwin_report::words::percent;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::sensors::candidates::SensorMask;
@@ -19,7 +20,7 @@ use std::path::PathBuf;
 /// Judge every set of sensors that leaves control possible.
 ///
 /// Control needs a sensor that a component of the system reads. All sets with these are judged on the commands that
-/// nothing was trained on: which faults they detect, to how many faults they isolate, and which shutdowns are wrong or
+/// nothing was trained on: which faults they detect, for which the right action comes, and which shutdowns are wrong or
 /// missed. Trees are trained again for each set. The command writes safety/sensors.csv and the Pareto front as
 /// safety/pareto.svg.
 #[derive(clap::Args)]
@@ -98,17 +99,17 @@ const COLUMNS: [(&str, &str); 8] = [
     ("sensors", ""),
     ("count", "sensors"),
     ("cost", "cost"),
-    ("detected", "detected"),
-    ("isolated", "isolated"),
-    ("wrong_shutdown", "wrong"),
-    ("missed_shutdown", "missed"),
+    (VISIBLE.name, "detected"),
+    (RIGHT_ACTION_OF_ALL.name, "right action"),
+    (WRONG_SHUTDOWN.name, "wrong"),
+    (SHUTDOWN_MISSED_OF_ALL.name, "missed"),
     ("", "left out"),
 ];
 
 /// The rates of a set in the order of the columns.
 fn rates(set: &SensorSet) -> [Rate; 4] {
-    let own = &set.rates;
-    [own.detected, own.isolated[0], own.wrong_shutdown, own.missed_shutdown]
+    let measures = [&VISIBLE, &RIGHT_ACTION_OF_ALL, &WRONG_SHUTDOWN, &SHUTDOWN_MISSED_OF_ALL];
+    measures.map(|measure| set.rates.of(measure))
 }
 
 fn row_of(trade: &SensorTrade, set: &SensorSet) -> Vec<Value> {

@@ -459,11 +459,11 @@ fn constants_table() -> String {
 fn measures_table() -> String {
     let words = Vocabulary::of(&Study::default());
     let row = |measure: &&Measure| {
-        let [happened, faults] = words.describe_measure(measure, &[]);
-        format!("| `{}` | {happened} | {faults} |\n", measure.name)
+        let [happened, runs] = words.describe_measure(measure, &[]);
+        format!("| `{}` | {happened} | {runs} |\n", measure.name)
     };
     let rows: String = measure::ALL.iter().map(row).collect();
-    format!("| name | what happened | in which faults |\n|---|---|---|\n{rows}")
+    format!("| name | what happened | in which runs |\n|---|---|---|\n{rows}")
 }
 
 #[test]

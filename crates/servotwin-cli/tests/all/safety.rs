@@ -3,6 +3,7 @@
 use super::flights::learned;
 use super::{Folder, Shared, copy_folder, fails, stderr, stdout, succeeds};
 use servotwin::job::Crew;
+use servotwin::measure::{END_TO_END_OF_ALL, RIGHT_ACTION_OF_ALL, VISIBLE};
 use servotwin::parallel::Workers;
 use servotwin::table::csv::texts::{self, Texts};
 use servotwin::table::{self, Table};
@@ -361,15 +362,15 @@ fn brute_force_confirms_the_search_over_sensors() {
             (0..5).filter(holds).any(|sensor| largest[sensor][**row] > runs.bands[sensor])
         };
         let detected = faults.iter().filter(is_beyond).count() as u64;
-        assert_eq!((judged.rates.detected.count, judged.keeps_control), (detected, is_able));
-        assert!(judged.rates.isolated[0].count <= judged.rates.isolated[2].count);
-        assert!(judged.rates.isolated[2].count <= detected);
+        assert_eq!((judged.count(&VISIBLE), judged.keeps_control), (detected, is_able));
+        assert!(judged.count(&END_TO_END_OF_ALL) <= judged.count(&RIGHT_ACTION_OF_ALL));
+        assert!(judged.count(&RIGHT_ACTION_OF_ALL) <= detected);
         if is_able {
             able.push(judged);
         }
     }
     assert_eq!(able.len(), 4);
-    let key = |set: &SensorSet| (set.cost, set.errors(), -(set.rates.isolated[0].count as f64));
+    let key = |set: &SensorSet| (set.cost, set.errors(), -(set.count(&RIGHT_ACTION_OF_ALL) as f64));
     for set in &able {
         let (cost, errors, lost) = key(set);
         let beats =

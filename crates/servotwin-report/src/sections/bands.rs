@@ -6,6 +6,7 @@ use crate::looks;
 use crate::words::{NONE, chosen, rate, stacked};
 use servotwin::evaluation::bands::{ALARMS, Band};
 use servotwin::job::results::SubjectResult;
+use servotwin::measure::{Rates, VISIBLE, VISIBLE_BY_CHANCE};
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
 use servotwin_view::Figure;
@@ -65,9 +66,9 @@ pub fn write(material: &Material, page: &mut Document) {
 /// Reports that more healthy specimens leave the bands than promised, if the interval proves it.
 fn broken_promise(result: &SubjectResult) -> Option<String> {
     lines::learned(result)?;
-    let alarms = result.evaluation.false_alarms.as_ref()?.alarms;
+    let alarms = result.evaluation.in_band.counted(&VISIBLE_BY_CHANCE)?;
     let records = result.evaluation.bands.iter().flatten().map(|band| band.records).max()?;
-    (alarms.of > 0 && alarms.low > ALARMS).then(|| {
+    (alarms.low > ALARMS).then(|| {
         format!(
             "The bands do not keep their promise on the judged commands: {} of {} healthy specimens \
              leave them there, and {} % was promised. They were learned from few records (at most {records} \
@@ -128,19 +129,14 @@ fn effect(results: &[(&SubjectResult, &[Band])]) -> Table {
         Table::headed(["scenario", "band", "faults detected", "healthy specimens that alarm"]);
     for (result, _) in results {
         let evaluation = &result.evaluation;
-        let alarms = evaluation.false_alarms.as_ref();
-        grid.push(vec![
-            result.title.clone(),
-            "fixed, ±3 %".into(),
-            stacked(Some(evaluation.paper_detection)),
-            stacked(alarms.map(|alarms| alarms.paper_alarms)),
-        ]);
-        grid.push_strong(vec![
-            String::new(),
-            "learned, in use".into(),
-            stacked(Some(evaluation.detection.detected)),
-            stacked(alarms.map(|alarms| alarms.alarms)),
-        ]);
+        let cells = |rates: &Rates| {
+            [&VISIBLE, &VISIBLE_BY_CHANCE].map(|measure| stacked(rates.counted(measure)))
+        };
+        let row = |words: [&str; 2], rates: &Rates| {
+            words.map(String::from).into_iter().chain(cells(rates)).collect::<Vec<_>>()
+        };
+        grid.push(row([&result.title, "fixed, ±3 %"], &evaluation.in_paper_band));
+        grid.push_strong(row(["", "learned, in use"], &evaluation.in_band));
     }
     grid
 }

@@ -5,6 +5,7 @@ use crate::words::{rate, spoken};
 use crate::{Material, hardest_first};
 use servotwin::evaluation::detection::Detection;
 use servotwin::job::results::SubjectResult;
+use servotwin::measure::VISIBLE;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::Figure;
 use servotwin_view::document::Document;
@@ -20,16 +21,17 @@ pub fn write(material: &Material, page: &mut Document) {
     let words = material.words();
     let show = |result: &SubjectResult, page: &mut Document| {
         let detection = &result.evaluation.detection;
+        let detected = result.evaluation.in_band.of(&VISIBLE);
         let name = result.subject.name();
         page.heading(format!("Scenario: {}", result.title));
         page.text(format!(
             "{} of all faults leave {} at least once{}.",
-            rate(Some(detection.detected)),
+            rate(Some(detected)),
             match lines::learned(result) {
                 Some(_) => "the bands learned from healthy specimens",
                 None => words.fixed_band(),
             },
-            match detection.detected.count < detection.detected.of {
+            match detected.count < detected.of {
                 true => {
                     "; the others are invisible to these sensors in these operating cases and are \
                          not diagnosed"

@@ -97,16 +97,16 @@ fn healthy(material: &Material, words: &Vocabulary, page: &mut Document) {
     }
     let mut grid = Table::headed(heads);
     for result in &material.results.subjects {
-        let Some(alarms) = &result.evaluation.false_alarms else { continue };
-        let mut row = vec![result.title.clone(), alarms.alarms.of.to_string()];
-        let mut rates = vec![alarms.alarms];
-        let both =
-            [(alarms.trees, alarms.tree_shutdowns), (alarms.committee, alarms.committee_shutdowns)];
-        for (faulty, off) in both {
-            rates.push(faulty);
-            rates.extend(words.has_off().then_some(off));
+        let evaluation = &result.evaluation;
+        let Some(alarms) = evaluation.in_band.counted(&measure::VISIBLE_BY_CHANCE) else {
+            continue;
+        };
+        let mut row = vec![result.title.clone(), alarms.of.to_string(), stacked(Some(alarms))];
+        for who in Who::ALL {
+            let rates = who.of_healthy(evaluation);
+            row.push(stacked(rates.counted(&measure::FALSE_ALARM)));
+            row.extend(words.has_off().then(|| stacked(rates.counted(&measure::FALSE_SHUTDOWN))));
         }
-        row.extend(rates.into_iter().map(|rate| stacked(Some(rate))));
         grid.push(row);
     }
     if !grid.is_empty() {

@@ -12,7 +12,7 @@ use servotwin::evaluation::metrics::Rate;
 use servotwin::evaluation::protocol::{Protocol, ProtocolResult};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
-use servotwin::measure;
+use servotwin::measure::{self, VISIBLE, VISIBLE_BY_CHANCE};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::document::{Document, Table};
 
@@ -141,13 +141,14 @@ fn bands_in_use(scenarios: &[&SubjectResult], words: &Vocabulary) -> String {
 fn tripping(material: &Material) -> Option<String> {
     let ideal = material.results.of(Subject::Ideal)?;
     let realistic = material.results.of(Subject::Realistic)?;
-    let alarms = realistic.evaluation.false_alarms.as_ref().filter(|a| a.paper_alarms.count > 0)?;
+    let [realistic, ideal] = [realistic, ideal].map(|own| &own.evaluation.in_paper_band);
+    let alarms = realistic.counted(&VISIBLE_BY_CHANCE).filter(|alarms| alarms.count > 0)?;
     Some(format!(
         "{} of faults leave the fixed band of ±3 % in the scenario realistic, and {} in the scenario ideal. \
          Tolerances alone leave it in {} of the realistic specimens without a fault.",
-        percent(realistic.evaluation.paper_detection.share),
-        percent(ideal.evaluation.paper_detection.share),
-        rate(Some(alarms.paper_alarms)),
+        percent(realistic.of(&VISIBLE).share),
+        percent(ideal.of(&VISIBLE).share),
+        rate(Some(alarms)),
     ))
 }
 

@@ -2,25 +2,30 @@
 //!
 //! - [`candidates`]: which sets of sensors leave control possible, and what they cost
 //! - [`runs`]: the runs of a scenario, and the features that a set leaves
-//! - `judged`: detection, isolation and shutdowns of a set on commands that it was not trained on
 //! - `written`: table and figure
 //!
 //! Every set that leaves control possible is judged, so the best set of each size and the Pareto front are exact for
 //! these runs. The system's own sensors without each single one are judged too, also where control needs it: that is
 //! what its residual is worth to the diagnosis.
+//!
+//! The trees of the study learn from the training commands and from the features that a set leaves, and the list of
+//! measures judges them. A fault that no sensor of a set shows gets no action, so all sets have the same denominators.
 
 pub mod candidates;
-pub(crate) mod judged;
 pub mod runs;
 pub(crate) mod written;
 
 use crate::error::SafetyError;
 use crate::results::StudyResultsFolder;
 use candidates::{Candidates, SensorMask};
-use judged::SensorRates;
 use runs::SensorRuns;
+use servotwin::evaluation;
 use servotwin::job::Crew;
+use servotwin::measure::{
+    Measure, RIGHT_ACTION_OF_ALL, Rates, SHUTDOWN_MISSED_OF_ALL, VISIBLE, WRONG_SHUTDOWN,
+};
 use servotwin::parallel;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -35,22 +40,27 @@ pub struct SensorSet {
     /// Whether it holds all sensors that control needs, and those that are kept.
     pub keeps_control: bool,
     /// What its trees achieve.
-    pub rates: SensorRates,
+    pub rates: Rates,
     /// Whether no set that leaves control possible is better.
     pub is_on_front: bool,
 }
 
 impl SensorSet {
-    /// Number of wrong and missed shutdowns.
-    pub fn errors(&self) -> u64 {
-        self.rates.wrong_shutdown.count + self.rates.missed_shutdown.count
+    /// The number of faults that a measure counts.
+    pub fn count(&self, measure: &Measure) -> u64 {
+        self.rates.of(measure).count
     }
 
-    /// Whether it is at least as good as another set in cost, shutdown errors and isolation, and better in one.
+    /// Number of wrong and missed shutdowns.
+    pub fn errors(&self) -> u64 {
+        self.count(&WRONG_SHUTDOWN) + self.count(&SHUTDOWN_MISSED_OF_ALL)
+    }
+
+    /// Whether it is at least as good as another set in cost, shutdown errors and right actions, and better in one.
     fn beats(&self, other: &SensorSet) -> bool {
-        let key = |set: &SensorSet| (set.cost, set.errors(), set.rates.isolated[0].count);
-        let ((cost, errors, isolated), than) = (key(self), key(other));
-        cost <= than.0 && errors <= than.1 && isolated >= than.2 && (cost, errors, isolated) != than
+        let key = |set: &SensorSet| (set.cost, set.errors(), set.count(&RIGHT_ACTION_OF_ALL));
+        let ((cost, errors, right), than) = (key(self), key(other));
+        cost <= than.0 && errors <= than.1 && right >= than.2 && (cost, errors, right) != than
     }
 }
 
@@ -110,14 +120,14 @@ impl SensorTrade {
     }
 
     /// For every number of sensors, the set with the fewest shutdown errors that leaves control possible. Among equals
-    /// it isolates the most faults, then detects the most, then costs the least.
+    /// it has the most right actions, then shows the most faults, then costs the least.
     pub fn best_of_sizes(&self) -> Vec<&SensorSet> {
         let mut best: BTreeMap<u32, &SensorSet> = BTreeMap::new();
         for set in self.sets.iter().filter(|set| set.keeps_control) {
             let first = best.entry(set.set.count_ones()).or_insert(set);
-            let key = |s: &SensorSet| {
-                let isolated = s.rates.isolated[0].count;
-                (s.errors(), u64::MAX - isolated, u64::MAX - s.rates.detected.count)
+            let key = |set: &SensorSet| {
+                let most = [&RIGHT_ACTION_OF_ALL, &VISIBLE].map(|own| Reverse(set.count(own)));
+                (set.errors(), most)
             };
             if key(set) < key(first) || (key(set) == key(first) && set.cost < first.cost) {
                 *first = set;
@@ -136,7 +146,7 @@ fn judge(
         set,
         cost: candidates.cost(set),
         keeps_control: candidates.keeps_control(set),
-        rates: judged::rates(runs, candidates, set)?,
+        rates: evaluation::of_trees(&runs.left_by(candidates, set)?, &runs.settings)?,
         is_on_front: false,
     })
 }

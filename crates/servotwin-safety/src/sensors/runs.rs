@@ -3,13 +3,10 @@
 use super::candidates::{CandidateSensor, Candidates, SensorMask};
 use crate::error::SafetyError;
 use crate::results::StudyResultsFolder;
-use servotwin::campaign::data_features;
-use servotwin::evaluation::{DataSet, TrainingFilter, banded};
+use servotwin::evaluation::{DataSet, EvaluationError, EvaluationSettings, banded};
 use servotwin::job::{self, Subject};
-use servotwin::study::Purpose;
 use servotwin_diagnosis::features::{self, Feature, Sensor, Sensors};
 use servotwin_diagnosis::residual::BAND;
-use servotwin_learning::classifiers::Settings;
 
 /// The runs of a scenario, with a band for every candidate.
 pub struct SensorRuns {
@@ -17,18 +14,8 @@ pub struct SensorRuns {
     pub data: DataSet,
     /// Half width of every candidate's band, in parts of scale.
     pub bands: Vec<f64>,
-    /// The study's tree for the actuator.
-    pub tree: Settings,
-    /// The tree for the kind of fault.
-    pub kind_tree: Settings,
-    /// For every kind, the action that it needs; arbitrary for healthy.
-    pub actions: Vec<u32>,
-    /// The rows that trees learn from.
-    pub lessons: TrainingFilter,
-    /// For every action, whether it switches an actuator off.
-    pub switches_off: Vec<bool>,
-    /// The description of every column.
-    columns: Vec<Feature>,
+    /// How the study trains and judges.
+    pub(crate) settings: EvaluationSettings,
     sensors: Sensors,
 }
 
@@ -62,44 +49,25 @@ impl SensorRuns {
             Some(bands) => bands.iter().map(|band| band.half_width).collect(),
             None => vec![BAND; candidates.list.len()],
         };
-        let all = data_features(study).into_iter().map(|own| own.feature);
-        let known =
-            |feature: &Feature| data.features.iter().any(|own| own.feature.name == feature.name);
-        let switches_off = data.examples.names().actions.iter();
-        Ok(SensorRuns {
-            bands,
-            kind_tree: kind_tree(&settings.training.actuator),
-            tree: settings.training.actuator,
-            actions: actions(&data),
-            lessons: settings.holding.lessons,
-            switches_off: switches_off.map(|action| study.reactions.switches_off(action)).collect(),
-            columns: all.filter(known).collect(),
-            sensors: study.sensors_in(results.scenario),
-            data,
-        })
+        Ok(SensorRuns { bands, settings, sensors: study.sensors_in(results.scenario), data })
     }
 
-    /// The judged rows with a fault.
-    pub(crate) fn faults(&self) -> Vec<usize> {
-        self.data.faults()
-    }
-
-    /// The judged rows without a fault.
-    pub(crate) fn healthy(&self) -> Vec<usize> {
-        self.data.rows_where(Purpose::Test, |row| row.is_healthy)
-    }
-
-    /// The candidates whose residual leaves its band in a row.
-    pub(crate) fn beyond(&self, row: usize) -> SensorMask {
-        let sizes = self.data.rows[row].largest.iter().zip(&self.bands).enumerate();
-        sizes.fold(0, |mask, (place, (size, band))| mask | u64::from(size > band) << place)
-    }
-
-    /// The columns that can be computed with a set of sensors.
-    pub(crate) fn columns_of(&self, candidates: &Candidates, set: SensorMask) -> Vec<usize> {
-        let kept: Vec<usize> = candidates.within(set).collect();
-        let left = features_left(&self.sensors, &kept);
-        (0..self.columns.len()).filter(|&column| left.contains(&self.columns[column])).collect()
+    /// The runs as a set of sensors shows them: with the bands of its sensors, and the features that it leaves.
+    ///
+    /// # Errors
+    /// The set leaves no feature.
+    pub(crate) fn left_by(
+        &self,
+        candidates: &Candidates,
+        set: SensorMask,
+    ) -> Result<DataSet, EvaluationError> {
+        let band = |(sensor, &band): (usize, &f64)| match set >> sensor & 1 {
+            1 => band,
+            _ => f64::INFINITY,
+        };
+        let bands: Vec<f64> = self.bands.iter().enumerate().map(band).collect();
+        let left = features_left(&self.sensors, &candidates.within(set).collect::<Vec<_>>());
+        self.data.with_bands(&bands).with_features(|own| left.contains(&own.feature))
     }
 }
 
@@ -140,27 +108,6 @@ fn add_extra(data: &mut DataSet, sensor: &CandidateSensor) {
         row.largest.push(values[column]);
     }
     data.sensors.push(sensor.id.clone());
-}
-
-/// The least number of training rows in a leaf of the tree for the kind.
-const LEAST_ROWS: usize = 5;
-
-/// The tree for the kind has many classes, so not its depth is limited but the size of its leaves: shares need rows.
-fn kind_tree(tree: &Settings) -> Settings {
-    let mut tree = tree.clone();
-    if let Settings::Cart(cart) = &mut tree {
-        cart.max_depth = None;
-        cart.min_samples_leaf = LEAST_ROWS;
-    }
-    tree
-}
-
-fn actions(data: &DataSet) -> Vec<u32> {
-    let mut actions = vec![0; data.kinds.len()];
-    for (row, label) in data.rows.iter().zip(data.examples.labels()) {
-        actions[row.kind as usize] = label.action;
-    }
-    actions
 }
 
 #[cfg(test)]

@@ -4,24 +4,24 @@ use super::{SensorSet, SensorTrade};
 use crate::error::SafetyError;
 use crate::results::{FOLDER, StudyResultsFolder};
 use servotwin::files::{create_folder, write_atomically};
+use servotwin::measure::{
+    END_TO_END_OF_ALL, Measure, RIGHT_ACTION_OF_ALL, SHUTDOWN_MISSED_OF_ALL, VISIBLE,
+    VISIBLE_BY_CHANCE, WRONG_SHUTDOWN,
+};
 use servotwin::table::{self, Column, Table, Values};
 use servotwin::view::Figure;
 use servotwin::view::lines::{Curve, Lines};
 use servotwin_learning::metrics::Rate;
 use std::path::PathBuf;
 
-/// A rate of a set.
-type RateOf = fn(&SensorSet) -> Rate;
-
-/// The rates of a set, with the names of their columns.
-const RATES: [(&str, RateOf); 7] = [
-    ("detected", |set| set.rates.detected),
-    ("healthy_alarms", |set| set.rates.alarms),
-    ("isolated_to_1", |set| set.rates.isolated[0]),
-    ("isolated_to_2", |set| set.rates.isolated[1]),
-    ("isolated_to_3", |set| set.rates.isolated[2]),
-    ("wrong_shutdown", |set| set.rates.wrong_shutdown),
-    ("missed_shutdown", |set| set.rates.missed_shutdown),
+/// The measures of a set, whose names are those of columns.
+const MEASURES: [&Measure; 6] = [
+    &VISIBLE,
+    &VISIBLE_BY_CHANCE,
+    &RIGHT_ACTION_OF_ALL,
+    &END_TO_END_OF_ALL,
+    &WRONG_SHUTDOWN,
+    &SHUTDOWN_MISSED_OF_ALL,
 ];
 
 impl SensorTrade {
@@ -54,7 +54,8 @@ impl SensorTrade {
             column("keeps_control", "", of(self, |set| set.keeps_control).into()),
             column("on_front", "", of(self, |set| set.is_on_front).into()),
         ];
-        for (name, rate) in RATES {
+        for measure in MEASURES {
+            let (name, rate) = (measure.name, |set: &SensorSet| set.rates.of(measure));
             let share = of(self, |set| rate(set).share.unwrap_or(f64::NAN));
             columns.push(column(name, "1", share.into()));
             let ends = [of(self, |set| rate(set).low), of(self, |set| rate(set).high)];
@@ -67,13 +68,13 @@ impl SensorTrade {
 
     /// The best value of each rate that sets of at most a cost reach.
     fn figure(&self) -> Figure {
-        let curve = |name: &str, rate: RateOf, is_better: fn(f64, f64) -> bool| {
+        let curve = |name: &str, measure: &Measure, is_better: fn(f64, f64) -> bool| {
             let mut able: Vec<&SensorSet> =
                 self.sets.iter().filter(|set| set.keeps_control).collect();
             able.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let mut best: Vec<(f64, Rate)> = vec![];
             for set in able {
-                let rate = rate(set);
+                let rate = set.rates.of(measure);
                 let Some(share) = rate.share else { continue };
                 let last = best.last().copied();
                 if last.is_none_or(|(_, last)| is_better(share, last.share.unwrap_or(share))) {
@@ -89,10 +90,10 @@ impl SensorTrade {
         let (more, less) = (|a: f64, b: f64| a > b, |a: f64, b: f64| a < b);
         let title = "Best value of each rate that sensors of at most a cost reach";
         let mut lines = Lines::new(title, "cost of the sensors", "share, %")
-            .with(curve("detected", |set| set.rates.detected, more))
-            .with(curve("isolated", |set| set.rates.isolated[0], more))
-            .with(curve("missed shutdown", |set| set.rates.missed_shutdown, less))
-            .with(curve("wrong shutdown", |set| set.rates.wrong_shutdown, less));
+            .with(curve("detected", &VISIBLE, more))
+            .with(curve("right action", &RIGHT_ACTION_OF_ALL, more))
+            .with(curve("missed shutdown", &SHUTDOWN_MISSED_OF_ALL, less))
+            .with(curve("wrong shutdown", &WRONG_SHUTDOWN, less));
         lines.curves.retain(|curve| !curve.points.is_empty());
         lines.y_range = Some((0.0, 100.0));
         lines.draw()

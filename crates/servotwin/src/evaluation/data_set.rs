@@ -342,7 +342,7 @@ impl DataSet {
     ///
     /// # Errors
     /// [`EvaluationError::NoFeatures`] if none is left.
-    pub(crate) fn with_features(
+    pub fn with_features(
         &self,
         choice: impl Fn(&DataFeature) -> bool,
     ) -> Result<Self, EvaluationError> {

@@ -1,17 +1,12 @@
 //! Detection: which faults leave the band, and from which intensity on.
 
 use super::data_set::{DataRow, DataSet};
-use super::protocol::trial;
 use serde::{Deserialize, Serialize};
 use servotwin_learning::metrics::Rate;
 
 /// The detection results of a data set.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
-    /// Share of the faults that leave the band.
-    pub detected: Rate,
-    /// Number of variants that were not simulated to the end.
-    pub failed: usize,
     /// For each kind, detection against intensity.
     pub curves: Vec<Curve>,
     /// For each fault in each case, the least detected intensity.
@@ -40,18 +35,10 @@ pub struct Least {
     pub intensity: Option<f64>,
 }
 
-/// The share of faults that are detected.
-pub(crate) fn share(data: &DataSet) -> Rate {
-    let holds = |row: usize| trial(data, row, data.rows[row].is_detected());
-    Rate::clustered(&data.faults().into_iter().map(holds).collect::<Vec<_>>())
-}
-
 /// Evaluates detection over a data set.
 pub(crate) fn evaluate(data: &DataSet) -> Detection {
     let faults = data.faults();
     Detection {
-        detected: share(data),
-        failed: data.failed,
         curves: kinds(data, &faults).into_iter().map(|kind| curve(data, &faults, kind)).collect(),
         least: least(data, &faults),
     }

@@ -22,13 +22,14 @@ pub use data_set::{DataSet, TrainingFilter};
 pub use error::EvaluationError;
 pub use servotwin_learning::metrics;
 
+use crate::measure::Rates;
 use crate::parallel::Workers;
 use bands::Band;
 use baseline::RandomThirds;
 use flips::{Flips, Moving};
 use isolation::Isolation;
 use protocol::{Holding, Protocol, ProtocolResult, summary};
-use run::{RowOutcome, Scope};
+use run::Scope;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
 use servotwin_diagnosis::diagnoser::{Novelty, Tuning};
@@ -37,7 +38,6 @@ use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::residual::BAND;
 use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::HierarchySettings as Training;
-use servotwin_learning::metrics::Rate;
 use servotwin_learning::novelty;
 use servotwin_learning::splits::Split;
 use servotwin_learning::tree::Criterion;
@@ -128,30 +128,15 @@ pub struct StageSize {
     pub importances: Vec<(String, f64)>,
 }
 
-/// Results on healthy specimens.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FalseAlarms {
-    /// Specimens that left the paper's band of 3 %.
-    pub paper_alarms: Rate,
-    /// Specimens that left the band in use.
-    pub alarms: Rate,
-    /// Specimens that left the band in use and were not classified as healthy by the trees.
-    pub trees: Rate,
-    /// Specimens for which the trees would shut an actuator down.
-    pub tree_shutdowns: Rate,
-    /// Specimens that left the band in use and were not classified as healthy by the committee.
-    pub committee: Rate,
-    /// Specimens for which the committee would shut an actuator down.
-    pub committee_shutdowns: Rate,
-}
-
 /// All results on the data sets of a scenario.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Detection by the band in use.
+    /// What the band in use shows, of all faults and of healthy specimens.
+    pub in_band: Rates,
+    /// What the paper's band of 3 % shows of them.
+    pub in_paper_band: Rates,
+    /// Which faults the band in use detects, and from which intensity on.
     pub detection: detection::Detection,
-    /// Share of the faults that the paper's band of 3 % detects.
-    pub paper_detection: Rate,
     /// Bands learned from healthy specimens.
     pub bands: Option<Vec<Band>>,
     /// Number of features.
@@ -174,8 +159,8 @@ pub struct Evaluation {
     pub classifiers: Vec<comparison::Compared>,
     /// The sizes of the final trees.
     pub stages: Vec<StageSize>,
-    /// False alarms; `None` without fault-free specimens.
-    pub false_alarms: Option<FalseAlarms>,
+    /// What the final trees and the final committee say of healthy specimens.
+    pub healthy: [Rates; 2],
 }
 
 impl Evaluation {
@@ -273,6 +258,23 @@ pub(crate) fn novelty(
     Ok(novelty::learn(&data.examples, &rows, &groups, Tuning::default().known_share)?)
 }
 
+/// What the bands in use and the nine trees alone show of a data set with bands, under the protocol that is quoted.
+/// Without a fault to learn from, nothing is answered.
+///
+/// # Errors
+/// Training fails.
+pub fn of_trees(data: &DataSet, settings: &EvaluationSettings) -> Result<Rates, EvaluationError> {
+    let (protocol, shutdowns) = (Protocol::headline(data), data.commands(&settings.shutdowns));
+    let (training, alone) = (&settings.training, Workers::new(1));
+    let holding = settings.holding;
+    let judged = match protocol::evaluate(protocol, data, training, holding, &shutdowns, alone) {
+        Err(EvaluationError::NothingDetectable { .. }) => None,
+        judged => judged?,
+    };
+    let judged = judged.unwrap_or_else(|| summary(protocol, data, &[], &shutdowns));
+    Ok(protocol::in_bands(data).and(judged.rates))
+}
+
 /// Inputs of an evaluation besides data and settings.
 pub struct Context<'c> {
     /// The diagnosis trained on all rows.
@@ -305,14 +307,17 @@ pub fn evaluate(
     };
     let (data, bands) = banded(data, settings, context.pools);
     let data = &data;
+    let shutdowns = data.commands(&settings.shutdowns);
+    let of_healthy = |hierarchy| protocol::of_healthy(data, hierarchy, &shutdowns);
     let mut evaluation = Evaluation {
+        in_band: protocol::in_bands(data),
+        in_paper_band: protocol::in_bands(&unbanded),
         detection: detection::evaluate(data),
-        paper_detection: detection::share(&unbanded),
         bands,
         features: data.features.len(),
         constant_features: data.constant.clone(),
         stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
-        false_alarms: false_alarms(&unbanded, data, trained, &settings.shutdowns)?,
+        healthy: [of_healthy(&trained.trees)?, of_healthy(&trained.committee)?],
         ..Evaluation::default()
     };
     under_protocols(data, settings, context, &mut evaluation)?;
@@ -422,38 +427,4 @@ fn size(hierarchy: &Hierarchy, stage: &servotwin_diagnosis::hierarchy::Stage) ->
         depth: Some(tree.depth()),
         importances,
     }
-}
-
-/// Evaluates trees and committee on healthy specimens that left the band.
-fn false_alarms(
-    unbanded: &DataSet,
-    data: &DataSet,
-    trained: &Panel,
-    shutdowns: &[String],
-) -> Result<Option<FalseAlarms>, EvaluationError> {
-    let healthy = data.rows_where(Purpose::Test, |row| row.is_healthy);
-    if healthy.is_empty() {
-        return Ok(None);
-    }
-    let alarms: Vec<usize> =
-        healthy.iter().copied().filter(|&row| data.rows[row].is_detected()).collect();
-    let shutdowns = data.commands(shutdowns);
-    let of = healthy.len() as u64;
-    let said = |hierarchy: &Hierarchy| -> Result<(Rate, Rate), EvaluationError> {
-        let outcomes = run::ask(data, hierarchy, &alarms)?;
-        let faults = outcomes.iter().filter(|outcome| outcome.said.actuator.is_some()).count();
-        let shuts = |o: &&RowOutcome| o.said.action.is_some_and(|c| shutdowns.contains(&c));
-        let shutdowns = outcomes.iter().filter(shuts).count();
-        Ok((Rate::new(faults as u64, of), Rate::new(shutdowns as u64, of)))
-    };
-    let (trees, tree_shutdowns) = said(&trained.trees)?;
-    let (committee, committee_shutdowns) = said(&trained.committee)?;
-    Ok(Some(FalseAlarms {
-        paper_alarms: Rate::of(&healthy, |&row| unbanded.rows[row].is_detected()),
-        alarms: Rate::new(alarms.len() as u64, of),
-        trees,
-        tree_shutdowns,
-        committee,
-        committee_shutdowns,
-    }))
 }

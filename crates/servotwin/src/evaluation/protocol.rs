@@ -14,13 +14,14 @@
 
 use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
-use super::run::{RowOutcome, Scope, first_error, run};
+use super::run::{RowOutcome, Scope, ask, first_error, run};
 use crate::measure::outcome::{FirstAction, RunOutcome};
-use crate::measure::{Answers, Measure, OF_RECORDS, OF_SOME_RECORDS, Rates};
+use crate::measure::{Answers, Measure, OF_BANDS, OF_HEALTHY, OF_RECORDS, OF_SOME_RECORDS, Rates};
 use crate::parallel::Workers;
+use crate::study::Purpose;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
-use servotwin_diagnosis::hierarchy::{HEALTHY, Question, StagePlace};
+use servotwin_diagnosis::hierarchy::{HEALTHY, Hierarchy, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
 use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
 use servotwin_learning::splits::{Split, grouped_k_fold, leave_one_group_out, random_thirds};
@@ -159,8 +160,32 @@ pub(super) fn cluster(data: &DataSet, row: &DataRow) -> u32 {
     row.kind * data.intensities.len() as u32 + row.intensity
 }
 
+/// What the bands of a data set show, of judged faults and of healthy specimens.
+pub(crate) fn in_bands(data: &DataSet) -> Rates {
+    let (outcomes, shutdowns) = (vec![], &[]);
+    let counting = Counting { data, outcomes, shutdowns, measures: OF_BANDS, names_class: false };
+    let rows = data.rows_where(Purpose::Test, |_| true).into_iter();
+    counting.counted(&rows.map(|row| counting.unanswered(row)).collect::<Vec<_>>())
+}
+
+/// What is said of healthy specimens that leave their bands.
+///
+/// # Errors
+/// The hierarchy has other features.
+pub(crate) fn of_healthy(
+    data: &DataSet,
+    hierarchy: &Hierarchy,
+    shutdowns: &[u32],
+) -> Result<Rates, EvaluationError> {
+    let alarmed = data.rows_where(Purpose::Test, |row| row.is_healthy && row.is_detected());
+    let outcomes = ask(data, hierarchy, &alarmed)?;
+    let outcomes = outcomes.iter().collect();
+    let counting = Counting { data, outcomes, shutdowns, measures: OF_HEALTHY, names_class: false };
+    Ok(counting.rates(|row| data.rows[row].is_healthy))
+}
+
 /// One trial of a rate over rows.
-pub fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
+pub(super) fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
     let row = &data.rows[row];
     Trial { cluster: cluster(data, row), kind: row.kind, holds }
 }
@@ -354,25 +379,34 @@ impl Counting<'_> {
     /// All measures of the rows that a choice selects.
     pub(super) fn rates(&self, choice: impl Fn(usize) -> bool) -> Rates {
         let asked = self.outcomes.iter().filter(|outcome| choice(outcome.row));
-        let mut rows: Vec<RunOutcome> = asked.map(|outcome| self.outcome(outcome)).collect();
-        let is_hidden = |&row: &usize| choice(row) && !self.data.rows[row].is_detected();
-        rows.extend(self.data.faults().into_iter().filter(is_hidden).map(|row| self.fault(row)));
+        let asked = asked.map(|outcome| self.outcome(outcome));
+        let hidden = self.data.rows_where(Purpose::Test, |row| !row.is_detected()).into_iter();
+        let hidden = hidden.filter(|&row| choice(row)).map(|row| self.unanswered(row));
+        self.counted(&asked.chain(hidden).collect::<Vec<_>>())
+    }
+
+    /// The measures of some outcomes. Healthy records are independent of each other.
+    fn counted(&self, rows: &[RunOutcome]) -> Rates {
         let answers = Answers {
             has_several: self.data.examples.names().actuators.len() > 1,
             has_shutdown: !self.shutdowns.is_empty(),
         };
-        let faults: Vec<&RunOutcome> = rows.iter().collect();
-        Rates::count((self.measures, 0.0), answers, &faults, |of, holds| {
+        let rows: Vec<&RunOutcome> = rows.iter().collect();
+        Rates::count((self.measures, 0.0), answers, &rows, |of, holds| {
             let trial = |own: &&RunOutcome| trial(self.data, own.number as usize, holds(own));
-            Rate::clustered(&of.iter().map(trial).collect::<Vec<_>>())
+            match of.iter().any(|own| own.is_fault()) {
+                true => Rate::clustered(&of.iter().map(trial).collect::<Vec<_>>()),
+                false => Rate::of(of, |own| holds(own)),
+            }
         })
     }
 
-    /// The outcome of a record before anything is said of it; a row without a fault is not counted.
-    fn fault(&self, row: usize) -> RunOutcome {
+    /// The outcome of a record before anything is said of it.
+    fn unanswered(&self, row: usize) -> RunOutcome {
         let (own, names) = (&self.data.rows[row], self.data.examples.names());
         let truth = self.data.examples.labels()[row];
         let class = names.details.get(truth.detail as usize);
+        let is_detected = own.is_detected();
         RunOutcome {
             number: row as u64,
             class: class.filter(|_| self.names_class).cloned().unwrap_or_default(),
@@ -380,19 +414,24 @@ impl Counting<'_> {
             onset_s: (!own.is_healthy).then_some(0.0),
             needs_shutdown: self.shutdowns.contains(&truth.action),
             is_finished: true,
-            visible_s: own.is_detected().then_some(0.0),
+            visible_s: (!own.is_healthy && is_detected).then_some(0.0),
+            visible_by_chance: u64::from(own.is_healthy && is_detected),
             ..RunOutcome::default()
         }
     }
 
     /// The outcome of a record with what is said of it. An answer that does not count is none.
     fn outcome(&self, RowOutcome { row, said, is_decided, .. }: &RowOutcome) -> RunOutcome {
-        let fault = self.fault(*row);
+        let unanswered = self.unanswered(*row);
         let truth = self.data.examples.labels()[*row];
         let names = self.data.examples.names();
-        let Some(actuator) = said.actuator.filter(|_| *is_decided) else { return fault };
+        let Some(actuator) = said.actuator.filter(|_| *is_decided) else { return unanswered };
         let is_own = actuator == truth.actuator;
         let is_off = said.action.is_some_and(|action| self.shutdowns.contains(&action));
+        if !unanswered.is_fault() {
+            let early_shutdowns = u64::from(is_off);
+            return RunOutcome { early_alarms: 1, early_shutdowns, ..unanswered };
+        }
         RunOutcome {
             first: match is_own {
                 true if said.action == Some(truth.action) => FirstAction::Right,
@@ -404,7 +443,7 @@ impl Counting<'_> {
                 .map_or_else(String::new, |class| names.details[class as usize].clone()),
             shutdown_at_fault: is_own && is_off,
             shutdown_healthy: !is_own && is_off,
-            ..fault
+            ..unanswered
         }
     }
 

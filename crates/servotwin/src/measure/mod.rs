@@ -24,10 +24,20 @@ pub struct Measure {
     pub name: &'static str,
     /// What happened.
     pub sentence: &'static str,
-    /// In which faults it is counted.
-    pub of: CountedFaults,
+    /// In which runs it is counted.
+    pub of: CountedRuns,
     /// Whether it happened; the second argument is the limit on latency, s.
     holds: fn(&RunOutcome, f64) -> bool,
+}
+
+impl Measure {
+    /// In how many runs it happened, and in how many it is counted. Nothing is late here.
+    pub fn count<'o>(&self, runs: impl Iterator<Item = &'o RunOutcome>) -> [u64; 2] {
+        let counted = runs.filter(|row| (self.of.counts)(row));
+        counted.fold([0, 0], |[count, of], row| {
+            [count + u64::from((self.holds)(row, f64::INFINITY)), of + 1]
+        })
+    }
 }
 
 /// What a diagnosis can answer.
@@ -45,40 +55,42 @@ impl Answers {
     }
 }
 
-/// The faults in which a measure is counted.
-pub struct CountedFaults {
-    /// The faults in words.
+/// The runs in which a measure is counted.
+pub struct CountedRuns {
+    /// The runs in words.
     pub words: &'static str,
     /// Whether a diagnosis with these answers can have such a measure.
     applies: fn(Answers) -> bool,
-    /// Whether a fault is counted.
+    /// Whether a run is counted.
     counts: fn(&RunOutcome) -> bool,
 }
 
-impl CountedFaults {
+impl CountedRuns {
     const fn new(words: &'static str, counts: fn(&RunOutcome) -> bool) -> Self {
-        CountedFaults { words, applies: |_| true, counts }
+        CountedRuns { words, applies: |_| true, counts }
     }
 }
 
-const EVERY_FAULT: CountedFaults =
-    CountedFaults::new("all faults and intensities, also those that never become visible", |_| {
-        true
+const EVERY_FAULT: CountedRuns =
+    CountedRuns::new("all faults and intensities, also those that never become visible", |row| {
+        row.is_fault()
     });
-const VISIBLE_FAULT: CountedFaults =
-    CountedFaults::new("all faults and intensities that become visible", is_visible);
-const STRONG_FAULT: CountedFaults =
-    CountedFaults::new("all faults of intensity {strong} and more that become visible", |row| {
+const VISIBLE_FAULT: CountedRuns =
+    CountedRuns::new("all faults and intensities that become visible", is_visible);
+const STRONG_FAULT: CountedRuns =
+    CountedRuns::new("all faults of intensity {strong} and more that become visible", |row| {
         is_visible(row) && row.intensity >= STRONG
     });
-const STRONG_SHUTDOWN_OF_ALL: CountedFaults = CountedFaults::new(
+const STRONG_SHUTDOWN_OF_ALL: CountedRuns = CountedRuns::new(
     "{off} faults of intensity {strong} and more, also those that never become visible",
     is_strong_shutdown,
 );
-const STRONG_SHUTDOWN: CountedFaults = CountedFaults::new(
+const STRONG_SHUTDOWN: CountedRuns = CountedRuns::new(
     "{off} faults of intensity {strong} and more that become visible",
     is_visible_strong_shutdown,
 );
+
+const HEALTHY: CountedRuns = CountedRuns::new("runs without a fault", |row| !row.is_fault());
 
 /// The right action for the right actuator came first.
 pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
@@ -92,7 +104,7 @@ pub const RIGHT_ACTION_OF_ALL: Measure = Measure {
 pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
     name: "shutdown_missed_of_all",
     sentence: "{off} missed (of all)",
-    of: CountedFaults::new(
+    of: CountedRuns::new(
         "{off} faults of all intensities, also those that never become visible",
         |row| row.needs_shutdown,
     ),
@@ -103,7 +115,7 @@ pub const SHUTDOWN_MISSED_OF_ALL: Measure = Measure {
 pub const SHUTDOWN_MISSED: Measure = Measure {
     name: "shutdown_missed",
     sentence: "{off} missed (of visible)",
-    of: CountedFaults::new("{off} faults of all intensities that become visible", |row| {
+    of: CountedRuns::new("{off} faults of all intensities that become visible", |row| {
         row.needs_shutdown && is_visible(row)
     }),
     holds: |row, _| !row.is_isolated(),
@@ -113,7 +125,7 @@ pub const SHUTDOWN_MISSED: Measure = Measure {
 pub const NEEDLESS_SHUTDOWN: Measure = Measure {
     name: "needless_shutdown",
     sentence: "needless {off}",
-    of: CountedFaults {
+    of: CountedRuns {
         words: "faults of all intensities that need no {off} and become visible",
         applies: |answers| answers.has_shutdown,
         counts: |row| !row.needs_shutdown && is_visible(row),
@@ -125,7 +137,7 @@ pub const NEEDLESS_SHUTDOWN: Measure = Measure {
 pub const WRONG_SHUTDOWN: Measure = Measure {
     name: "wrong_shutdown",
     sentence: "wrong {unit} {switched_off}",
-    of: CountedFaults {
+    of: CountedRuns {
         applies: |answers| answers.has_several && answers.has_shutdown,
         ..EVERY_FAULT
     },
@@ -200,7 +212,7 @@ pub const RIGHT_ACTION: Measure = Measure {
 pub const END_TO_END: Measure = Measure {
     name: "end_to_end",
     sentence: "end to end right (of visible)",
-    of: CountedFaults { counts: |row| has_class(row) && is_visible(row), ..VISIBLE_FAULT },
+    of: CountedRuns { counts: |row| has_class(row) && is_visible(row), ..VISIBLE_FAULT },
     holds: |row, _| row.is_right_class(),
 };
 
@@ -208,7 +220,7 @@ pub const END_TO_END: Measure = Measure {
 pub const END_TO_END_OF_ALL: Measure = Measure {
     name: "end_to_end_of_all",
     sentence: "end to end right (of all)",
-    of: CountedFaults { counts: has_class, ..EVERY_FAULT },
+    of: CountedRuns { counts: has_class, ..EVERY_FAULT },
     holds: |row, _| row.is_right_class() && is_visible(row),
 };
 
@@ -224,7 +236,7 @@ pub const OTHER_ACTION: Measure = Measure {
 pub const WRONG_ACTUATOR: Measure = Measure {
     name: "wrong_actuator",
     sentence: "wrong {unit} first",
-    of: CountedFaults { applies: |answers| answers.has_several, ..VISIBLE_FAULT },
+    of: CountedRuns { applies: |answers| answers.has_several, ..VISIBLE_FAULT },
     holds: |row, _| row.first == FirstAction::OtherActuator,
 };
 
@@ -236,7 +248,31 @@ pub const SILENT: Measure = Measure {
     holds: |row, _| row.first == FirstAction::None,
 };
 
-/// All measures, in the order of pages; those of the same faults stand together.
+/// Windows left their bands, although nothing was wrong.
+pub const VISIBLE_BY_CHANCE: Measure = Measure {
+    name: "visible_by_chance",
+    sentence: "visible by chance",
+    of: HEALTHY,
+    holds: |row, _| row.visible_by_chance > 0,
+};
+
+/// An action was raised, although nothing was wrong.
+pub const FALSE_ALARM: Measure = Measure {
+    name: "false_alarm",
+    sentence: "false alarm",
+    of: HEALTHY,
+    holds: |row, _| row.early_alarms > 0,
+};
+
+/// An actuator was shut down, although nothing was wrong.
+pub const FALSE_SHUTDOWN: Measure = Measure {
+    name: "false_shutdown",
+    sentence: "false {off}",
+    of: CountedRuns { applies: |answers| answers.has_shutdown, ..HEALTHY },
+    holds: |row, _| row.early_shutdowns > 0,
+};
+
+/// All measures, in the order of pages; those of the same runs stand together.
 pub const ALL: &[&Measure] = &[
     &RIGHT_ACTION_OF_ALL,
     &END_TO_END_OF_ALL,
@@ -256,7 +292,16 @@ pub const ALL: &[&Measure] = &[
     &OTHER_ACTION,
     &WRONG_ACTUATOR,
     &SILENT,
+    &VISIBLE_BY_CHANCE,
+    &FALSE_ALARM,
+    &FALSE_SHUTDOWN,
 ];
+
+/// What bands alone show of records.
+pub(crate) const OF_BANDS: &[&Measure] = &[&VISIBLE, &VISIBLE_BY_CHANCE];
+
+/// The measures of healthy records.
+pub(crate) const OF_HEALTHY: &[&Measure] = &[&VISIBLE_BY_CHANCE, &FALSE_ALARM, &FALSE_SHUTDOWN];
 
 /// The measures of records, each judged once at its end.
 pub(crate) const OF_RECORDS: &[&Measure] = &[
@@ -290,22 +335,29 @@ impl<'m> FromIterator<(&'m Measure, Rate)> for Rates {
 }
 
 impl Rates {
-    /// Counts measures in runs with a fault. `rate` makes a share with its interval of outcomes and a condition;
+    /// Counts measures in runs. `rate` makes a share with its interval of outcomes and a condition;
     /// `limit_s` is the limit on latency.
     pub(crate) fn count<'o, 'm>(
         (measures, limit_s): (&[&'m Measure], f64),
         answers: Answers,
-        faults: &[&'o RunOutcome],
+        runs: &[&'o RunOutcome],
         rate: impl Fn(&[&'o RunOutcome], &dyn Fn(&RunOutcome) -> bool) -> Rate,
     ) -> Self {
         let count = |&measure: &&'m Measure| {
-            let of = faults.iter().copied().filter(|row| (measure.of.counts)(row));
+            let of = runs.iter().copied().filter(|row| (measure.of.counts)(row));
             let of: Vec<&RunOutcome> = of.collect();
             let holds = |row: &RunOutcome| (measure.holds)(row, limit_s);
             (!of.is_empty()).then(|| (measure, rate(&of, &holds)))
         };
         let applies = |measure: &&&Measure| (measure.of.applies)(answers);
         measures.iter().filter(applies).filter_map(count).collect()
+    }
+
+    /// These measures, and others of the same runs.
+    #[must_use]
+    pub(crate) fn and(mut self, others: Rates) -> Self {
+        self.0.extend(others.0);
+        self
     }
 
     /// The share of one measure; `None` if it was not counted.
@@ -353,7 +405,7 @@ mod tests {
         assert_eq!([names.len(), words.len()], [ALL.len(); 2]);
         let faults: BTreeSet<&str> = ALL.iter().map(|measure| measure.of.words).collect();
         let groups = ALL.chunk_by(|one, next| one.of.words == next.of.words).count();
-        assert_eq!(groups, faults.len(), "same faults together");
+        assert_eq!(groups, faults.len(), "same runs together");
     }
 
     #[test]

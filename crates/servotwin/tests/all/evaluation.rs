@@ -6,7 +6,7 @@ use servotwin::evaluation::data_set::DataRow;
 use servotwin::evaluation::protocol::{Holding, Protocol};
 use servotwin::evaluation::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings};
 use servotwin::evaluation::{bands, evaluate, model_file, train};
-use servotwin::measure;
+use servotwin::measure::{self, Rates};
 use servotwin::parallel::Workers;
 use servotwin::study::Purpose;
 use servotwin::table::{Column, Table};
@@ -254,12 +254,13 @@ fn an_easy_campaign_is_solved_under_every_protocol() {
 fn detection_is_counted_against_the_known_threshold() {
     let (evaluation, ..) = evaluated(0.01, 1);
     let detection = &evaluation.detection;
-    assert_eq!((detection.detected.count, detection.detected.of), (270, 300));
+    let counted = |rates: &Rates, measure| (rates.of(measure).count, rates.of(measure).of);
+    assert_eq!(counted(&evaluation.in_band, &measure::VISIBLE), (270, 300));
     assert_eq!(detection.least.len(), 5 * 2 * 3);
     assert!(detection.least.iter().all(|least| least.intensity == Some(0.2)));
     assert_eq!(evaluation.constant_features, ["nothing"]);
-    let alarms = evaluation.false_alarms.as_ref().unwrap();
-    assert_eq!((alarms.alarms.count, alarms.alarms.of, alarms.tree_shutdowns.count), (0, 30, 0));
+    assert_eq!(counted(&evaluation.in_band, &measure::VISIBLE_BY_CHANCE), (0, 30));
+    assert_eq!(counted(&evaluation.healthy[0], &measure::FALSE_SHUTDOWN), (0, 30));
 }
 
 #[test]
