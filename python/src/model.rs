@@ -5,7 +5,7 @@ use crate::errors::Failure;
 use crate::long::long;
 use crate::table::Table;
 use pyo3::prelude::*;
-use servotwin::evaluation::model_file;
+use servotwin::learn::model_file;
 use servotwin::table::{Column, Table as Columns};
 use servotwin::view::tree::{Node, TreeFigure as Drawing};
 use servotwin_diagnosis::Error;

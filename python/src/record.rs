@@ -8,7 +8,7 @@ use crate::table::Table;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use servotwin::fit::{Fit, FitError, FitRecord, FitResults as Solved};
-use servotwin::observer::Finding;
+use servotwin::live::observer::Finding;
 use servotwin::table::{Column, Table as Columns};
 use servotwin_watch::whole_table::{TableFindings, TableWatchError, watch_table};
 use std::ffi::CString;

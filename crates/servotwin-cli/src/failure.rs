@@ -1,14 +1,14 @@
 //! The reason why a command does not finish: a message and an exit code. A result that calls for a person is no failure
 //! but a verdict.
 
-use servotwin::campaign::CampaignError;
-use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
 use servotwin::fit::FitError;
-use servotwin::flight::runtime::RuntimeError;
 use servotwin::job::JobError;
+use servotwin::learn::EvaluationError;
+use servotwin::live::runtime::RuntimeError;
 use servotwin::nearest::UnknownName;
 use servotwin::recordings::RecordingError;
+use servotwin::records::CampaignError;
 use servotwin::rest::RestError;
 use servotwin::signal::SignalError;
 use servotwin::system::RewriteError;

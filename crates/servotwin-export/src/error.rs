@@ -1,6 +1,6 @@
 //! What can go wrong while a diagnoser is exported or an export is proven.
 
-use servotwin::flight::runtime::RuntimeError;
+use servotwin::live::runtime::RuntimeError;
 use servotwin_io::files::FileError;
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 //! The virtual twin that an export takes along.
 
-use servotwin::flight::runtime::place_of;
+use servotwin::live::runtime::place_of;
 use servotwin::study::{Reaction, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{Program, Slot};

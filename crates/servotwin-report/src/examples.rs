@@ -1,7 +1,7 @@
 //! Example faults, simulated again for the report with their time series. The choice is small and always the same.
 
-use servotwin::campaign::{self, CampaignError};
 use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::records::{self, CampaignError};
 use servotwin::study::{FaultCase, Study};
 
 /// Words to find in a fault class, and the intensities to show.
@@ -27,7 +27,7 @@ pub struct Example {
 /// # Errors
 /// The healthy system cannot be simulated. A faulty system that cannot be simulated is left out.
 pub(crate) fn simulate(study: &Study) -> Result<Vec<Example>, CampaignError> {
-    let ensemble = campaign::ensemble(study);
+    let ensemble = records::ensemble(study);
     // The case in the middle is neither the easiest nor the hardest.
     let case = study.cases.len() / 2;
     let inputs = || study.cases[case].inputs.iter().collect();

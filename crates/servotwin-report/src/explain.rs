@@ -2,10 +2,10 @@
 
 use crate::vocabulary::Vocabulary;
 use serde::Serialize;
-use servotwin::campaign::columns::view_column;
-use servotwin::campaign::{data_features, largest_column};
-use servotwin::evaluation::EvaluationError;
 use servotwin::job::{self, Folder, JobError, Subject};
+use servotwin::learn::EvaluationError;
+use servotwin::records::columns::view_column;
+use servotwin::records::{data_features, largest_column};
 use servotwin::study::{Purpose, Study};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;

@@ -5,12 +5,12 @@
 
 use crate::vocabulary::Vocabulary;
 use crate::words::{number, spoken};
-use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::bands::Band;
-use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::{Protocol, ProtocolResult, StageScore};
 use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
+use servotwin::learn::Evaluation;
+use servotwin::learn::bands::Band;
+use servotwin::learn::metrics::Rate;
+use servotwin::learn::protocol::{Protocol, ProtocolResult, StageScore};
 use servotwin::measure::flights::{FlightMetrics, HealthyMetrics};
 use servotwin::measure::{self, Measure, Rates};
 use servotwin::shown::{Shown, shown};

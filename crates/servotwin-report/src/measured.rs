@@ -8,14 +8,14 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{
     begun, by_environment, by_environment_and_tail, chosen, number, percent, spoken,
 };
-use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::Protocol;
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
 use servotwin::job::outcomes::FlownSuite;
 use servotwin::job::sealed::Openings;
+use servotwin::learn::Evaluation;
+use servotwin::learn::metrics::Rate;
+use servotwin::learn::protocol::Protocol;
 use servotwin::measure;
 use servotwin::measure::flights::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
 use servotwin::study::Study;

@@ -1,6 +1,6 @@
 //! Formats numbers and names for reports.
 
-use servotwin::evaluation::metrics::{Rate, Tail};
+use servotwin::learn::metrics::{Rate, Tail};
 use servotwin::measure::flights::{EnvironmentMetrics, HealthyMetrics};
 
 pub use servotwin_io::text::{number, spoken};

@@ -2,9 +2,9 @@
 
 use crate::{Material, document, examples};
 use serde::Deserialize;
-use servotwin::campaign;
-use servotwin::evaluation::model_file;
 use servotwin::job::{Folder, JobError, Results, Subject, flights, manifest, outcomes, panel};
+use servotwin::learn::model_file;
+use servotwin::records;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
@@ -34,7 +34,7 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let healthy = outcomes::healthy(folder)?;
     let constants = constants(folder)?;
     let calibrations =
-        Purpose::OF_RECORDS.map(|purpose| campaign::calibrations(folder.path(), purpose));
+        Purpose::OF_RECORDS.map(|purpose| records::calibrations(folder.path(), purpose));
     let calibrations = calibrations.into_iter().collect::<Result<Vec<_>, _>>()?.concat();
     let report = document(&Material {
         study,

@@ -1,16 +1,16 @@
 //! Table 1, and what every section of the report promises.
 
-use servotwin::campaign::Comparison;
-use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::detection::{Curve, Detection, Least};
-use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::{Protocol, ProtocolResult};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::outcomes::{Basis, FlownSuite};
 use servotwin::job::results::SubjectResult;
 use servotwin::job::{Results, Subject, results};
+use servotwin::learn::Evaluation;
+use servotwin::learn::detection::{Curve, Detection, Least};
+use servotwin::learn::metrics::Rate;
+use servotwin::learn::protocol::{Protocol, ProtocolResult};
 use servotwin::measure;
 use servotwin::measure::outcome::RunOutcome;
+use servotwin::records::Comparison;
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::tuning::BASELINE_CORRECTED;
@@ -267,7 +267,7 @@ fn evaluation(has_stop: bool) -> Evaluation {
 /// The report of a study of the press.
 fn press_report(text: &str) -> String {
     let study = Study::parse(text, "studies/press_axis.toml").unwrap();
-    let settings = servotwin::evaluation::EvaluationSettings::default();
+    let settings = servotwin::learn::EvaluationSettings::default();
     let subject = SubjectResult::new(
         Subject::Noise,
         &study,
@@ -343,7 +343,7 @@ fn only_specimens_with_tolerances_are_compared_with_those_without() {
         evaluation.detection.curves[1].points = vec![(1.0, Rate::new(detected, 40))];
         evaluation.in_band =
             [(&measure::VISIBLE, Rate::new(40 + detected, 80))].into_iter().collect();
-        let settings = servotwin::evaluation::EvaluationSettings::default();
+        let settings = servotwin::learn::EvaluationSettings::default();
         SubjectResult::new(subject, &study, settings, evaluation)
     };
     let subjects = [(Subject::Ideal, 4), (Subject::Noise, 36), (Subject::Realistic, 4)];

@@ -1,8 +1,8 @@
 //! Reasons why an artefact cannot be made.
 
-use servotwin::evaluation::EvaluationError;
 use servotwin::files::FileError;
 use servotwin::job::JobError;
+use servotwin::learn::EvaluationError;
 use servotwin::nearest::nearest;
 use servotwin::table::TableError;
 use std::path::PathBuf;

@@ -4,7 +4,7 @@
 use crate::request::Request;
 use serde::Serialize;
 use serde_json::Value;
-use servotwin::flight::runtime::RuntimeError;
+use servotwin::live::runtime::RuntimeError;
 use servotwin_watch::WatchError;
 use servotwin_watch::player::PlayerSignal;
 use std::collections::VecDeque;

@@ -1,7 +1,7 @@
 //! What a frame contains: the signals with their names, units and bands, and how a sample fills them.
 
-use servotwin::flight::closed_loop::ClosedLoopFlight;
-use servotwin::flight::tracking::{TrackedQuantities, force_fight_n};
+use servotwin::live::closed_loop::ClosedLoopFlight;
+use servotwin::live::tracking::{TrackedQuantities, force_fight_n};
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Raised};
 use servotwin_model::spec::Unit;

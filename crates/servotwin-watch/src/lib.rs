@@ -26,7 +26,7 @@ pub mod span;
 pub mod watchdog;
 pub mod whole_table;
 
-pub use servotwin::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
+pub use servotwin::live::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
 
 use checkpoint::{Checkpoint, CheckpointError};
 use counts::{Irregularity, WatchCounts};

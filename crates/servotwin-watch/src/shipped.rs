@@ -2,7 +2,7 @@
 //! `shipped/make.sh` learns it anew.
 
 use flate2::read::GzDecoder;
-use servotwin::evaluation::model_file;
+use servotwin::learn::model_file;
 use servotwin::manifest::sha256_of_text;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -28,7 +28,7 @@ pub fn diagnoser(study: &Study) -> Option<Diagnoser> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
+    use servotwin::live::closed_loop::{ClosedLoop, ClosedLoopFlight};
     use servotwin_model::program::FaultAt;
 
     #[test]

@@ -8,7 +8,7 @@
 //! `LONGEST_CHECK`.
 
 use serde::Serialize;
-use servotwin::observer::{DiagnosisState, Phase};
+use servotwin::live::observer::{DiagnosisState, Phase};
 use std::time::{Duration, Instant, SystemTime};
 
 /// The losses of a sink.

@@ -4,10 +4,10 @@
 //! plant, and prints median, p99.9 and largest time of [`Runtime::push`], as ratios to the time there
 //! is, and how many such actuators one core can watch; by lists and, where there is a C compiler, by the compiled step.
 
-use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
-use servotwin::flight::runtime::Runtime;
 use servotwin::job::Folder;
 use servotwin::job::Job;
+use servotwin::live::closed_loop::{self, ClosedLoop, FlightRecord};
+use servotwin::live::runtime::Runtime;
 use servotwin::study::{Scenario, Study};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;

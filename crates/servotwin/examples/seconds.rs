@@ -4,8 +4,8 @@
 //! faults under its second command at full load, in one thread. What is sampled is
 //! what a campaign samples, and goes into a sum only. Prints the seconds, and those of compilers.
 
-use servotwin::campaign;
 use servotwin::ensemble::{Sink, Variant};
+use servotwin::records;
 use servotwin::study::Study;
 use servotwin_model::solver::Statistics;
 
@@ -35,7 +35,7 @@ fn main() {
     let mut faults: Vec<_> = study.faults.iter().step_by(argument(1, 1.0) as usize).collect();
     // As a campaign does: a few of them take a hundred times as long as the others.
     faults.sort_by(|a, b| b.at.intensity.total_cmp(&a.at.intensity));
-    let mut ensemble = campaign::ensemble(&study);
+    let mut ensemble = records::ensemble(&study);
     (ensemble.duration_s, ensemble.threads) = (argument(2, 90.0), 1);
     let variant = |job: usize| Variant {
         faults: vec![faults[job].at],

@@ -52,7 +52,7 @@
 //!
 //! # 5. Monitor
 //!
-//! A [`Monitor`](monitor::Monitor) runs the twin and the diagnosis in parallel with an actuator.
+//! A [`Monitor`](prelude::Monitor) runs the twin and the diagnosis in parallel with an actuator.
 //! The diagnosis learns from flights, which are part of the [full](study::Study::full) study.
 //! `servotwin_watch::whole_table` watches a table of samples.
 //!
@@ -73,17 +73,15 @@
 //! crate lead to the same types.
 //! The book in the folder `docs` explains the methods; five short programs stand in the folder `examples`.
 
-pub mod beside;
-pub mod campaign;
-pub mod evaluation;
 pub mod fit;
 pub mod flight;
 pub mod job;
+pub mod learn;
+pub mod live;
 pub mod measure;
-pub(crate) mod monitor;
-pub mod observer;
 pub mod prelude;
 pub mod recordings;
+pub mod records;
 pub mod run;
 
 #[doc(no_inline)]

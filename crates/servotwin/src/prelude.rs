@@ -1,11 +1,11 @@
 //! The types that most programs need: `use servotwin::prelude::*`.
 
-pub use crate::evaluation::model_file::read_diagnoser;
 pub use crate::fit::{Fit, FitError, FitRecord, FitResults};
 pub use crate::job::{Job, JobError, RunStudy, StudyEvent, StudyResults, StudyRun};
-pub use crate::monitor::Monitor;
+pub use crate::learn::model_file::read_diagnoser;
+pub use crate::live::monitor::Monitor;
+pub use crate::live::observer::{DiagnosisState, Finding};
 pub use crate::nearest::UnknownName;
-pub use crate::observer::{DiagnosisState, Finding};
 pub use crate::simulate::{
     InputSignal, Simulation, SimulationError, SimulationResults, Sweep, VariantSpec,
 };

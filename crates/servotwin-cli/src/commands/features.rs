@@ -4,7 +4,7 @@ use super::read_table;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run};
-use servotwin::evaluation::EvaluationError;
+use servotwin::learn::EvaluationError;
 use servotwin::recordings::{NominalFit, NominalSource, RecordingError, RecordingStudy};
 use servotwin::shown::number;
 use servotwin::study::Study;

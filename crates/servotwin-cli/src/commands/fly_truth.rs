@@ -1,8 +1,8 @@
 //! Compares the diagnosis of a flight with the truth: the time of detection, and whether actuator, action and component
 //! were right.
 
-use servotwin::flight::closed_loop::{Action, FlightRecord};
-use servotwin::flight::tracking::first_report_s;
+use servotwin::live::closed_loop::{Action, FlightRecord};
+use servotwin::live::tracking::first_report_s;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;

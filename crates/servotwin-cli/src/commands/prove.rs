@@ -5,7 +5,7 @@ use super::find_study;
 use super::progress::Stages;
 use crate::failure::Failure;
 use crate::{Global, Run};
-use servotwin::evaluation::model_file;
+use servotwin::learn::model_file;
 use servotwin_export::ExportError;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;

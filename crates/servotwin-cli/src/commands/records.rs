@@ -1,7 +1,7 @@
 //! The records of a study in words: what was simulated, and what failed.
 
-use servotwin::campaign::CampaignOutcome;
 use servotwin::job::Folder;
+use servotwin::records::CampaignOutcome;
 use servotwin::study::{Purpose, Study};
 use servotwin::toml_text::counted;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};

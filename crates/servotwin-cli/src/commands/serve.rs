@@ -5,7 +5,7 @@ use super::watch::input::{InputOptions, log_of, warn_of_lacking};
 use crate::failure::Failure;
 use crate::paths::Paths;
 use crate::{Global, Run, out, stop};
-use servotwin::evaluation::model_file;
+use servotwin::learn::model_file;
 use servotwin::signal::Signal;
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;

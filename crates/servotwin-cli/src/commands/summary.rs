@@ -1,7 +1,7 @@
 //! The final summary of the main job: safety first, then right answers; one column for each scenario.
 
-use servotwin::evaluation::baseline::RandomThirds;
 use servotwin::job::{Results, Subject};
+use servotwin::learn::baseline::RandomThirds;
 use servotwin::study::Study;
 use servotwin_report::lines::{self, OF_PAPER, Who};
 use servotwin_report::vocabulary::{PAPER, Vocabulary};

@@ -10,7 +10,7 @@ use crate::{Global, Run, stop};
 use input::{InputOptions, diagnoser, log_of, observer, tell, usual_diagnoser, warn_of_lacking};
 use outputs::{Outputs, Shown, Totals};
 use servotwin::files;
-use servotwin::flight::watcher::Watcher;
+use servotwin::live::watcher::Watcher;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::lanes::Level;

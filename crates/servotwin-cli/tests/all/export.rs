@@ -2,10 +2,10 @@
 
 use super::flights::learned;
 use super::{Folder, fails, servotwin, stderr, stdout, succeeds};
-use servotwin::evaluation::model_file;
-use servotwin::flight::runtime::{between, defaults, slots};
-use servotwin::flight::watcher::Watcher;
-use servotwin::observer::Observer;
+use servotwin::learn::model_file;
+use servotwin::live::observer::Observer;
+use servotwin::live::runtime::{between, defaults, slots};
+use servotwin::live::watcher::Watcher;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::{Diagnoser, IndexedFinding, Outcome};
 use servotwin_model::program::FaultAt;

@@ -1,8 +1,8 @@
 //! Systems of one, two and three like units go the whole way, as users go it.
 
 use super::{Folder, json, servotwin, stderr, stdout};
-use servotwin::evaluation::model_file;
-use servotwin::flight::closed_loop::{self, ClosedLoop};
+use servotwin::learn::model_file;
+use servotwin::live::closed_loop::{self, ClosedLoop};
 use servotwin::signal::Signal;
 use servotwin::study::Study;
 use servotwin::table;

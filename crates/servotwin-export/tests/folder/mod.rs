@@ -2,7 +2,7 @@
 
 use super::{toy, twin};
 use crate::rig;
-use servotwin::evaluation::model_file;
+use servotwin::learn::model_file;
 use servotwin::study::Reaction;
 use servotwin_export::FolderComparison;
 use servotwin_export::folder::ExportFolder;

@@ -3,7 +3,7 @@
 use crate::vocabulary::Vocabulary;
 use crate::words::{percent, unit};
 use crate::{Material, stages};
-use servotwin::campaign::data_features;
+use servotwin::records::data_features;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 use servotwin_view::document::{Document, Table};

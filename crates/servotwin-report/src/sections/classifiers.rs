@@ -1,8 +1,8 @@
 //! All classifiers, compared under the same protocol.
 
 use crate::{Material, looks};
-use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::protocol::Protocol;
+use servotwin::learn::Evaluation;
+use servotwin::learn::protocol::Protocol;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::Figure;
 use servotwin_view::bars::{Bar, Bars};

@@ -4,10 +4,10 @@ use crate::Material;
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, chosen, share, spoken, stacked};
-use servotwin::evaluation::isolation::{Isolation, LEVEL};
-use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::ALL;
 use servotwin::job::results::SubjectResult;
+use servotwin::learn::isolation::{Isolation, LEVEL};
+use servotwin::learn::metrics::Rate;
+use servotwin::learn::protocol::ALL;
 use servotwin::measure;
 use servotwin_view::document::{Document, Table};
 

@@ -3,7 +3,7 @@
 use crate::Material;
 use crate::lines::decides;
 use crate::words::spoken;
-use servotwin::evaluation::protocol::StageScore;
+use servotwin::learn::protocol::StageScore;
 use servotwin_view::document::Document;
 use servotwin_view::value_map::ValueMap;
 

@@ -3,8 +3,8 @@
 use crate::lines;
 use crate::words::{rate, spoken};
 use crate::{Material, hardest_first};
-use servotwin::evaluation::detection::Detection;
 use servotwin::job::results::SubjectResult;
+use servotwin::learn::detection::Detection;
 use servotwin::measure::VISIBLE;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::Figure;

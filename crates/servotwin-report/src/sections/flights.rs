@@ -7,9 +7,9 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, spoken, stacked,
 };
-use servotwin::evaluation::metrics::{Rate, poisson_mean};
 use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::{FlownSuite, SuiteSize};
+use servotwin::learn::metrics::{Rate, poisson_mean};
 use servotwin::measure::flights::{FlightMetrics, Latency, STRONG};
 use servotwin::measure::{self, Measure};
 use servotwin::run::fitted_twins::CalibrationRecords;

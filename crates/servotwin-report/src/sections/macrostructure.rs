@@ -3,7 +3,7 @@
 use crate::looks::Looks;
 use crate::words::{share, spoken};
 use crate::{Material, stages};
-use servotwin::evaluation::protocol::ProtocolResult;
+use servotwin::learn::protocol::ProtocolResult;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage, StagePlace};
 use servotwin_view::SemanticColor;
 use servotwin_view::document::Document;

@@ -4,7 +4,7 @@ use crate::Material;
 use crate::lines;
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, stacked};
-use servotwin::evaluation::protocol::ProtocolResult;
+use servotwin::learn::protocol::ProtocolResult;
 use servotwin::measure;
 use servotwin_view::document::{Document, Table};
 

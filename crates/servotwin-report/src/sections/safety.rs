@@ -4,8 +4,8 @@ use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{share, spoken, stacked};
 use crate::{Material, hardest_first};
-use servotwin::evaluation::protocol::{ALL, ComponentScore, ProtocolResult};
 use servotwin::job::results::SubjectResult;
+use servotwin::learn::protocol::{ALL, ComponentScore, ProtocolResult};
 use servotwin::measure::{self, Measure};
 use servotwin_view::document::{Document, Table};
 

@@ -3,12 +3,12 @@
 use crate::Material;
 use crate::lines::{self, Who};
 use crate::words::{begun, change, percent, rate, stacked};
-use servotwin::campaign::data_features;
-use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::ProtocolResult;
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
+use servotwin::learn::metrics::Rate;
+use servotwin::learn::protocol::ProtocolResult;
 use servotwin::measure;
+use servotwin::records::data_features;
 use servotwin::study::Purpose;
 use servotwin_view::document::{Document, Table};
 

@@ -6,12 +6,12 @@ use crate::Material;
 use crate::lines::{self, OF_PAPER};
 use crate::vocabulary::{PAPER, Vocabulary};
 use crate::words::{NONE, number, percent, rate, stacked};
-use servotwin::evaluation::Evaluation;
-use servotwin::evaluation::baseline::RandomThirds;
-use servotwin::evaluation::metrics::Rate;
-use servotwin::evaluation::protocol::{Protocol, ProtocolResult};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
+use servotwin::learn::Evaluation;
+use servotwin::learn::baseline::RandomThirds;
+use servotwin::learn::metrics::Rate;
+use servotwin::learn::protocol::{Protocol, ProtocolResult};
 use servotwin::measure::{self, VISIBLE, VISIBLE_BY_CHANCE};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::document::{Document, Table};
@@ -195,8 +195,7 @@ fn seed_paper(material: &Material, page: &mut Document) {
         ]);
     };
     for (letter, title) in [("A", "actuator"), ("B", "command")] {
-        let accuracy =
-            |score: Option<&servotwin::evaluation::metrics::Score>| score.map(|s| s.accuracy);
+        let accuracy = |score: Option<&servotwin::learn::metrics::Score>| score.map(|s| s.accuracy);
         let values = [baseline, trees].map(|result| accuracy(result.stage(letter)));
         push(letter, title, values);
     }

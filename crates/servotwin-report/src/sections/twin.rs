@@ -2,8 +2,8 @@
 
 use crate::Material;
 use crate::words::{number, rate};
-use servotwin::campaign::Comparison;
-use servotwin::evaluation::metrics::Rate;
+use servotwin::learn::metrics::Rate;
+use servotwin::records::Comparison;
 use servotwin_view::document::{Document, Table};
 
 /// The number of standard deviations on either side that enclose 95 % of a normal distribution.

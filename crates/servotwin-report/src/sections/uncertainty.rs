@@ -4,8 +4,8 @@ use crate::Material;
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::stacked;
-use servotwin::evaluation::flips::Flips;
 use servotwin::job::results::SubjectResult;
+use servotwin::learn::flips::Flips;
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.

@@ -4,8 +4,8 @@ use super::flights::at_most;
 use crate::Material;
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
-use servotwin::evaluation::metrics::Rate;
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, Words};
+use servotwin::learn::metrics::Rate;
 use servotwin::measure::outcome::Needed;
 use servotwin_view::document::{Document, Table};
 

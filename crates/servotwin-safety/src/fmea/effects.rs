@@ -5,7 +5,7 @@ use super::cell::{Filled, FmeaCell, span_in_words};
 use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
 use super::flights::FmeaFlights;
 use super::severity::{SeverityInputs, level};
-use servotwin::flight::tracking::{TrackedQuantities, command_unit};
+use servotwin::live::tracking::{TrackedQuantities, command_unit};
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};
 use servotwin::text::spoken;

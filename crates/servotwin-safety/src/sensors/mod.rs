@@ -19,8 +19,8 @@ use crate::error::SafetyError;
 use crate::results::StudyResultsFolder;
 use candidates::{Candidates, SensorMask};
 use runs::SensorRuns;
-use servotwin::evaluation;
 use servotwin::job::Crew;
+use servotwin::learn;
 use servotwin::measure::{
     Measure, RIGHT_ACTION_OF_ALL, Rates, SHUTDOWN_MISSED_OF_ALL, VISIBLE, WRONG_SHUTDOWN,
 };
@@ -146,7 +146,7 @@ fn judge(
         set,
         cost: candidates.cost(set),
         keeps_control: candidates.keeps_control(set),
-        rates: evaluation::of_trees(&runs.left_by(candidates, set)?, &runs.settings)?,
+        rates: learn::of_trees(&runs.left_by(candidates, set)?, &runs.settings)?,
         is_on_front: false,
     })
 }

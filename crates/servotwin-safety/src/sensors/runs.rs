@@ -3,14 +3,14 @@
 use super::candidates::{CandidateSensor, Candidates, SensorMask};
 use crate::error::SafetyError;
 use crate::results::StudyResultsFolder;
-use servotwin::evaluation::{DataSet, EvaluationError, EvaluationSettings, banded};
 use servotwin::job::{self, Subject};
+use servotwin::learn::{DataSet, EvaluationError, EvaluationSettings, banded};
 use servotwin_diagnosis::features::{self, Feature, Sensor, Sensors};
 use servotwin_diagnosis::residual::BAND;
 
 /// The runs of a scenario, with a band for every candidate.
 pub struct SensorRuns {
-    /// All rows; [`servotwin::evaluation::data_set::DataRow::largest`] has one value for each candidate.
+    /// All rows; [`servotwin::learn::data_set::DataRow::largest`] has one value for each candidate.
     pub data: DataSet,
     /// Half width of every candidate's band, in parts of scale.
     pub bands: Vec<f64>,

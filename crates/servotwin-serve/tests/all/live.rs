@@ -5,7 +5,7 @@ use crate::viewer::{
     served, served_from, wait_for,
 };
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
+use servotwin::live::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin_model::program::FaultAt;
 use servotwin_serve::signals::{ShownSample, Signals};
 use servotwin_serve::{Access, Live};

@@ -4,7 +4,7 @@ use crate::viewer::{
     FAULT, diagnoser, event_of, get, join, live, messages, own, save, served_from, study, wait_for,
 };
 use serde_json::{Value, json};
-use servotwin::flight::closed_loop::{ClosedLoop, ClosedLoopFlight};
+use servotwin::live::closed_loop::{ClosedLoop, ClosedLoopFlight};
 use servotwin::study::Study;
 use servotwin::table::Table;
 use servotwin::units;

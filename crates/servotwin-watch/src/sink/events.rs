@@ -3,7 +3,7 @@
 use super::{Sample, Sink, SinkError};
 use crate::watchdog::Notice;
 use serde::Serialize;
-use servotwin::observer::Finding;
+use servotwin::live::observer::Finding;
 use servotwin_io::files::FileError;
 use servotwin_io::moment;
 use std::fs::File;

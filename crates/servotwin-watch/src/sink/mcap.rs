@@ -10,7 +10,7 @@ use crate::watchdog::{Notice, WatchEvent};
 use ::mcap::records::MessageHeader;
 use ::mcap::{McapError, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
-use servotwin::observer::Finding;
+use servotwin::live::observer::Finding;
 use servotwin_io::files::{AtomicFile, FileError};
 use std::collections::BTreeMap;
 use std::fmt::Write;

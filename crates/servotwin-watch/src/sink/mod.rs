@@ -11,7 +11,7 @@ use super::checkpoint::Checkpoint;
 use super::player::{PlayerSignal, SignalGroup};
 use super::source::feature_needed_text;
 use super::watchdog::{Notice, SinkLoss};
-use servotwin::observer::{Finding, Observation};
+use servotwin::live::observer::{Finding, Observation};
 use servotwin::shown::Shown;
 use servotwin::study::Study;
 use servotwin::system::{Sensor, System};

@@ -2,7 +2,7 @@
 
 use super::{Sample, Sink, SinkError};
 use crate::watchdog::Notice;
-use servotwin::observer::{DiagnosisState, Finding};
+use servotwin::live::observer::{DiagnosisState, Finding};
 use servotwin_io::moment;
 use std::fmt::Write;
 use std::sync::Arc;

@@ -4,7 +4,7 @@ use super::{Sample, Scene, Sink, SinkError};
 use crate::player::{Screen, event};
 use crate::watchdog::Notice;
 use serde_json::{Value, json};
-use servotwin::observer::{Finding, Phase};
+use servotwin::live::observer::{Finding, Phase};
 use servotwin_io::moment;
 use std::sync::Arc;
 

@@ -2,7 +2,7 @@
 
 use crate::folder::Folder;
 use servotwin::fit::FitRecord;
-use servotwin::flight::watcher::Watcher;
+use servotwin::live::watcher::Watcher;
 use servotwin::prelude::Simulation;
 use servotwin::study::Study;
 use servotwin::table::{Column, Table};

@@ -4,10 +4,10 @@
 //! All flights of an environment have the same specimen and the same noise, so they differ from its healthy flight by
 //! the fault alone.
 
-use super::closed_loop::{ClosedLoop, FlightRecord, fly_watched};
-use super::runtime::RuntimeError;
-use super::tracking::TrackedQuantities;
 use super::watched::{SessionWatch, Truth};
+use crate::live::closed_loop::{ClosedLoop, FlightRecord, fly_watched};
+use crate::live::runtime::RuntimeError;
+use crate::live::tracking::TrackedQuantities;
 use crate::measure::outcome::{Needed, RunOutcome};
 use crate::parallel::{self, Workers};
 use crate::run::{CampaignError, Profile, Run};

@@ -5,10 +5,10 @@
 
 use super::folder::write_text;
 use super::{Folder, JobError};
-use crate::campaign::FOLDS;
-use crate::campaign::columns::is_feature_column;
-use crate::evaluation::EvaluationError;
+use crate::learn::EvaluationError;
 use crate::manifest::sha256_of_text;
+use crate::records::FOLDS;
+use crate::records::columns::is_feature_column;
 use crate::study::{Purpose, Scenario, Study};
 use crate::table::parquet::ParquetReader;
 use crate::table::{ColumnKind, Table, TableError};

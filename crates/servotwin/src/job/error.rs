@@ -1,10 +1,10 @@
 //! Reasons why a stage of the main job stops.
 
-use crate::campaign::CampaignError;
-use crate::evaluation::EvaluationError;
 use crate::files::FileError;
-use crate::flight::runtime::RuntimeError;
+use crate::learn::EvaluationError;
+use crate::live::runtime::RuntimeError;
 use crate::parallel::Cancelled;
+use crate::records::CampaignError;
 use crate::table::TableError;
 use crate::toml_text::TomlError;
 use crate::toml_text::counted;

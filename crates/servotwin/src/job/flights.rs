@@ -3,13 +3,13 @@
 use super::outcomes::{self, Basis, FlownSuite, SuiteSize};
 use super::sealed::{Opening, OpeningRecord, Openings, SealedSubject};
 use super::{Crew, Folder, Job, JobError, held_out, pools};
-use crate::evaluation::model_file;
 use crate::files::create_folder;
-use crate::flight::boundaries::boundaries;
-use crate::flight::training_windows::{self, LeftOut, TrainingFlights, TrainingWindows};
 use crate::flight::unseen_faults::UnseenFaultMetrics;
-use crate::flight::windows::WindowDesign;
-use crate::flight::{spreads, train};
+use crate::learn::boundaries::boundaries;
+use crate::learn::model_file;
+use crate::learn::training_windows::{self, LeftOut, TrainingFlights, TrainingWindows};
+use crate::learn::windows::WindowDesign;
+use crate::learn::{spreads, train};
 use crate::manifest::sha256_of_text;
 use crate::measure;
 use crate::measure::flights::{FlightGroup, FlightMetrics};

@@ -27,9 +27,9 @@
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
-use crate::campaign::calibration_file;
 use crate::files::{self, FileError, create_folder, write_atomically};
 use crate::manifest;
+use crate::records::calibration_file;
 use crate::run::part::PARTS;
 use crate::study::{Purpose, Scenario, Study};
 use crate::system::System;

@@ -2,8 +2,8 @@
 //! day, so the same study gives the same bytes.
 
 use super::{Folder, JobError, Subject};
-use crate::evaluation::EvaluationError;
 use crate::files::FileError;
+use crate::learn::EvaluationError;
 use crate::manifest;
 use crate::study::{Purpose, Scenario, Study};
 use crate::table::parquet::ParquetReader;
@@ -355,9 +355,9 @@ impl KindEffort {
 
 #[cfg(test)]
 mod tests {
-    use crate::campaign::calibration_file;
     use crate::job::{Folder, Subject};
     use crate::manifest::remedy;
+    use crate::records::calibration_file;
     use crate::study::suites::KNOWN;
     use crate::study::{Purpose, Scenario};
 

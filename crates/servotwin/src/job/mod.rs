@@ -29,11 +29,11 @@ pub use results::Results;
 pub use run::{RunStudy, StudyEvent, StudyResults, StudyRun};
 pub use subject::Subject;
 
-use crate::campaign::{Campaign, CampaignError, data_features};
-use crate::evaluation::flips::Moving;
-use crate::evaluation::{self, Context, DataSet, model_file};
-use crate::flight::train;
+use crate::learn::flips::Moving;
+use crate::learn::train;
+use crate::learn::{self, Context, DataSet, model_file};
 use crate::parallel::{self, Workers};
+use crate::records::{Campaign, CampaignError, data_features};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table;
 use results::SubjectResult;
@@ -191,7 +191,7 @@ impl Prepared {
         let all_features = data_set(folder, study, subject)?;
         let windows = windows(folder, study, subject, &all_features)?;
         let taught = all_features.taught()?;
-        let (mut data, _) = evaluation::banded(&taught, &subject.settings(study), &pools(study));
+        let (mut data, _) = learn::banded(&taught, &subject.settings(study), &pools(study));
         if let Some(moving) = moving(study, subject, &windows, learned(subject)) {
             data = data.with_moved(&moving, workers)?;
         }
@@ -202,8 +202,8 @@ impl Prepared {
     fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Panel, JobError> {
         let Prepared { subject, data, .. } = self;
         let settings = subject.settings(study);
-        let panel = evaluation::train(data, &settings, &pools(study), workers)?;
-        let novelty = evaluation::novelty(data, &settings)?;
+        let panel = learn::train(data, &settings, &pools(study), workers)?;
+        let novelty = learn::novelty(data, &settings)?;
         let read = (study, subject.scenario(), subject.sensors(study));
         let diagnoser = train::of_records(read, panel.clone(), novelty)?;
         model_file::write_model(folder.records(*subject), &diagnoser)?;
@@ -222,7 +222,7 @@ impl Prepared {
         let (pools, settings) = (pools(study), subject.settings(study));
         let moving = moving.as_ref();
         let context = Context { trained, pools: &pools, all_features, moving, workers, progress };
-        let evaluation = evaluation::evaluate(data, &settings, &context)?;
+        let evaluation = learn::evaluate(data, &settings, &context)?;
         Ok(SubjectResult::new(*subject, study, settings, evaluation))
     }
 }

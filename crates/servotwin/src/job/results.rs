@@ -1,7 +1,7 @@
 //! The evaluation of all subjects: `evaluation.json`.
 
 use super::{Folder, JobError, Subject};
-use crate::evaluation::{Evaluation, EvaluationSettings, model_file};
+use crate::learn::{Evaluation, EvaluationSettings, model_file};
 use crate::study::Study;
 use serde::{Deserialize, Serialize};
 

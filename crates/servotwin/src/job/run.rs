@@ -13,7 +13,7 @@ use super::flights::FlightResults;
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
 use super::{Job, JobError, Results, Subject, data_card, flights, manifest, subjects};
-use crate::campaign::{CampaignError, CampaignOutcome};
+use crate::records::{CampaignError, CampaignOutcome};
 use crate::study::{Purpose, Scenario, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;

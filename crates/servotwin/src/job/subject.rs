@@ -1,10 +1,10 @@
 //! The subject of a diagnosis: a data set, with or without the extra sensor.
 
-use crate::evaluation::comparison::quick_classifiers;
-use crate::evaluation::data_set::TrainingFilter;
-use crate::evaluation::protocol::{Holding, Protocol};
-use crate::evaluation::{self, EvaluationSettings};
 use crate::format::At;
+use crate::learn::comparison::quick_classifiers;
+use crate::learn::data_set::TrainingFilter;
+use crate::learn::protocol::{Holding, Protocol};
+use crate::learn::{self, EvaluationSettings};
 use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
 use crate::study::{Plants, Scenario, Study};
 use serde::{Deserialize, Serialize};
@@ -151,8 +151,8 @@ impl Subject {
         };
         let settings = EvaluationSettings {
             training: match self.scenario().plants() {
-                Plants::Specimens => evaluation::trees(Criterion::Gini, 9),
-                Plants::Pool => evaluation::trees(Criterion::Entropy, 10),
+                Plants::Specimens => learn::trees(Criterion::Gini, 9),
+                Plants::Pool => learn::trees(Criterion::Entropy, 10),
                 Plants::Twin => defaults.training,
             },
             holding: Holding { lessons, ..defaults.holding },

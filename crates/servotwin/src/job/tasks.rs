@@ -2,8 +2,9 @@
 //! copied together.
 
 use super::{Job, JobError, data_card, flights, manifest, outcomes};
-use crate::campaign::{CampaignError, CampaignOutcome, calibration_file, runs, title};
-use crate::flight::{training_windows, watched};
+use crate::flight::watched;
+use crate::learn::training_windows;
+use crate::records::{CampaignError, CampaignOutcome, calibration_file, runs, title};
 use crate::run::part;
 use crate::study::suites::{FLIGHTS, HARD_NEGATIVES, LEARN, RECORDS};
 use crate::study::{Purpose, Scenario, Study, Suite};
@@ -137,7 +138,7 @@ impl<'j> Job<'j> {
     ///
     /// # Errors
     /// What a task needs is missing; a run cannot begin; a file cannot be written;
-    /// [`Cancelled`](crate::campaign::CampaignError::Cancelled).
+    /// [`Cancelled`](crate::records::CampaignError::Cancelled).
     pub fn run(&self, tasks: &[Task]) -> Result<(), JobError> {
         let all: usize = tasks.iter().map(|task| task.runs).sum();
         let mut done = 0;

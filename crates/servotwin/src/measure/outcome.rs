@@ -1,7 +1,7 @@
 //! Outcomes: what was simulated, and what a diagnosis did. One row for each run and diagnosis; everything that is reported
 //! of runs is counted from these rows.
 
-use crate::campaign::columns::DIMENSIONLESS;
+use crate::records::columns::DIMENSIONLESS;
 use crate::table::{Column, Table, TableError, Values};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

@@ -15,8 +15,8 @@ pub(crate) mod windows;
 pub use nominal::Nominal;
 pub use windows::{NominalFit, NominalSource, Nominals, Windows};
 
-use crate::evaluation::EvaluationError;
 use crate::format::{At, Names, Value, section};
+use crate::learn::EvaluationError;
 use crate::simulate::SimulationError;
 use crate::toml_text::{Collector, Diagnostic, TomlError, TomlText};
 use servotwin_diagnosis::classifiers;

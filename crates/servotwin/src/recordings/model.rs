@@ -3,7 +3,7 @@
 use super::novelty::LearnedNovelty;
 use super::windows::{Nominals, Windows};
 use super::{RecordingError, RecordingStudy};
-use crate::evaluation::{EvaluationError, model_file};
+use crate::learn::{EvaluationError, model_file};
 use crate::system::System;
 use crate::table::Table;
 use serde::{Deserialize, Serialize};

@@ -5,8 +5,8 @@
 
 use super::windows::{Nominals, Windows, joined};
 use super::{NoveltyChoice, RecordingError, RecordingStudy};
-use crate::evaluation::data_set::in_order;
-use crate::evaluation::metrics::Rate;
+use crate::learn::data_set::in_order;
+use crate::learn::metrics::Rate;
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::novelty::Novelty;

@@ -1,10 +1,10 @@
 //! What every data set promises to those who read it with other programs: units, descriptions, a split, and a card.
 
 use crate::folder::Folder;
-use servotwin::campaign::columns::{DIMENSIONLESS, feature_columns_of, is_feature_column};
-use servotwin::campaign::{Campaign, FOLDS, calibration_file};
 use servotwin::job::{Folder as Results, data_card};
 use servotwin::parallel::Workers;
+use servotwin::records::columns::{DIMENSIONLESS, feature_columns_of, is_feature_column};
+use servotwin::records::{Campaign, FOLDS, calibration_file};
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table, Values};
 use std::collections::BTreeMap;

@@ -1,10 +1,10 @@
 //! What campaigns say of the simulations themselves: which ring, and which began on the move.
 
 use crate::folder::Folder;
-use servotwin::campaign::Campaign;
 use servotwin::job::Folder as Results;
 use servotwin::job::manifest;
 use servotwin::parallel::Workers;
+use servotwin::records::Campaign;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table};
 

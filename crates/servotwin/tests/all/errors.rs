@@ -1,7 +1,7 @@
 //! How exact campaigns are, fault by fault: every state against a run with the settings of references.
 
-use servotwin::campaign::ensemble;
 use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::records::ensemble;
 use servotwin::study::{FaultCase, Study};
 use servotwin_model::program::Slot;
 use servotwin_model::solver::SolverSettings;

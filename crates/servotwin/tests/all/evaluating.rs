@@ -1,7 +1,7 @@
 //! What a study says of training and judging goes before what is usual.
 
-use servotwin::evaluation::EvaluationSettings;
 use servotwin::job::Subject;
+use servotwin::learn::EvaluationSettings;
 use servotwin::study::{Scenario, Study};
 use servotwin_learning::classifiers::Settings as Classifier;
 use servotwin_learning::tree::Criterion;

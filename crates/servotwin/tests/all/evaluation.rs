@@ -1,13 +1,13 @@
 //! The evaluation on a made-up campaign whose answers are known.
 
-use servotwin::campaign::DataFeature;
-use servotwin::evaluation::committee::evidence_quantile;
-use servotwin::evaluation::data_set::DataRow;
-use servotwin::evaluation::protocol::{Holding, Protocol};
-use servotwin::evaluation::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings};
-use servotwin::evaluation::{bands, evaluate, model_file, train};
+use servotwin::learn::committee::evidence_quantile;
+use servotwin::learn::data_set::DataRow;
+use servotwin::learn::protocol::{Holding, Protocol};
+use servotwin::learn::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings};
+use servotwin::learn::{bands, evaluate, model_file, train};
 use servotwin::measure::{self, Rates};
 use servotwin::parallel::Workers;
+use servotwin::records::DataFeature;
 use servotwin::study::Purpose;
 use servotwin::table::{Column, Table};
 use servotwin_diagnosis::classifiers::ClassifierKind;
@@ -179,7 +179,7 @@ fn evaluated_with(
     (evaluation, trained)
 }
 
-fn share(rate: Option<servotwin::evaluation::metrics::Rate>) -> f64 {
+fn share(rate: Option<servotwin::learn::metrics::Rate>) -> f64 {
     rate.and_then(|rate| rate.share).unwrap()
 }
 

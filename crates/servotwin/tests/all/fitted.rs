@@ -1,8 +1,8 @@
 //! The fitted scenario: specimens beside twins that were fitted to them in a calibration flight.
 
 use crate::folder::Folder;
-use servotwin::campaign::{Campaign, CampaignError, PartRow, calibration_file};
 use servotwin::parallel::Workers;
+use servotwin::records::{Campaign, CampaignError, PartRow, calibration_file};
 use servotwin::run::plan;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Column, Table};

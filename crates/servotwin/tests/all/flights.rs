@@ -2,12 +2,12 @@
 //! is said and done.
 
 use crate::folder::Folder as Scratch;
-use servotwin::evaluation::model_file::write_model;
-use servotwin::flight::closed_loop::{self, ClosedLoop, FlightRecord};
-use servotwin::flight::training_windows::LeftOut;
 use servotwin::flight::unseen_faults::{self, UnseenFaultMetrics};
 use servotwin::job::{Crew, Job};
 use servotwin::job::{Folder, JobError};
+use servotwin::learn::model_file::write_model;
+use servotwin::learn::training_windows::LeftOut;
+use servotwin::live::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::measure;
 use servotwin::measure::flights::{FlightGroup, FlightMetrics};
 use servotwin::measure::outcome::{Needed, RunOutcome};

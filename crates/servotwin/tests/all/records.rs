@@ -2,10 +2,10 @@
 //! the data set's evaluation does.
 
 use crate::folder::Folder;
-use servotwin::campaign::columns::{largest_column, view_column};
-use servotwin::evaluation::model_file::read_diagnoser;
 use servotwin::job::{Folder as Results, Job, StudyRun, Subject};
+use servotwin::learn::model_file::read_diagnoser;
 use servotwin::parallel::Workers;
+use servotwin::records::columns::{largest_column, view_column};
 use servotwin::run::{Observer, Runner, plan};
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table};

@@ -1,7 +1,7 @@
 //! The reservoirs of the aileron: what a leak loses, what a shutdown keeps, and what happens when one is empty.
 
-use servotwin::flight::closed_loop::FlightRecord;
-use servotwin::flight::cost::Cost;
+use servotwin::live::closed_loop::FlightRecord;
+use servotwin::live::cost::Cost;
 use servotwin::signal::Signal;
 use servotwin::study::Study;
 use servotwin::system::System;

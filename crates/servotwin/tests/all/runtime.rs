@@ -2,10 +2,10 @@
 
 use crate::flights::{diagnoser, fault, fly, study};
 use crate::places::places;
-use servotwin::flight::closed_loop::{self, ClosedLoop};
-use servotwin::flight::runtime::{Runtime, place_of};
-use servotwin::flight::watcher::Watcher;
-use servotwin::observer::{DiagnosisState, Finding, Observer, Phase};
+use servotwin::live::closed_loop::{self, ClosedLoop};
+use servotwin::live::observer::{DiagnosisState, Finding, Observer, Phase};
+use servotwin::live::runtime::{Runtime, place_of};
+use servotwin::live::watcher::Watcher;
 use servotwin::parallel::Workers;
 use servotwin::run::{Observer as FlightObserver, Run, Runner, plan};
 use servotwin::signal::Signal;

@@ -3,9 +3,9 @@
 use crate::Global;
 use crate::commands::{SpanOptions, note, warn};
 use crate::failure::Failure;
-use servotwin::evaluation::model_file;
-use servotwin::flight::watcher::Watcher;
 use servotwin::job::{Folder, flights};
+use servotwin::learn::model_file;
+use servotwin::live::watcher::Watcher;
 use servotwin::moment;
 use servotwin::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;

@@ -10,8 +10,8 @@
 pub(crate) mod cross_entropy;
 pub mod space;
 
-use super::tracking::TrackedQuantities;
 use super::watched::{Flown, Truth, Watching, watch};
+use crate::live::tracking::TrackedQuantities;
 use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};

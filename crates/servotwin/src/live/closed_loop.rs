@@ -88,7 +88,7 @@ pub fn fly(
 }
 
 /// The same; `watch` takes the index of every sample and the session behind it.
-pub(super) fn fly_watched(
+pub(crate) fn fly_watched(
     plan: &ClosedLoop,
     diagnoser: &Arc<Diagnoser>,
     keep: &[Slot],

@@ -15,10 +15,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use crate::flight::runtime::RuntimeError;
-use crate::flight::watcher::Watcher;
+use crate::live::observer::{Finding, Observer};
+use crate::live::runtime::RuntimeError;
+use crate::live::watcher::Watcher;
 use crate::nearest::UnknownName;
-use crate::observer::{Finding, Observer};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use std::sync::Arc;

@@ -1,12 +1,21 @@
-//! Evaluates the diagnosis with held-out data.
+//! Trains diagnoses, and judges what is trained on held-out data.
 //!
-//! [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
+//! The diagnosis in flight learns from the windows that a session sees:
+//!
+//! - [`windows`]: the windows that it examines
+//! - [`spreads`]: how the spread of healthy residuals grows with the flow
+//! - [`training_windows`]: the windows taken out of flights, one table for each kind
+//! - [`train`](mod@train): bands, trees and committee for each kind
+//! - `boundaries`: what a wrong reading of a boundary value does
+//!
+//! Of records, [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
 //! and the committee under every protocol, the seed paper's trees, all classifiers, what may stay not isolated, and
 //! flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and seeds give the same
 //! bytes, on any number of threads.
 
 pub mod bands;
 pub mod baseline;
+pub(crate) mod boundaries;
 pub mod committee;
 pub(crate) mod comparison;
 pub mod data_set;
@@ -17,6 +26,10 @@ pub mod isolation;
 pub mod model_file;
 pub mod protocol;
 pub(crate) mod run;
+pub mod spreads;
+pub mod train;
+pub mod training_windows;
+pub mod windows;
 
 pub use data_set::{DataSet, TrainingFilter};
 pub use error::EvaluationError;

@@ -1,7 +1,7 @@
 //! The runtime as an observer of a log or a live stream.
 
 use super::runtime::{self, Checkpoint, Runtime, RuntimeError};
-use crate::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
+use crate::live::observer::{DiagnosisState, Finding, Observation, Observer, Phase};
 use crate::study::{Reaction, Scenario, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{

@@ -6,13 +6,13 @@
 //! give only the windows that leave their bands (hard negatives): trees and committee are only asked about such
 //! windows, and there are a few hundred in all other healthy flights of a study, most of them in a few environments.
 //!
-//! The tables have the columns of a campaign's data set ([`crate::evaluation::DataSet`] reads them). Every environment
+//! The tables have the columns of a campaign's data set ([`crate::learn::DataSet`] reads them). Every environment
 //! counts as a separate command.
 
 use super::windows::WindowDesign;
-use crate::campaign::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
-use crate::evaluation::bands;
+use crate::learn::bands;
 use crate::parallel::{self, Workers};
+use crate::records::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::run::compute::{Kept, Round, Take};
 use crate::run::part::{self, PartFiles};
 use crate::run::{CampaignError, Observer, Run, Runner, plan};

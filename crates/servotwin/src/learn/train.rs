@@ -1,10 +1,10 @@
 //! Trains trees, committee and bands for each kind of window from flights.
 
 use super::windows::WindowDesign;
-use crate::campaign::data_features;
-use crate::evaluation::data_set::DataRow;
-use crate::evaluation::{self, DataSet, EvaluationError, EvaluationSettings, bands, committee};
+use crate::learn::data_set::DataRow;
+use crate::learn::{self, DataSet, EvaluationError, EvaluationSettings, bands, committee};
 use crate::parallel::{self, Workers};
+use crate::records::data_features;
 use crate::run::{CampaignError, ensemble};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
 use crate::study::{Purpose, Scenario, Study};
@@ -57,7 +57,7 @@ const TEST_CLIP_NATS: f64 = 100.0;
 /// Settings for windows of flights: bands are learned as well. Windows contain the noise of their flight, so they need
 /// no perturbation.
 pub(crate) fn settings() -> EvaluationSettings {
-    let training = evaluation::trees(Criterion::Entropy, DEPTH);
+    let training = learn::trees(Criterion::Entropy, DEPTH);
     let committee = Training::all(classifiers::Settings::BoostedTrees(boosted_trees::Settings {
         trees: boosted_trees::MAX_TREES,
         max_depth: boosted_trees::MAX_DEPTH,
@@ -302,12 +302,12 @@ fn length(
         data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
     let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
     let bands = bands.unwrap_or_default().into_iter().map(band).collect();
-    let panel = evaluation::train_on(&for_trees, &data, bands, &settings, workers)?;
+    let panel = learn::train_on(&for_trees, &data, bands, &settings, workers)?;
     let lessons = settings.committee_lessons;
     let evidence_quantile = committee::evidence_quantile(&data, &panel.committee, lessons)?;
     let length = Length {
         span: kind.span,
-        novelty: evaluation::novelty(&data, &settings)?,
+        novelty: learn::novelty(&data, &settings)?,
         panel,
         baseline_corrected: None,
     };

@@ -1,6 +1,6 @@
 //! Defines the windows that a diagnosis examines.
 
-use crate::evaluation::bands;
+use crate::learn::bands;
 use crate::study::{Flights, Plants, Scenario, Study};
 use servotwin_diagnosis::baseline;
 use servotwin_diagnosis::diagnoser::Tuning;

@@ -29,7 +29,7 @@ pub enum RuntimeError {
 
 impl RuntimeError {
     /// A failure of the solver, with the name of its state.
-    pub(super) fn of_twin(program: &Program, failure: SolverFailure) -> Self {
+    pub(crate) fn of_twin(program: &Program, failure: SolverFailure) -> Self {
         RuntimeError::Twin { state: program.states()[failure.state].name.clone(), failure }
     }
 }

@@ -3,7 +3,7 @@
 //! A twin at rest is asked twice, with an input as usual and a little larger. What its sensors then read is the
 //! direction in which a wrong reading of this input moves their residuals.
 
-use super::runtime::{self, RuntimeError};
+use crate::live::runtime::{self, RuntimeError};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Boundary, DiagnosedSensor};
 use servotwin_model::program::Slot;

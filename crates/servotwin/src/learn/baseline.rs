@@ -5,8 +5,8 @@
 
 use super::protocol::{self, Holding, Protocol, ProtocolResult};
 use super::{DataSet, EvaluationError, EvaluationSettings, Training};
-use crate::campaign::DataFeature;
 use crate::parallel::{self, Workers};
+use crate::records::DataFeature;
 use serde::{Deserialize, Serialize};
 
 /// The protocols of these trees.

@@ -10,9 +10,9 @@
 
 use super::error::EvaluationError;
 use super::flips::{Moved, Moving};
-use crate::campaign::columns::view_column;
-use crate::campaign::{DataFeature, largest_column};
 use crate::parallel::{self, Workers};
+use crate::records::columns::view_column;
+use crate::records::{DataFeature, largest_column};
 use crate::study::Purpose;
 use crate::table::{Table, TableError};
 use serde::{Deserialize, Serialize};
