@@ -11,8 +11,6 @@ use super::svg::{Area, Canvas, Type};
 /// Groups of bars, one bar for each series in each group.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bars {
-    /// The figure's title, may be empty.
-    pub title: String,
     /// The title of the horizontal axis, with its unit.
     pub x_label: String,
     /// The names of the series; a single series has no legend.
@@ -25,8 +23,6 @@ pub struct Bars {
     pub range: Option<(f64, f64)>,
     /// Decimal places of the values beside the bars.
     pub digits: usize,
-    /// The figure's width, px.
-    pub width: f64,
 }
 
 /// The bars of one label.
@@ -59,6 +55,8 @@ impl Bar {
     }
 }
 
+/// The figure's width, px.
+const WIDTH: f64 = 680.0;
 const MARGIN: f64 = 10.0;
 const BAR: f64 = 13.0;
 const GROUP_GAP: f64 = 9.0;
@@ -67,16 +65,14 @@ const VALUE_SIZE: f64 = 9.5;
 
 impl Bars {
     /// A figure without groups.
-    pub fn new(title: impl Into<String>, x_label: impl Into<String>, series: &[&str]) -> Self {
+    pub fn new(x_label: impl Into<String>, series: &[&str]) -> Self {
         Self {
-            title: title.into(),
             x_label: x_label.into(),
             series: series.iter().map(|name| (*name).to_owned()).collect(),
             looks: Vec::new(),
             groups: Vec::new(),
             range: None,
             digits: 3,
-            width: 680.0,
         }
     }
 
@@ -90,13 +86,13 @@ impl Bars {
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
         let labels = self.groups.iter().map(|group| font::width(&group.label, LABEL_SIZE, false));
-        let left = MARGIN + labels.fold(0.0, f64::max).min(self.width * 0.4) + 8.0;
+        let left = MARGIN + labels.fold(0.0, f64::max).min(WIDTH * 0.4) + 8.0;
         let top = self.draw_header(&mut canvas, left);
         let value_width = font::width(&self.value_text(-0.5), VALUE_SIZE, false) + 16.0;
         let area = Area {
             x: left,
             y: top,
-            width: self.width - left - MARGIN - value_width,
+            width: WIDTH - left - MARGIN - value_width,
             height: self.groups.iter().map(|group| self.group_height(group)).sum(),
         };
         let y = Axis { ticks: Vec::new(), ..Axis::linear((0.0, 1.0), 1) };
@@ -109,8 +105,7 @@ impl Bars {
         }
         frame.draw_outline(&mut canvas);
         frame.draw_x_labels(&mut canvas, &self.x_label);
-        let figure =
-            canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title);
+        let figure = canvas.finish(WIDTH, area.bottom() + TITLE_BELOW + MARGIN / 2.0, "");
         figure.with_values(&["", "series", &self.x_label, "interval"], self.values())
     }
 
@@ -128,13 +123,8 @@ impl Bars {
     }
 
     fn draw_header(&self, canvas: &mut Canvas, left: f64) -> f64 {
-        let mut y = MARGIN;
-        if !self.title.is_empty() {
-            canvas.text((MARGIN, y + 12.0), &self.title, Type::new(13.0).bold());
-            y += 22.0;
-        }
         if self.series.len() < 2 {
-            return y;
+            return MARGIN;
         }
         let named = self.series.iter().enumerate();
         let entries: Vec<LegendEntry> = named
@@ -143,9 +133,9 @@ impl Bars {
                 swatch: Swatch::Box(look(&self.looks, index)),
             })
             .collect();
-        let rows = legend::rows(&entries, self.width - left - MARGIN);
-        legend::draw(canvas, (left, y), &rows);
-        y + legend::ROW * rows.len() as f64 + 5.0
+        let rows = legend::rows(&entries, WIDTH - left - MARGIN);
+        legend::draw(canvas, (left, MARGIN), &rows);
+        MARGIN + legend::ROW * rows.len() as f64 + 5.0
     }
 
     fn group_height(&self, group: &Group) -> f64 {
@@ -251,7 +241,7 @@ mod tests {
     #[test]
     fn values_have_at_least_the_digits_of_the_bars_labels() {
         let bar = Bar::with_interval(600.0 / 7.0, 2.125, 100.0);
-        let mut bars = Bars::new("", "accuracy (%)", &["one"]).with("tree", vec![Some(bar), None]);
+        let mut bars = Bars::new("accuracy (%)", &["one"]).with("tree", vec![Some(bar), None]);
         bars.digits = 2;
         let values = bars.values();
         assert_eq!(values[0][2..], ["85.71", "(2.125 … 100.00)"]);

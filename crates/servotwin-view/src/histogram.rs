@@ -13,11 +13,9 @@ use super::legend::{self, LegendEntry, Swatch};
 use super::style::{GREY, Look, look};
 use super::svg::{Anchor, Area, Canvas, Type};
 
-/// A grid of histograms, filled row by row.
+/// A grid of histograms, filled row by row; each has its own range, from its data and the band.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HistogramGrid<'a> {
-    /// The figure's title, may be empty.
-    pub title: String,
     /// The title of every horizontal axis, with its unit.
     pub x_label: String,
     /// The names of the overlaid series, the same in every panel.
@@ -26,16 +24,8 @@ pub struct HistogramGrid<'a> {
     pub looks: Vec<Look>,
     /// The panels.
     pub panels: Vec<HistogramPanel<'a>>,
-    /// The number of panels in a row.
-    pub columns: usize,
-    /// The number of bins.
-    pub bins: usize,
     /// Dashed lines at plus and minus this value.
     pub band: Option<f64>,
-    /// The range of every panel; `None` for each panel's own range, from its data and the band.
-    pub range: Option<(f64, f64)>,
-    /// The figure's width, px.
-    pub width: f64,
 }
 
 /// One histogram.
@@ -54,33 +44,34 @@ impl<'a> HistogramPanel<'a> {
     }
 }
 
+/// The most panels in a row.
+const COLUMNS: usize = 4;
+/// The number of bins.
+const BINS: usize = 41;
+/// The figure's width, px.
+const WIDTH: f64 = 860.0;
 const MARGIN: f64 = 10.0;
 const PANEL_HEIGHT: f64 = 92.0;
 const HEADER: f64 = 17.0;
 
 impl<'a> HistogramGrid<'a> {
-    /// A grid without panels: four columns, 41 bins, no band.
-    pub fn new(title: impl Into<String>, x_label: impl Into<String>, series: &[&str]) -> Self {
+    /// A grid without panels and without a band.
+    pub fn new(x_label: impl Into<String>, series: &[&str]) -> Self {
         Self {
-            title: title.into(),
             x_label: x_label.into(),
             series: series.iter().map(|name| (*name).to_owned()).collect(),
             looks: Vec::new(),
             panels: Vec::new(),
-            columns: 4,
-            bins: 41,
             band: None,
-            range: None,
-            width: 860.0,
         }
     }
 
     /// Draws the figure.
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
-        let columns = self.columns.clamp(1, self.panels.len().max(1));
+        let columns = COLUMNS.clamp(1, self.panels.len().max(1));
         let mut top = self.draw_header(&mut canvas);
-        let cell = (self.width - 2.0 * MARGIN) / columns as f64;
+        let cell = (WIDTH - 2.0 * MARGIN) / columns as f64;
         for row in self.panels.chunks(columns) {
             for (place, panel) in row.iter().enumerate() {
                 let corner = (MARGIN + cell * place as f64, top);
@@ -89,16 +80,11 @@ impl<'a> HistogramGrid<'a> {
             top += HEADER + PANEL_HEIGHT + TICKS_BELOW + 8.0;
         }
         let kind = Type::new(11.0).anchor(Anchor::Middle);
-        canvas.text((self.width / 2.0, top + 8.0), &self.x_label, kind);
-        canvas.finish(self.width, top + 8.0 + MARGIN, &self.title)
+        canvas.text((WIDTH / 2.0, top + 8.0), &self.x_label, kind);
+        canvas.finish(WIDTH, top + 8.0 + MARGIN, "")
     }
 
     fn draw_header(&self, canvas: &mut Canvas) -> f64 {
-        let mut y = MARGIN;
-        if !self.title.is_empty() {
-            canvas.text((MARGIN, y + 12.0), &self.title, Type::new(13.0).bold());
-            y += 20.0;
-        }
         let series = self.series.iter().enumerate();
         let boxes = series.map(|(index, name)| LegendEntry {
             name: name.clone(),
@@ -107,9 +93,9 @@ impl<'a> HistogramGrid<'a> {
         let limit =
             self.band.map(|band| LegendEntry { name: format!("±{band}"), swatch: Swatch::Limit });
         let entries: Vec<LegendEntry> = boxes.chain(limit).collect();
-        let rows = legend::rows(&entries, self.width - 2.0 * MARGIN);
-        legend::draw(canvas, (MARGIN, y), &rows);
-        y + legend::ROW * rows.len() as f64 + 6.0
+        let rows = legend::rows(&entries, WIDTH - 2.0 * MARGIN);
+        legend::draw(canvas, (MARGIN, MARGIN), &rows);
+        MARGIN + legend::ROW * rows.len() as f64 + 6.0
     }
 
     fn draw_panel(
@@ -120,10 +106,9 @@ impl<'a> HistogramGrid<'a> {
         width: f64,
     ) {
         let range = self.range_of(panel);
-        let bins = self.bins.max(1);
-        let shares: Vec<Shares> =
-            panel.values.iter().map(|values| Shares::of(values, range, bins)).collect();
-        let tallest = shares.iter().flat_map(|shares| &shares.bins).copied().fold(0.0, f64::max);
+        let shares: Vec<Vec<f64>> =
+            panel.values.iter().map(|values| shares(values, range)).collect();
+        let tallest = shares.iter().flatten().copied().fold(0.0, f64::max);
         let y_axis = percent_axis(if tallest > 0.0 { tallest * 1.08 } else { 1.0 });
         let left = labels_width(&y_axis) + 2.0;
         let area =
@@ -133,20 +118,18 @@ impl<'a> HistogramGrid<'a> {
         canvas.text((area.x, y + 12.0), &title, Type::new(10.5).bold());
         frame.draw_grid(canvas);
         for (index, shares) in shares.iter().enumerate() {
-            draw_bins(canvas, &shares.bins, look(&self.looks, index), &frame);
+            draw_bins(canvas, shares, look(&self.looks, index), &frame);
         }
         self.draw_band(canvas, &frame);
         frame.draw_outline(canvas);
         frame.draw_x_labels(canvas, "");
         frame.draw_y_labels(canvas, "", 0.0);
-        draw_outside(canvas, &shares, area);
     }
 
     fn range_of(&self, panel: &HistogramPanel) -> (f64, f64) {
         let band = self.band.into_iter().flat_map(|band| [-band, band]);
         let values = panel.values.iter().flat_map(|values| values.iter().copied());
-        let own = || padded(extent(values.chain(band)).unwrap_or((-1.0, 1.0)), 0.04);
-        self.range.unwrap_or_else(own)
+        padded(extent(values.chain(band)).unwrap_or((-1.0, 1.0)), 0.04)
     }
 
     fn draw_band(&self, canvas: &mut Canvas, frame: &Frame) {
@@ -160,28 +143,15 @@ impl<'a> HistogramGrid<'a> {
     }
 }
 
-/// The share of the values in each bin, and outside all bins.
-struct Shares {
-    bins: Vec<f64>,
-    outside: f64,
-}
-
-impl Shares {
-    fn of(values: &[f64], (low, high): (f64, f64), bins: usize) -> Self {
-        let mut counts = vec![0_u64; bins];
-        let mut outside = 0_u64;
-        for value in values.iter().filter(|value| value.is_finite()) {
-            let place = (value - low) / (high - low) * bins as f64;
-            if *value < low || *value > high {
-                outside += 1;
-            } else {
-                counts[(place as usize).min(bins - 1)] += 1;
-            }
-        }
-        let total = (counts.iter().sum::<u64>() + outside).max(1) as f64;
-        let bins = counts.iter().map(|count| *count as f64 / total).collect();
-        Self { bins, outside: outside as f64 / total }
+/// The share of the finite values in each bin of a range that holds all of them.
+fn shares(values: &[f64], (low, high): (f64, f64)) -> Vec<f64> {
+    let mut counts = [0_u64; BINS];
+    for value in values.iter().filter(|value| value.is_finite()) {
+        let place = (value - low) / (high - low) * BINS as f64;
+        counts[(place as usize).min(BINS - 1)] += 1;
     }
+    let total = counts.iter().sum::<u64>().max(1) as f64;
+    counts.iter().map(|count| *count as f64 / total).collect()
 }
 
 fn percent_axis(high: f64) -> Axis {
@@ -215,18 +185,4 @@ fn draw_bins(canvas: &mut Canvas, bins: &[f64], look: Look, frame: &Frame) {
         look.dash()
     );
     canvas.polygon(&outline, &style);
-}
-
-/// Shows the share of values outside a fixed range.
-fn draw_outside(canvas: &mut Canvas, shares: &[Shares], area: Area) {
-    let outside: Vec<String> = shares
-        .iter()
-        .map(|shares| shares.outside)
-        .map(|share| if share > 0.0 { format!("{:.1}%", share * 100.0) } else { "0".to_owned() })
-        .collect();
-    if shares.iter().any(|shares| shares.outside > 0.0) {
-        let text = font::fit(&format!("outside: {}", outside.join(", ")), area.width - 6.0, 8.5);
-        let kind = Type::new(8.5).anchor(Anchor::End).colour(GREY).rim();
-        canvas.text((area.right() - 3.0, area.y + 10.0), &text, kind);
-    }
 }

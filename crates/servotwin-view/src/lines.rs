@@ -19,16 +19,10 @@ pub struct Lines {
     pub y_label: String,
     /// Whether the horizontal axis is logarithmic.
     pub x_log: bool,
-    /// Whether the vertical axis is logarithmic.
-    pub y_log: bool,
     /// The range of the vertical axis; `None` for that of the data.
     pub y_range: Option<(f64, f64)>,
     /// The curves.
     pub curves: Vec<Curve>,
-    /// The figure's width, px.
-    pub width: f64,
-    /// The height of the plotting area, px.
-    pub height: f64,
 }
 
 /// One curve. A logarithmic axis omits points that are not positive.
@@ -71,6 +65,10 @@ impl Curve {
     }
 }
 
+/// The figure's width, px.
+const WIDTH: f64 = 620.0;
+/// The height of the plotting area, px.
+const HEIGHT: f64 = 300.0;
 const MARGIN: f64 = 10.0;
 
 impl Lines {
@@ -85,11 +83,8 @@ impl Lines {
             x_label: x_label.into(),
             y_label: y_label.into(),
             x_log: false,
-            y_log: false,
             y_range: None,
             curves: Vec::new(),
-            width: 620.0,
-            height: 300.0,
         }
     }
 
@@ -104,7 +99,7 @@ impl Lines {
         let mut canvas = Canvas::default();
         let y_axis = self.y_axis();
         let left = MARGIN + 16.0 + labels_width(&y_axis);
-        let width = self.width - left - 1.5 * MARGIN;
+        let width = WIDTH - left - 1.5 * MARGIN;
         let mut top = MARGIN;
         if !self.title.is_empty() {
             canvas.text((left, top + 12.0), &self.title, Type::new(13.0).bold());
@@ -113,7 +108,7 @@ impl Lines {
         let rows = legend::rows(&self.legend(), width);
         legend::draw(&mut canvas, (left, top), &rows);
         top += legend::ROW * rows.len() as f64 + 6.0;
-        let area = Area { x: left, y: top, width, height: self.height };
+        let area = Area { x: left, y: top, width, height: HEIGHT };
         let frame = Frame { area, x: self.x_axis(), y: y_axis };
         frame.draw_grid(&mut canvas);
         let wide = Area {
@@ -130,8 +125,7 @@ impl Lines {
         frame.draw_outline(&mut canvas);
         frame.draw_x_labels(&mut canvas, &self.x_label);
         frame.draw_y_labels(&mut canvas, &self.y_label, MARGIN + 9.0);
-        let figure =
-            canvas.finish(self.width, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title);
+        let figure = canvas.finish(WIDTH, area.bottom() + TITLE_BELOW + MARGIN / 2.0, &self.title);
         figure.with_values(&["", &self.x_label, &self.y_label, "interval"], self.values())
     }
 
@@ -165,7 +159,7 @@ impl Lines {
     fn y_axis(&self) -> Axis {
         let points = self.curves.iter().flat_map(|curve| &curve.points).map(|point| point.1);
         let ends = self.curves.iter().flat_map(|curve| &curve.intervals);
-        axis(points.chain(ends.flat_map(|(low, high)| [*low, *high])), self.y_log, self.y_range, 6)
+        axis(points.chain(ends.flat_map(|(low, high)| [*low, *high])), false, self.y_range, 6)
     }
 }
 

@@ -22,10 +22,6 @@ pub struct TimeSeries<'a> {
     pub panels: Vec<Panel<'a>>,
     /// Times marked in all panels.
     pub marks: Vec<Mark>,
-    /// The figure's width, px.
-    pub width: f64,
-    /// The height of each panel's plotting area, px.
-    pub panel_height: f64,
 }
 
 /// A marked time: a vertical line through all panels, with its name in the first one.
@@ -154,6 +150,10 @@ impl<'a> Panel<'a> {
     }
 }
 
+/// The figure's width, px.
+const WIDTH: f64 = 760.0;
+/// The height of each panel's plotting area, px.
+const PANEL_HEIGHT: f64 = 110.0;
 const TITLE_SIZE: f64 = 13.0;
 const PANEL_TITLE_SIZE: f64 = 11.0;
 const MARK_SIZE: f64 = 9.5;
@@ -162,14 +162,7 @@ const MARGIN: f64 = 10.0;
 impl<'a> TimeSeries<'a> {
     /// A figure without panels.
     pub fn new(title: impl Into<String>, x_label: impl Into<String>) -> Self {
-        Self {
-            title: title.into(),
-            x_label: x_label.into(),
-            panels: Vec::new(),
-            marks: Vec::new(),
-            width: 760.0,
-            panel_height: 110.0,
-        }
+        Self { title: title.into(), x_label: x_label.into(), panels: Vec::new(), marks: Vec::new() }
     }
 
     /// Adds a panel below the others.
@@ -185,7 +178,7 @@ impl<'a> TimeSeries<'a> {
         let y_axes: Vec<Axis> = self.panels.iter().map(Panel::y_axis).collect();
         let labels = y_axes.iter().map(labels_width).fold(0.0, f64::max);
         let left = MARGIN + 14.0 + labels;
-        let width = self.width - left - 1.5 * MARGIN;
+        let width = WIDTH - left - 1.5 * MARGIN;
         let mut y = MARGIN;
         if !self.title.is_empty() {
             canvas.text((left, y + 12.0), &self.title, Type::new(TITLE_SIZE).bold());
@@ -194,7 +187,7 @@ impl<'a> TimeSeries<'a> {
         let last = self.panels.len().saturating_sub(1);
         for (place, (panel, y_axis)) in self.panels.iter().zip(y_axes).enumerate() {
             y += draw_header(&mut canvas, panel, (left, y), width);
-            let area = Area { x: left, y, width, height: self.panel_height };
+            let area = Area { x: left, y, width, height: PANEL_HEIGHT };
             let frame = Frame { area, x: x_axis.clone(), y: y_axis };
             draw_panel(&mut canvas, panel, &frame);
             self.draw_marks(&mut canvas, &frame, place == 0);
@@ -202,9 +195,9 @@ impl<'a> TimeSeries<'a> {
             if place == last {
                 frame.draw_x_labels(&mut canvas, &self.x_label);
             }
-            y += self.panel_height + if place == last { TITLE_BELOW } else { TICKS_BELOW - 8.0 };
+            y += PANEL_HEIGHT + if place == last { TITLE_BELOW } else { TICKS_BELOW - 8.0 };
         }
-        canvas.finish(self.width, y + MARGIN / 2.0, &self.title)
+        canvas.finish(WIDTH, y + MARGIN / 2.0, &self.title)
     }
 
     /// Draws the lines of all marks, with their names below each other, so that close marks do not overlap.

@@ -12,8 +12,6 @@ use super::svg::{Anchor, Area, Canvas, Type};
 /// A map of values.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ValueMap {
-    /// The figure's title, may be empty.
-    pub title: String,
     /// Names of the rows.
     pub rows: Vec<String>,
     /// Names of the columns.
@@ -59,11 +57,7 @@ impl ValueMap {
         // Headers that do not fit are vertical.
         let heads = longest(&self.columns).min(200.0);
         let level = heads <= CELL.0 - 4.0;
-        let titles = if self.title.is_empty() { 0.0 } else { 22.0 };
-        let top = MARGIN + titles + if level { 18.0 } else { heads + 8.0 };
-        if !self.title.is_empty() {
-            canvas.text((MARGIN, MARGIN + 12.0), &self.title, Type::new(13.0).bold());
-        }
+        let top = MARGIN + if level { 18.0 } else { heads + 8.0 };
         for (place, name) in self.columns.iter().enumerate() {
             let x = left + CELL.0 * (place as f64 + 0.5);
             let (name, kind) = (font::fit(name, 200.0, SIZE), Type::new(SIZE));
@@ -98,9 +92,7 @@ impl ValueMap {
             canvas.text((swatch.right() + 6.0, below), meaning, Type::new(9.5));
             text = text.max(font::width(meaning, 9.5, false) + swatch.right() + 6.0);
         }
-        let text = text.max(font::width(&self.title, 13.0, true) + MARGIN);
-        let figure =
-            canvas.finish((bar.right() + 44.0).max(text) + MARGIN, below + MARGIN, &self.title);
+        let figure = canvas.finish((bar.right() + 44.0).max(text) + MARGIN, below + MARGIN, "");
         let heads: Vec<&str> =
             std::iter::once("").chain(self.columns.iter().map(|c| &**c)).collect();
         figure.with_values(&heads, self.table())

@@ -90,7 +90,7 @@ fn label(study: &Study, sensor: &str) -> String {
 
 fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
     let titles: Vec<&str> = results.iter().map(|(result, _)| result.title.as_str()).collect();
-    let mut bars = Bars::new("", "half width (% of scale)", &titles);
+    let mut bars = Bars::new("half width (% of scale)", &titles);
     bars.looks = results.iter().map(|(result, _)| looks::subject(result.subject)).collect();
     bars.digits = 2;
     for (place, name) in names.iter().enumerate() {

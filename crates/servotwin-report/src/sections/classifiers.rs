@@ -37,7 +37,7 @@ fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
     let own = || evaluation.classifiers.iter().filter(|compared| compared.stage == stage);
     let hardest = evaluation.headline().map_or(Protocol::NewCommand, |result| result.protocol);
     let protocols = [Protocol::RandomThird, hardest];
-    let mut figure = Bars::new("", "accuracy (%)", &protocols.map(Protocol::title));
+    let mut figure = Bars::new("accuracy (%)", &protocols.map(Protocol::title));
     figure.looks = looks::plain();
     let mut titles: Vec<&str> = vec![];
     for compared in own() {

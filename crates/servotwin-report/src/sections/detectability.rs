@@ -124,7 +124,6 @@ fn least(detection: &Detection) -> Figure {
     rows.sort_by(|a, b| hard(&b.1).total_cmp(&hard(&a.1)));
     let all: Vec<f64> = rows.iter().flat_map(|row| row.1.iter().flatten().copied()).collect();
     ValueMap {
-        title: String::new(),
         rows: rows.iter().map(|(kind, _)| spoken(kind)).collect(),
         columns: cases.iter().map(|case| (*case).to_owned()).collect(),
         digits: digits(all.iter().copied()),

@@ -65,7 +65,7 @@ fn histogram(study: &Study, example: &Example) -> servotwin_view::Figure {
     let names: Vec<String> =
         example.runs.iter().map(|(intensity, _)| format!("intensity {intensity}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let mut grid = HistogramGrid::new("", "scaled residual", &names);
+    let mut grid = HistogramGrid::new("scaled residual", &names);
     grid.looks = looks::plain();
     grid.band = Some(BAND);
     for sensor in 0..study.base_sensors() {

@@ -200,7 +200,7 @@ mod tests {
                     let mut table = Table::headed(["value"]);
                     table.push(["1"]);
                     page.table("", table.captioned("of numbers"));
-                    let bars = || Bars::new("", "x", &["one"]);
+                    let bars = || Bars::new("x", &["one"]);
                     let bars = || bars().with("valve", vec![Some(Bar::new(0.25))]).draw();
                     page.figure(id, bars(), "bars");
                     page.folded("more", |page| _ = page.figure(id, bars(), "bars"));
