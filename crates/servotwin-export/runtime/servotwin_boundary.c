@@ -25,6 +25,14 @@ void servotwin_doubt_clear(servotwin_doubt *doubt)
     doubt->deviating = 0U;
     doubt->explained = 0U;
     doubt->filled = 0U;
+    doubt->has_right = false;
+    doubt->right = 0.0;
+    doubt->has_candidate = false;
+    doubt->candidate = 0.0;
+    doubt->moved = 0.0;
+    doubt->has_fallen = false;
+    doubt->has_recent = false;
+    doubt->recent = 0.0;
     sums_clear(&doubt->since);
     sums_clear(&doubt->healthy);
     sums_clear(&doubt->waiting);
@@ -56,9 +64,13 @@ static servotwin_real band_of(int32_t length, int32_t sensor)
     return (band > LEAST_BAND) ? band : LEAST_BAND;
 }
 
-/* Whether one wrong reading moves the sensor next to it enough, and leaves all other mean residuals within theirs. */
-static bool explains(const servotwin_boundary *boundary, int32_t length, const servotwin_window *window)
+/* Whether one wrong reading moves the sensor next to it enough, and leaves all other mean residuals within theirs. A
+ * reading beside which the sensor never agreed with the twin may be wrong within the range of its input. */
+static bool explains(
+    const servotwin_boundary *boundary, int32_t length, const servotwin_window *window, servotwin_real reading,
+    bool has_agreed)
 {
+    const servotwin_input *input = &servotwin_inputs[boundary->input];
     servotwin_real along = 0.0;
     servotwin_real of = 0.0;
     for (int32_t i = 0; i < boundary->effects; i++) {
@@ -77,7 +89,9 @@ static bool explains(const servotwin_boundary *boundary, int32_t length, const s
     const servotwin_real error = SERVOTWIN_ABS(own);
     const servotwin_real moved = error * window->inverse[boundary->sensor];
     const servotwin_real least = servotwin_tuning.least_boundary_move * band_of(length, boundary->sensor);
-    bool holds = (moved > least) && (error <= servotwin_tuning.largest_boundary_error);
+    const servotwin_real value = reading + wrong_by;
+    const bool is_within = !has_agreed && (value >= input->least) && (value <= input->largest);
+    bool holds = (moved > least) && (is_within || (error <= servotwin_tuning.largest_boundary_error));
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
         const servotwin_real change = boundary->changes[i] * window->inverse[sensor];
@@ -89,7 +103,8 @@ static bool explains(const servotwin_boundary *boundary, int32_t length, const s
 }
 
 /* Takes a window without a deviation, once a whole group of further ones has followed. */
-static void take_healthy(servotwin_doubt *doubt, const servotwin_sums *fresh, uint32_t panes)
+static void take_healthy(
+    servotwin_doubt *doubt, const servotwin_sums *fresh, uint32_t panes, servotwin_real reading, bool is_right)
 {
     add(&doubt->filling, fresh);
     doubt->filled++;
@@ -100,10 +115,60 @@ static void take_healthy(servotwin_doubt *doubt, const servotwin_sums *fresh, ui
         doubt->waiting = doubt->filling;
         sums_clear(&doubt->filling);
         doubt->filled = 0U;
+        if (doubt->has_candidate) {
+            doubt->has_right = true;
+            doubt->right = doubt->candidate;
+        }
+        doubt->has_candidate = is_right;
+        doubt->candidate = reading;
     }
 }
 
-void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t length, const servotwin_window *window)
+/* Whether the sensor fell by more than the reading moved. A reading that moved and came back counts as moved. */
+static void fall(
+    servotwin_doubt *doubt, const servotwin_boundary *known, servotwin_real band, const servotwin_window *window,
+    servotwin_real reading)
+{
+    if (doubt->has_right) {
+        const servotwin_real difference = reading - doubt->right;
+        const servotwin_real size = SERVOTWIN_ABS(difference);
+        if (size > doubt->moved) {
+            doubt->moved = size;
+        }
+        const servotwin_real mean = window->mean[known->sensor];
+        const servotwin_real change = known->own_change * window->inverse[known->sensor];
+        const servotwin_real product = doubt->moved * change;
+        const servotwin_real left = SERVOTWIN_ABS(mean) - SERVOTWIN_ABS(product);
+        const servotwin_real direction = mean * known->own_change;
+        doubt->has_fallen = (direction < 0.0) && (left > band);
+    }
+}
+
+/* Whether the reading moves by as much as a band within about a window. */
+static bool follow(
+    servotwin_doubt *doubt, const servotwin_boundary *known, int32_t length, const servotwin_window *window,
+    servotwin_real reading)
+{
+    if (!doubt->has_recent) {
+        doubt->has_recent = true;
+        doubt->recent = reading;
+    }
+    const servotwin_real distance = reading - doubt->recent;
+    const servotwin_real step = distance / (servotwin_real)servotwin_lengths[length].span.panes;
+    const servotwin_real change = known->own_change * window->inverse[known->sensor];
+    const servotwin_real moved = distance * change;
+    doubt->recent = doubt->recent + step;
+    return SERVOTWIN_ABS(moved) > servotwin_lengths[length].bands[known->sensor];
+}
+
+bool servotwin_has_agreed(const servotwin_doubt *doubt)
+{
+    return doubt->healthy.samples > 0.0;
+}
+
+void servotwin_doubt_take(
+    servotwin_doubt *doubt, int32_t boundary, int32_t length, const servotwin_window *window,
+    servotwin_real reading, bool has_agreed)
 {
     const servotwin_boundary *known = &servotwin_boundaries[boundary];
     const int32_t sensor = known->sensor;
@@ -118,17 +183,25 @@ void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t leng
     fresh.moments[0] = fresh.samples * variance;
     fresh.moments[1] = fresh.samples * covariance;
     fresh.moments[2] = fresh.samples * servotwin_covariance(window, twin, twin);
-    if (explains(known, length, window)) {
+    const bool is_moving = follow(doubt, known, length, window, reading);
+    if (explains(known, length, window, reading, has_agreed)) {
         doubt->explained = (doubt->deviating >= panes) ? panes : 1U;
     } else if (doubt->explained > 0U) {
         doubt->explained--;
     } else {
         /* There is no explanation, as before. */
     }
-    if (SERVOTWIN_ABS(window->mean[sensor]) > servotwin_lengths[length].bands[sensor]) {
+    const servotwin_real band = servotwin_lengths[length].bands[sensor];
+    const servotwin_real size = SERVOTWIN_ABS(window->mean[sensor]);
+    if (size > band) {
         sums_clear(&doubt->waiting);
         sums_clear(&doubt->filling);
         doubt->filled = 0U;
+        doubt->has_candidate = false;
+        fall(doubt, known, band, window, reading);
+        if (is_moving) {
+            doubt->deviating = 0U;
+        }
         if (doubt->deviating < UINT32_MAX) {
             doubt->deviating++;
         }
@@ -138,9 +211,12 @@ void servotwin_doubt_take(servotwin_doubt *doubt, int32_t boundary, int32_t leng
             add(&doubt->since, &fresh);
         }
     } else {
+        const servotwin_real least = servotwin_tuning.least_boundary_move * band;
         doubt->deviating = 0U;
+        doubt->moved = 0.0;
+        doubt->has_fallen = false;
         sums_clear(&doubt->since);
-        take_healthy(doubt, &fresh, panes);
+        take_healthy(doubt, &fresh, panes, reading, size <= least);
     }
 }
 

@@ -14,6 +14,12 @@
 /* Upper limit of residuals and twin signals in parts of scale; larger ones are no measurements. */
 #define PLAUSIBLE 1e6
 
+/* A sensor is quiet if its variance is below the declared one by this factor. */
+#define QUIET 4.0
+
+/* The largest square of a difference that counts, in parts of its mean by the declared noise. */
+#define LARGEST_DIFFERENCE 4.0
+
 /* Panes of the start test after its first full window. */
 #define KNOWN_PANES 3
 
@@ -265,6 +271,10 @@ static void clear_session(servotwin_session *session)
         session->is_taken_out[sensor] = false;
         session->is_lost[sensor] = false;
         session->against[sensor] = 0U;
+        session->has_last[sensor] = false;
+        session->last_residual[sensor] = 0.0;
+        session->differences[sensor] = 0U;
+        session->variance[sensor] = 0.0;
         session->stands_in[sensor] = false;
         session->measured[sensor] = 0.0;
         session->corrected[sensor] = 0.0;
@@ -492,12 +502,46 @@ static void notice(servotwin_session *session, int32_t sensor, bool is_there)
     }
 }
 
-/* The twin's value with the noise of a healthy sensor. */
-static servotwin_real stand_in(const servotwin_session *session, int32_t sensor, servotwin_real expected)
+/* A value with the noise of a healthy sensor. */
+static servotwin_real with_noise(const servotwin_session *session, int32_t sensor, servotwin_real value)
 {
     const servotwin_real scaled = servotwin_sensors[sensor].scale * servotwin_sensors[sensor].stand_in_noise;
     const servotwin_real noise = scaled * servotwin_normal((uint64_t)sensor, session->samples + 1U);
-    return expected + noise;
+    return value + noise;
+}
+
+/* Takes a measurement into the noise of a sensor, by the difference of successive residuals. */
+static void hear(servotwin_session *session, int32_t sensor, bool is_there, servotwin_real residual)
+{
+    const uint32_t remembered = servotwin_tuning.until_back_samples;
+    if (is_there && session->has_last[sensor]) {
+        const servotwin_real noise = servotwin_sensors[sensor].stand_in_noise;
+        const servotwin_real difference = residual - session->last_residual[sensor];
+        const servotwin_real of_declared = LARGEST_DIFFERENCE * noise;
+        const servotwin_real largest = of_declared * noise;
+        const servotwin_real half_difference = 0.5 * difference;
+        servotwin_real half = half_difference * difference;
+        if (half > largest) {
+            half = largest;
+        }
+        if (session->differences[sensor] < remembered) {
+            session->differences[sensor]++;
+        }
+        const servotwin_real change = half - session->variance[sensor];
+        const servotwin_real step = change / (servotwin_real)session->differences[sensor];
+        session->variance[sensor] = session->variance[sensor] + step;
+    }
+    session->has_last[sensor] = is_there;
+    session->last_residual[sensor] = is_there ? residual : 0.0;
+}
+
+/* Whether a sensor is much quieter than declared. */
+static bool is_quiet(const servotwin_session *session, int32_t sensor)
+{
+    const servotwin_real noise = servotwin_sensors[sensor].stand_in_noise;
+    const servotwin_real declared = noise * noise;
+    const servotwin_real own = QUIET * session->variance[sensor];
+    return (session->differences[sensor] >= servotwin_tuning.until_back_samples) && (own < declared);
 }
 
 /* Counts the lost sensors. When one comes back, windows without it are cleared. */
@@ -551,17 +595,24 @@ static usability copy_measured(servotwin_session *session, const servotwin_real 
         const bool is_out = session->is_taken_out[sensor]
             || ((known->actuator != SERVOTWIN_NONE) && is_masked(session, known->actuator));
         servotwin_real value = measured[sensor];
+        const bool is_there = is_sound && (usability_of(value, expected, known->scale) == USABLE);
+        const servotwin_real difference = value - expected;
         if (is_out) {
             session->is_lost[sensor] = false;
             session->against[sensor] = 0U;
         } else if (is_sound) {
-            notice(session, sensor, usability_of(value, expected, known->scale) == USABLE);
+            notice(session, sensor, is_there);
         } else {
             /* Nobody knows what the value should be. */
         }
         session->stands_in[sensor] = is_out || session->is_lost[sensor];
+        hear(session, sensor, is_there, difference / known->scale);
         if (session->stands_in[sensor]) {
-            value = stand_in(session, sensor, expected);
+            value = with_noise(session, sensor, expected);
+        } else if (is_quiet(session, sensor)) {
+            value = with_noise(session, sensor, value);
+        } else {
+            /* It has its own noise. */
         }
         if (!is_sound) {
             all = WRONG_VALUE;
@@ -613,6 +664,18 @@ static bool is_comparable(const servotwin_session *session, int32_t actuator)
     return holds;
 }
 
+/* Whether the sensor next to a return line has fallen in windows that are beyond the baseline or not, as those of a
+ * length are. */
+static bool has_fallen(const servotwin_session *session, int32_t length, int32_t boundary)
+{
+    bool holds = false;
+    for (int32_t other = 0; other < SERVOTWIN_LENGTHS; other++) {
+        const bool is_alike = servotwin_lengths[other].is_corrected == servotwin_lengths[length].is_corrected;
+        holds = holds || (is_alike && session->doubts[other][boundary].has_fallen);
+    }
+    return holds && servotwin_boundaries[boundary].is_return;
+}
+
 /* The input whose wrong reading would explain all that an actuator shows; SERVOTWIN_NONE if there is none. */
 static int32_t doubtful_input(const servotwin_session *session, int32_t actuator)
 {
@@ -621,7 +684,8 @@ static int32_t doubtful_input(const servotwin_session *session, int32_t actuator
         for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
             const servotwin_boundary *known = &servotwin_boundaries[boundary];
             if ((input == SERVOTWIN_NONE) && (servotwin_sensors[known->sensor].actuator == actuator)
-                && servotwin_is_doubtful(&session->doubts[length][boundary], boundary)) {
+                && servotwin_is_doubtful(&session->doubts[length][boundary], boundary)
+                && !has_fallen(session, length, boundary)) {
                 input = known->input;
             }
         }
@@ -866,6 +930,21 @@ static void decide(servotwin_session *session)
 
 /* ---- A sample. ---- */
 
+/* Takes a new window into the doubt about each boundary. */
+static void take_doubts(servotwin_session *session, int32_t length)
+{
+    for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
+        const servotwin_real reading = session->last_input[servotwin_boundaries[boundary].input];
+        bool agreed = false;
+        for (int32_t other = 0; other < SERVOTWIN_LENGTHS; other++) {
+            const bool is_alike = servotwin_lengths[other].is_corrected == servotwin_lengths[length].is_corrected;
+            agreed = agreed || (is_alike && servotwin_has_agreed(&session->doubts[other][boundary]));
+        }
+        servotwin_doubt_take(
+            &session->doubts[length][boundary], boundary, length, &session->rings[length].window, reading, agreed);
+    }
+}
+
 static void judge_windows(servotwin_session *session)
 {
     bool masked[SERVOTWIN_ACTUATORS];
@@ -879,9 +958,7 @@ static void judge_windows(servotwin_session *session)
             servotwin_judge(judgement, &session->scratch, length, &ring->window, masked, session->stands_in);
             servotwin_evidence_take(&session->evidence[length], length, judgement);
             session->has_judged = true;
-            for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
-                servotwin_doubt_take(&session->doubts[length][boundary], boundary, length, &ring->window);
-            }
+            take_doubts(session, length);
         }
     }
 }

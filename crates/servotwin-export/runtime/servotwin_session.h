@@ -88,6 +88,10 @@ typedef struct {
     bool is_taken_out[SERVOTWIN_SENSORS];
     bool is_lost[SERVOTWIN_SENSORS];
     uint32_t against[SERVOTWIN_SENSORS]; /* consecutive samples that contradict is_lost */
+    bool has_last[SERVOTWIN_SENSORS];
+    servotwin_real last_residual[SERVOTWIN_SENSORS]; /* parts of scale */
+    uint32_t differences[SERVOTWIN_SENSORS]; /* of successive residuals, up to those that are remembered */
+    servotwin_real variance[SERVOTWIN_SENSORS]; /* half of their mean square */
     bool stands_in[SERVOTWIN_SENSORS];
     servotwin_real measured[SERVOTWIN_SENSORS]; /* with stand-ins, SI */
     servotwin_real divided[SERVOTWIN_SENSORS]; /* the measured values by the spreads of their residuals */

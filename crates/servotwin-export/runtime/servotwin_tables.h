@@ -55,6 +55,7 @@ typedef struct {
 typedef struct {
     int32_t input;
     int32_t sensor; /* the sensor next to the boundary */
+    bool is_return; /* that sensor measures a return pressure */
     servotwin_real own_change; /* of that sensor */
     int32_t effects;
     const uint8_t *sensors;
@@ -64,6 +65,7 @@ typedef struct {
 typedef struct {
     servotwin_span span;
     servotwin_real share; /* of the newest pane in the window */
+    bool is_corrected; /* its residuals are those beyond the baseline */
     int32_t views;
     const servotwin_real *bands; /* half widths, parts of scale */
     const servotwin_hierarchy *trees;

@@ -218,8 +218,12 @@ fn demanding() -> Arc<Diagnoser> {
     for (place, sensor) in diagnoser.sensors.iter_mut().enumerate() {
         sensor.scale = 0.7 + 0.2 * place as f64;
     }
-    diagnoser.boundaries =
-        vec![Boundary { input: 0, sensor: 2, effects: vec![(2, 1e-7), (3, 6e-8)] }];
+    diagnoser.boundaries = vec![Boundary {
+        input: 0,
+        sensor: 2,
+        is_return: true,
+        effects: vec![(2, 1e-7), (3, 6e-8)],
+    }];
     // Narrow, so that the sum of two inputs is not plausible in place of their difference.
     let difference = &mut diagnoser.environment.differences[0];
     (difference.least, difference.largest) = (1.9e7, 2.1e7);

@@ -27,7 +27,20 @@
 //! divided by its spread d by δ times the mean of 1/d.
 //!
 //! A shutdown waits for this evidence while a wrong reading explains all that the actuator shows: what is left of the
-//! mean residuals lies within their bands, and δ is no larger than a transducer's error.
+//! mean residuals lies within their bands, and δ is no larger than a transducer's error. Before any window in its band,
+//! δ may be as large as the range of the input allows: the reading may have been wrong from the start, or be a default.
+//!
+//! A leak of the return line hardly changes this slope. There, another law decides: which of the two moved. A reading
+//! that goes wrong moves the twin and leaves the sensor where it was; a leak moves the sensor and leaves the reading.
+//! With u the reading, u₀ an earlier one beside which the sensor agreed with the twin, and c the change of the residual
+//! for one unit of u, a fall has no wrong reading as its cause if
+//!
+//! ```text
+//! r < 0,   |r| − c max|u − u₀| > band                                                        (4)
+//! ```
+//!
+//! The maximum is that since the deviation began. Only a fall next to a return line counts: the reservoir holds its
+//! pressure from below, so no other consumer can lower it. A supply falls whenever others draw from it.
 
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
@@ -45,6 +58,8 @@ pub struct Boundary {
     pub input: u32,
     /// Index of the sensor next to the boundary.
     pub sensor: u32,
+    /// Whether the boundary is a return line, whose pressure no consumer lowers.
+    pub is_return: bool,
     /// Each watched sensor of its actuator, and the change of its twin value in parts of scale for a change of the
     /// input by one SI unit.
     pub effects: Vec<(u32, f64)>,
@@ -74,8 +89,9 @@ impl Boundary {
     }
 
     /// Whether a wrong reading explains a window: it moves the sensor next to the boundary by a part of its band, by no
-    /// more than a transducer's error, and what is left of all mean residuals lies within their bands.
-    pub(super) fn explains(&self, window: &Window, bands: &[SensorBand], tuning: &Tuning) -> bool {
+    /// more than is possible, and what is left of all mean residuals lies within their bands.
+    fn explains(&self, new: &NewWindow, tuning: &Tuning) -> bool {
+        let NewWindow { window, bands, reading, possible, .. } = *new;
         let half_width = |sensor: u32| bands[sensor as usize].half_width.max(1e-12);
         let (mut along, mut of) = (0.0, 0.0);
         for &(sensor, effect) in &self.effects {
@@ -90,10 +106,28 @@ impl Boundary {
         };
         let error = (wrong_by * self.effect().unwrap_or_default()).abs();
         let moved = error * window.inverse_spread(self.sensor as usize);
+        let is_possible = error <= tuning.largest_boundary_error
+            || possible
+                .is_some_and(|[least, largest]| (least..=largest).contains(&(reading + wrong_by)));
         moved > tuning.least_boundary_move * half_width(self.sensor)
-            && error <= tuning.largest_boundary_error
+            && is_possible
             && self.effects.iter().all(is_left_in_band)
     }
+}
+
+/// A new window of a length, with the reading of a boundary.
+#[derive(Clone, Copy)]
+pub(super) struct NewWindow<'w> {
+    pub window: &'w Window,
+    pub bands: &'w [SensorBand],
+    /// The number of panes of a window, and the share of it that is new.
+    pub panes: u32,
+    pub share: f64,
+    pub period_s: f64,
+    /// The input at the last sample, SI.
+    pub reading: f64,
+    /// The range of the true value, SI, if the sensor has not agreed with the twin yet.
+    pub possible: Option<[f64; 2]>,
 }
 
 /// Sums over windows of a residual and the twin's signal.
@@ -176,39 +210,88 @@ pub(super) struct Doubt {
     filling: Sums,
     /// The number of windows in the group being filled.
     filled: u32,
+    /// u₀, and the reading beside the newest healthy window, which may hold an onset.
+    right: Option<f64>,
+    candidate: Option<f64>,
+    /// The largest change of the reading from u₀ since the deviation began, SI.
+    moved: f64,
+    /// Whether the sensor has fallen by (4).
+    has_fallen: bool,
+    /// The mean of the reading over about the last window, SI.
+    recent: Option<f64>,
 }
 
 impl Doubt {
     /// Whether a session can have stored these numbers.
     pub(crate) fn fits(&self) -> bool {
-        [&self.since, &self.healthy, &self.waiting, &self.filling].iter().all(|sums| sums.fits())
+        let readings = [self.right, self.candidate, self.recent, Some(self.moved)];
+        readings.iter().flatten().all(|reading| reading.is_finite())
+            && [&self.since, &self.healthy, &self.waiting, &self.filling]
+                .iter()
+                .all(|sums| sums.fits())
     }
 
-    /// Takes a window of `panes` panes, of which `share` is new. A window that holds the onset of the deviation counts
-    /// nothing: there the residual steps, whatever the flow is.
-    pub(crate) fn take(
-        &mut self,
-        boundary: &Boundary,
-        window: &Window,
-        bands: &[SensorBand],
-        tuning: &Tuning,
-        (panes, share, period_s): (u32, f64, f64),
-    ) {
+    /// Takes a window. One that holds the onset of the deviation counts nothing: there the residual steps, whatever the
+    /// flow is. Nor does one in which the reading moves, for example because it is right again: there the residual
+    /// follows the twin, as beside a leak.
+    pub(crate) fn take(&mut self, boundary: &Boundary, new: &NewWindow, tuning: &Tuning) {
+        let NewWindow { window, bands, panes, share, period_s, reading, .. } = *new;
         let sensor = boundary.sensor as usize;
-        let new = Sums::of(window, sensor, share);
-        let is_deviating = window.mean(sensor).abs() > bands[sensor].half_width;
-        let is_explained = boundary.explains(window, bands, tuning);
+        let sums = Sums::of(window, sensor, share);
+        let (mean, band) = (window.mean(sensor), bands[sensor].half_width);
+        let is_moving = self.follow(boundary, new);
+        let is_explained = boundary.explains(new, tuning);
         self.explain(is_explained, panes);
-        if !is_deviating {
+        if mean.abs() <= band {
             (self.deviating, self.since) = (0, Sums::default());
-            return self.take_healthy(&new, panes, period_s / tuning.healthy_slope_memory_s);
+            (self.moved, self.has_fallen) = (0.0, false);
+            let is_right = mean.abs() <= tuning.least_boundary_move * band;
+            let forgotten = period_s / tuning.healthy_slope_memory_s;
+            return self.take_healthy(&sums, panes, forgotten, is_right.then_some(reading));
         }
         (self.waiting, self.filling, self.filled) = (Sums::default(), Sums::default(), 0);
+        self.candidate = None;
+        self.fall(boundary, new);
+        if is_moving {
+            self.deviating = 0;
+        }
         self.deviating = self.deviating.saturating_add(1);
         if self.deviating > panes {
-            self.since.fade(libm::exp(-new.samples * period_s / tuning.boundary_memory_s));
-            self.since.add(&new);
+            self.since.fade(libm::exp(-sums.samples * period_s / tuning.boundary_memory_s));
+            self.since.add(&sums);
         }
+    }
+
+    /// Whether the reading moves by as much as a band within about a window.
+    fn follow(&mut self, boundary: &Boundary, new: &NewWindow) -> bool {
+        let recent = self.recent.get_or_insert(new.reading);
+        let distance = new.reading - *recent;
+        *recent += distance / f64::from(new.panes);
+        let sensor = boundary.sensor;
+        let effect = Boundary::moves(new.window, sensor, boundary.effect().unwrap_or_default());
+        (distance * effect).abs() > new.bands[sensor as usize].half_width
+    }
+
+    /// Equation (4). A reading that moved and came back counts as moved, because windows still hold what it did.
+    fn fall(&mut self, boundary: &Boundary, new: &NewWindow) {
+        let Some(right) = self.right else { return };
+        let (sensor, effect) = (boundary.sensor, boundary.effect().unwrap_or_default());
+        self.moved = self.moved.max((new.reading - right).abs());
+        let mean = new.window.mean(sensor as usize);
+        let by_reading = (self.moved * Boundary::moves(new.window, sensor, effect)).abs();
+        let is_lower = mean * effect < 0.0;
+        self.has_fallen =
+            is_lower && mean.abs() - by_reading > new.bands[sensor as usize].half_width;
+    }
+
+    /// Whether the sensor has fallen while the reading stayed where it was right, equation (4).
+    pub(crate) fn has_fallen(&self) -> bool {
+        self.has_fallen
+    }
+
+    /// Whether the sensor has agreed with the twin for some windows.
+    pub(crate) fn has_agreed(&self) -> bool {
+        self.healthy.samples > 0.0
     }
 
     /// An explanation of windows without the onset holds until a whole window has nothing of it: noise lifts one sensor
@@ -229,8 +312,8 @@ impl Doubt {
 
     /// Takes a window without a deviation. It counts once a whole group of further ones has followed, because a
     /// deviation shows in the mean of a window later than in its moments. A sample forgets the part `forgotten` of all
-    /// before.
-    fn take_healthy(&mut self, new: &Sums, panes: u32, forgotten: f64) {
+    /// before. `right` is a reading that the sensor agrees with closely.
+    fn take_healthy(&mut self, new: &Sums, panes: u32, forgotten: f64, right: Option<f64>) {
         self.filling.add(new);
         self.filled += 1;
         if self.filled >= panes {
@@ -238,6 +321,8 @@ impl Doubt {
             self.healthy.add(&self.waiting);
             self.waiting = self.filling;
             (self.filling, self.filled) = (Sums::default(), 0);
+            self.right = self.candidate.or(self.right);
+            self.candidate = right;
         }
     }
 
@@ -275,7 +360,7 @@ mod tests {
     use alloc::vec;
 
     const BOUNDARY: fn() -> Boundary =
-        || Boundary { input: 0, sensor: 0, effects: vec![(0, 1e-7), (1, 0.5e-7)] };
+        || Boundary { input: 0, sensor: 0, is_return: true, effects: vec![(0, 1e-7), (1, 0.5e-7)] };
 
     fn bands() -> Vec<SensorBand> {
         let band = |n: usize| SensorBand { sensor: format!("p_{n}"), half_width: 0.02 };
@@ -311,6 +396,12 @@ mod tests {
         window
     }
 
+    /// A window of some panes, of which a fifth is new, beside a reading that stays.
+    fn new<'w>(window: &'w Window, bands: &'w [SensorBand], panes: u32) -> NewWindow<'w> {
+        let (share, period_s) = (0.2, 0.01);
+        NewWindow { window, bands, panes, share, period_s, reading: 6e5, possible: None }
+    }
+
     /// The doubt after some seconds, with windows that begin 0.1 s apart.
     fn doubt(
         seconds: usize,
@@ -320,7 +411,7 @@ mod tests {
         let mut doubt = Doubt::default();
         for pane in 0..10 * seconds {
             let window = window(10 * pane, &drop, &residual);
-            doubt.take(&BOUNDARY(), &window, &bands(), &Tuning::default(), (5, 0.2, 0.01));
+            doubt.take(&BOUNDARY(), &new(&window, &bands(), 5), &Tuning::default());
         }
         doubt
     }
@@ -372,13 +463,8 @@ mod tests {
         let leak = |time_s: f64| [-0.04 - 0.9 * moving(time_s), -0.02];
         let mut doubt = doubt(3, moving, leak);
         assert!(!doubt.remains(NOISE, &Tuning::default()));
-        doubt.take(
-            &BOUNDARY(),
-            &window(0, moving, |_| [0.0, 0.0]),
-            &bands(),
-            &Tuning::default(),
-            (5, 0.2, 0.01),
-        );
+        let healthy = window(0, moving, |_| [0.0, 0.0]);
+        doubt.take(&BOUNDARY(), &new(&healthy, &bands(), 5), &Tuning::default());
         assert!(doubt.remains(NOISE, &Tuning::default()) && doubt.since.samples == 0.0);
     }
 
@@ -390,7 +476,7 @@ mod tests {
             let all = core::iter::repeat_n(true, before).chain(explained);
             for is_explained in all {
                 let window = window(0, moving, |_| wrong(is_explained));
-                doubt.take(&BOUNDARY(), &window, &bands(), &Tuning::default(), (3, 0.2, 0.01));
+                doubt.take(&BOUNDARY(), &new(&window, &bands(), 3), &Tuning::default());
             }
             doubt.is_explained()
         };
@@ -437,7 +523,7 @@ mod tests {
     fn a_wrong_reading_moves_all_sensors_in_its_direction_by_no_more_than_transducers_err() {
         let explains = |residual: [f64; 2]| {
             let window = window(0, |_| 0.0, |_| residual);
-            BOUNDARY().explains(&window, &bands(), &Tuning::default())
+            BOUNDARY().explains(&new(&window, &bands(), 5), &Tuning::default())
         };
         assert!(explains([-0.04, -0.02]));
         assert!(explains([0.04, 0.02]));
@@ -445,6 +531,76 @@ mod tests {
         assert!(!explains([-0.04, 0.03]));
         assert!(!explains([-0.08, -0.04]), "no transducer errs by 8 % of its scale");
         assert!(!explains([0.0, 0.0]), "nothing deviates, so there is nothing to explain");
+    }
+
+    /// A reading of 6 bar that later differs by `to`, beside a residual of `fallen`.
+    fn after(to: impl Fn(usize) -> f64, fallen: f64) -> Doubt {
+        let mut doubt = Doubt::default();
+        for pane in 0..30 {
+            let onset = pane >= 20;
+            let shift = if onset { fallen } else { 0.0 };
+            let window = window(10 * pane, |_| 0.001, |_| [shift, 0.5 * shift]);
+            let reading = if onset { 6e5 + to(pane - 20) } else { 6e5 };
+            let bands = bands();
+            let new = NewWindow { reading, ..new(&window, &bands, 5) };
+            doubt.take(&BOUNDARY(), &new, &Tuning::default());
+        }
+        doubt
+    }
+
+    #[test]
+    fn a_sensor_that_falls_beside_a_reading_that_stays_has_no_wrong_reading_as_its_cause() {
+        assert!(after(|_| 0.0, -0.04).has_fallen());
+        assert!(!after(|_| 0.0, 0.04).has_fallen(), "a line rises when other consumers move");
+        assert!(!after(|_| 0.0, -0.015).has_fallen(), "a fall within the band is none");
+    }
+
+    /// One unit of the reading moves the residual by 1e-7.
+    #[test]
+    fn a_reading_that_moves_by_what_the_sensor_deviates_is_wrong() {
+        assert!(!after(|_| 4e5, -0.04).has_fallen());
+        assert!(!after(|_| 3e5, -0.04).has_fallen(), "what is left lies within the band");
+        assert!(after(|_| 1e5, -0.04).has_fallen());
+        let and_back = |pane: usize| if pane < 3 { 4e5 } else { 0.0 };
+        assert!(!after(and_back, -0.04).has_fallen(), "windows still hold what it did");
+    }
+
+    /// The residual of a reading that is right again moves along with the twin, and the slope over it is that of a leak.
+    #[test]
+    fn a_reading_that_is_right_again_is_no_evidence_for_a_leak() {
+        let wrong = |time_s: f64| f64::from(u8::from((2.0..6.0).contains(&time_s)));
+        let mut doubt = Doubt::default();
+        for pane in 0..66 {
+            let window = window(
+                10 * pane,
+                |time_s| 0.001 - 0.04 * wrong(time_s),
+                |time_s| [-0.04 * wrong(time_s), -0.02 * wrong(time_s)],
+            );
+            let bands = bands();
+            let reading = 6e5 + 4e5 * wrong(0.1 * (pane + 5) as f64);
+            doubt.take(
+                &BOUNDARY(),
+                &NewWindow { reading, ..new(&window, &bands, 5) },
+                &Tuning::default(),
+            );
+            assert!(doubt.remains(NOISE, &Tuning::default()) && !doubt.has_fallen(), "{pane}");
+        }
+    }
+
+    #[test]
+    fn a_reading_that_was_never_right_may_be_wrong_within_the_range_of_its_input() {
+        let mut doubt = Doubt::default();
+        let low = window(0, |_| 0.001, |_| [-0.08, -0.04]);
+        let explains = |possible| {
+            let bands = bands();
+            let new = NewWindow { possible, ..new(&low, &bands, 5) };
+            BOUNDARY().explains(&new, &Tuning::default())
+        };
+        assert!(!explains(None), "no transducer errs by 8 % of its scale");
+        assert!(!explains(Some([0.0, 9e5])), "a pressure below zero is none");
+        assert!(explains(Some([-3e5, 9e5])));
+        (0..30).for_each(|_| doubt.take(&BOUNDARY(), &new(&low, &bands(), 5), &Tuning::default()));
+        assert!(!doubt.has_agreed() && !doubt.has_fallen());
     }
 
     #[test]

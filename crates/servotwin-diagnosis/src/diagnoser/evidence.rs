@@ -5,7 +5,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::boundary::Doubt;
+use super::boundary::{Boundary, Doubt, NewWindow};
 use super::common_mode::CommonMode;
 use super::decision::{DecisionLimits, Hypotheses, IsNovel, PairSums, WindowAnswer};
 use super::outcome::{Places, is_share};
@@ -28,6 +28,8 @@ pub(super) struct Evidence {
 #[derive(Debug, Clone)]
 pub(super) struct LengthEvidence {
     hypotheses: Hypotheses,
+    /// Whether its windows are corrected by the baseline.
+    is_corrected: bool,
     /// The constants, with the allowances of this length.
     tuning: Tuning,
     limits: DecisionLimits,
@@ -92,27 +94,57 @@ impl Evidence {
         Ok(Evidence { lengths: lengths.collect::<Result<_, _>>()? })
     }
 
-    /// Takes the full windows that the newest sample completed. Does not allocate.
+    /// Takes the full windows that the newest sample completed, beside its inputs. Does not allocate.
     ///
     /// # Errors
     /// The hierarchies' errors for rows that do not fit, which never occur after [`Diagnoser::check`].
     pub(super) fn take(
         &mut self,
         diagnoser: &Diagnoser,
-        windows: &Windows,
+        (windows, inputs): (&Windows, &[f64]),
         stands_in: &[bool],
         is_masked: impl Fn(u32) -> bool,
     ) -> Result<(), Error> {
-        for (place, (own, length)) in self.lengths.iter_mut().zip(&diagnoser.lengths).enumerate() {
+        for (place, length) in diagnoser.lengths.iter().enumerate() {
             let newest = windows.of(place);
-            own.is_new = newest.has_ended() && newest.is_full();
-            if own.is_new {
+            let is_new = newest.has_ended() && newest.is_full();
+            self.lengths[place].is_new = is_new;
+            if is_new {
                 let (window, share) = (newest.window(), newest.share_of_newest());
-                own.take(length, window, stands_in, &is_masked)?;
-                own.take_doubts(diagnoser, length, (window, share));
+                self.lengths[place].take(length, window, stands_in, &is_masked)?;
+                self.take_doubts(diagnoser, place, (window, share), inputs);
             }
         }
         Ok(())
+    }
+
+    fn take_doubts(
+        &mut self,
+        diagnoser: &Diagnoser,
+        place: usize,
+        (window, share): (&Window, f64),
+        inputs: &[f64],
+    ) {
+        let length = &diagnoser.lengths[place];
+        let bands = &length.panel.bands;
+        let (panes, period_s) = (length.span.panes, diagnoser.period_s);
+        for (number, boundary) in diagnoser.boundaries.iter().enumerate() {
+            let has_agreed = self.any_alike(place, number, Doubt::has_agreed);
+            let range = &diagnoser.environment.inputs[boundary.input as usize];
+            let possible = (!has_agreed).then_some([range.least, range.largest]);
+            let reading = inputs[boundary.input as usize];
+            let new = NewWindow { window, bands, panes, share, period_s, reading, possible };
+            let own = &mut self.lengths[place];
+            own.state.doubts[number].take(boundary, &new, &own.tuning);
+        }
+    }
+
+    /// Whether something holds for a boundary in windows of any length that are corrected by the baseline or not, as
+    /// those of this one are. A short window sees sooner what holds for all of them.
+    fn any_alike(&self, place: usize, boundary: usize, holds: impl Fn(&Doubt) -> bool) -> bool {
+        let own = self.lengths[place].is_corrected;
+        let alike = self.lengths.iter().filter(|length| length.is_corrected == own);
+        alike.map(|length| &length.state.doubts[boundary]).any(holds)
     }
 
     pub(super) fn clear(&mut self) {
@@ -133,15 +165,19 @@ impl Evidence {
     /// The input whose wrong reading explains all that an actuator shows in the windows of some length, while nothing
     /// speaks for a fault.
     pub(super) fn doubtful_input(&self, diagnoser: &Diagnoser, actuator: usize) -> Option<u32> {
-        let doubts = self.lengths.iter().flat_map(|length| &length.state.doubts);
-        let mut pairs = diagnoser.boundaries.iter().cycle().zip(doubts);
-        let found = pairs.find(|(boundary, doubt)| {
+        let remains = |place: usize, number: usize, boundary: &Boundary| {
             let sensor = &diagnoser.sensors[boundary.sensor as usize];
+            let doubt = &self.lengths[place].state.doubts[number];
             sensor.actuator == Some(actuator as u32)
                 && doubt.is_explained()
                 && doubt.remains(sensor.noise, &diagnoser.tuning)
-        });
-        found.map(|(boundary, _)| boundary.input)
+                && !(boundary.is_return && self.any_alike(place, number, Doubt::has_fallen))
+        };
+        let places = 0..self.lengths.len();
+        places
+            .flat_map(|place| diagnoser.boundaries.iter().enumerate().map(move |b| (place, b)))
+            .find(|(place, (number, boundary))| remains(*place, *number, boundary))
+            .map(|(_, (_, boundary))| boundary.input)
     }
 
     pub(super) fn save(&self) -> Vec<LengthState> {
@@ -178,6 +214,7 @@ impl LengthEvidence {
         let hypotheses = Hypotheses::of(&trees.names);
         Ok(LengthEvidence {
             hypotheses,
+            is_corrected: length.baseline_corrected.is_some(),
             tuning: diagnoser.tuning_of(length),
             limits: diagnoser.limits_of(length),
             samples: length.span.samples(),
@@ -271,18 +308,6 @@ impl LengthEvidence {
         };
         sums.take(answer, &self.tuning, &self.limits);
         Ok(())
-    }
-
-    fn take_doubts(
-        &mut self,
-        diagnoser: &Diagnoser,
-        length: &Length,
-        (window, share): (&Window, f64),
-    ) {
-        let of_window = (length.span.panes, share, diagnoser.period_s);
-        for (doubt, boundary) in self.state.doubts.iter_mut().zip(&diagnoser.boundaries) {
-            doubt.take(boundary, window, &length.panel.bands, &self.tuning, of_window);
-        }
     }
 
     /// Judges a window; `None` if every residual is in its band. Masked actuators are no possible answers, and stand-in

@@ -4,6 +4,17 @@
 //! moment: the twin then goes on without it, and nothing is judged until the twin has recovered. A sensor without usable
 //! values is *lost* after some samples. The diagnosis then continues with a stand-in value, the twin's with the noise of a
 //! healthy sensor, unless too many sensors are lost.
+//!
+//! Trees and ranges learned residuals with the declared noise, and nothing resembles these without it. A sensor that is
+//! quieter than half of its declared noise therefore gets that noise. Its own is measured by the differences of
+//! successive residuals, which hardly contain their motion:
+//!
+//! ```text
+//! σ² ≈ ½ ⟨(r_k − r_{k−1})²⟩
+//! ```
+//!
+//! Source: von Neumann, "Distribution of the Ratio of the Mean Square Successive Difference to the Variance", Annals of
+//! Mathematical Statistics 12, 1941.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -17,6 +28,14 @@ use crate::random::Random;
 
 /// Upper limit of residuals and twin signals, in parts of scale; larger ones are no measurements.
 const PLAUSIBLE: f64 = 1e6;
+
+/// A sensor is quiet if its variance is below the declared one by this factor: half of the declared deviation. Healthy
+/// sensors never are, because 100 differences give their variance to a fifth.
+const QUIET: f64 = 4.0;
+
+/// The largest square of a difference that counts, in parts of its mean by the declared noise: a residual that jumps says
+/// nothing about noise.
+const LARGEST_DIFFERENCE: f64 = 4.0;
 
 /// What a session receives at once, in the order of its diagnoser.
 #[derive(Debug, Clone, Copy)]
@@ -85,13 +104,19 @@ pub(super) struct GuardState {
 }
 
 /// What a guard remembers of a sensor.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SensorState {
     is_taken_out: bool,
     is_lost: bool,
     /// Consecutive samples that contradict `is_lost`.
     against: u64,
+    /// The last residual, in parts of scale, of a sensor that is there.
+    last: Option<f64>,
+    /// Number of differences between successive residuals, up to those that are remembered, and half of their mean
+    /// square.
+    differences: u64,
+    variance: f64,
 }
 
 impl Guard {
@@ -254,17 +279,25 @@ impl Guard {
             let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
             let state = &mut self.state.sensors[place];
             let is_masked = state.is_taken_out || sensor.actuator.is_some_and(&is_masked);
+            let is_there = is_sound && of(value).is_ok();
             if is_masked {
                 (state.is_lost, state.against) = (false, 0);
             } else if is_sound {
                 let limit = if state.is_lost { self.until_back } else { self.until_lost };
-                state.notice(of(value).is_ok(), limit);
+                state.notice(is_there, limit);
             }
+            let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
+            let residual = is_there.then(|| (value - expected) / sensor.scale);
+            state.hear(residual, noise, self.until_back);
             self.stands_in[place] = is_masked || state.is_lost;
-            self.measured[place] = if self.stands_in[place] {
+            let of_noise = || {
                 let mut random = Random::stream(place as u64, sample + 1);
-                let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
-                expected + sensor.scale * noise * normal(&mut random)
+                sensor.scale * noise * normal(&mut random)
+            };
+            self.measured[place] = if self.stands_in[place] {
+                expected + of_noise()
+            } else if state.is_quiet(noise, self.until_back) {
+                value + of_noise()
             } else {
                 value
             };
@@ -315,6 +348,10 @@ impl Guard {
     pub(super) fn restore(&mut self, state: &GuardState) -> Result<(), Error> {
         let is_possible = |sensor: &SensorState| {
             sensor.against < if sensor.is_lost { self.until_back } else { self.until_lost }
+                && sensor.differences <= self.until_back
+                && sensor.variance >= 0.0
+                && sensor.last.unwrap_or_default().abs() <= PLAUSIBLE
+                && sensor.variance.is_finite()
         };
         let fits = state.inputs.len() == self.state.inputs.len()
             && state.sensors.len() == self.state.sensors.len()
@@ -335,6 +372,23 @@ impl SensorState {
         if self.against >= limit {
             (self.is_lost, self.against) = (!self.is_lost, 0);
         }
+    }
+
+    /// Takes a residual, in parts of scale, into the noise of the last `remembered` differences; `None` for no
+    /// measurement. `noise` is the declared deviation.
+    fn hear(&mut self, residual: Option<f64>, noise: f64, remembered: u64) {
+        if let Some((last, new)) = self.last.zip(residual) {
+            let difference = new - last;
+            let half = (0.5 * difference * difference).min(LARGEST_DIFFERENCE * noise * noise);
+            self.differences = (self.differences + 1).min(remembered);
+            self.variance += (half - self.variance) / self.differences as f64;
+        }
+        self.last = residual;
+    }
+
+    /// Whether the sensor is much quieter than declared.
+    fn is_quiet(&self, noise: f64, remembered: u64) -> bool {
+        self.differences >= remembered && QUIET * self.variance < noise * noise
     }
 }
 

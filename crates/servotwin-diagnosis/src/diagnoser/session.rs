@@ -93,7 +93,7 @@ impl Session {
         }
         self.outcome.lost = lost;
         match admission {
-            Admission::Judged => self.judge(twin),
+            Admission::Judged => self.judge(inputs, twin),
             Admission::Settling => {
                 self.outcome.counts.settling += 1;
                 self.report(IndexedFinding::Unjudged, self.standing_alarm());
@@ -107,7 +107,7 @@ impl Session {
     }
 
     /// Takes the values that the guard admitted into the windows, the windows into the evidence, and decides by it.
-    fn judge(&mut self, twin: &[f64]) {
+    fn judge(&mut self, inputs: &[f64], twin: &[f64]) {
         let has_new = self.windows.add(&WindowSample {
             measured: &self.guard.measured,
             twin,
@@ -118,7 +118,8 @@ impl Session {
         if has_new {
             let (alarms, stands_in) = (&self.alarms, &self.guard.stands_in);
             let is_masked = |actuator| alarms.is_masked(actuator);
-            let taken = self.evidence.take(&self.diagnoser, &self.windows, stands_in, is_masked);
+            let taken =
+                self.evidence.take(&self.diagnoser, (&self.windows, inputs), stands_in, is_masked);
             if taken.is_err() {
                 self.outcome.counts.errors += 1;
                 return self.report(IndexedFinding::Unjudged, Alarm::Error);
@@ -416,6 +417,11 @@ impl Session {
     /// Whether a wrong reading of a boundary explains the present windows of a length.
     pub fn is_boundary_explained(&self, length: usize, boundary: usize) -> bool {
         self.evidence.lengths[length].doubt(boundary).is_explained()
+    }
+
+    /// Whether the sensor next to a boundary has fallen in the windows of a length, beside a reading that stayed.
+    pub fn has_boundary_sensor_fallen(&self, length: usize, boundary: usize) -> bool {
+        self.evidence.lengths[length].doubt(boundary).has_fallen()
     }
 
     /// The largest share of a deviation that an actuator has in common with another one, in the window of a length.

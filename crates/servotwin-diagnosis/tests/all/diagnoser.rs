@@ -244,9 +244,15 @@ fn what_was_never_trained_on_switches_nothing_off() {
 
 /// Flies while both chambers of the first actuator lose a pressure; the last outcome, and whether anything was raised.
 fn lose(session: &mut Session, lost: f64) -> (Outcome, bool) {
+    lose_beside(session, lost, 0.0)
+}
+
+/// The same beside a first input that moves at the same time.
+fn lose_beside(session: &mut Session, lost: f64, moved: f64) -> (Outcome, bool) {
     let (mut flight, mut random, mut was_raised) = (Flight::new(6350), Random::new(3), false);
     for k in 0..1500 {
-        let (inputs, mut measured, twin) = flight.next(None);
+        let (mut inputs, mut measured, twin) = flight.next(None);
+        inputs[0] += if k >= 500 { moved } else { 0.0 };
         for place in 0..4 {
             let lost = if place >= 2 && k >= 500 { lost } else { 0.0 };
             measured[place] = twin[place] - lost + 0.004 * (random.unit() - 0.5);
@@ -262,7 +268,8 @@ const SHIFT: f64 = 0.045;
 /// A wrong supply pressure shifts both chambers, and so does a leak.
 #[test]
 fn a_shutdown_waits_while_a_wrong_boundary_value_explains_everything() {
-    let boundary = Boundary { input: 0, sensor: 2, effects: vec![(2, 1e-7), (3, 1e-7)] };
+    let effects = vec![(2, 1e-7), (3, 1e-7)];
+    let boundary = Boundary { input: 0, sensor: 2, is_return: false, effects };
     let knowing = Diagnoser { boundaries: vec![boundary], ..(*toy::diagnoser()).clone() };
     let knowing = || Session::new(Arc::new(knowing.clone())).unwrap().at_rest();
     let (outcome, was_raised) = lose(&mut session(), SHIFT);
@@ -314,6 +321,20 @@ fn a_wrong_environment_is_named_and_nothing_is_judged_until_the_twin_has_settled
         let outcome = fly(&mut session, &mut flight, None, 300);
         assert_eq!((outcome.finding, outcome.raised), (IndexedFinding::Healthy, None));
     }
+}
+
+/// In a return line nothing but a leak lowers the pressure beside a reading that stays where it was right.
+#[test]
+fn a_shutdown_does_not_wait_if_the_return_pressure_falls_and_its_reading_stays() {
+    let effects = vec![(2, 1e-7), (3, 1e-7)];
+    let boundary = Boundary { input: 0, sensor: 2, is_return: true, effects };
+    let knowing = Diagnoser { boundaries: vec![boundary], ..(*toy::diagnoser()).clone() };
+    let knowing = || Session::new(Arc::new(knowing.clone())).unwrap().at_rest();
+    let (outcome, was_raised) = lose(&mut knowing(), SHIFT);
+    assert!(was_raised, "{outcome:?}");
+    assert_eq!(outcome.raised.map(|raised| (raised.actuator, raised.action)), Some((0, 0)));
+    let (_, was_raised) = lose_beside(&mut knowing(), SHIFT, SHIFT / 1e-7);
+    assert!(!was_raised, "the reading went wrong by what the sensors deviate");
 }
 
 /// Pushes samples with these sensors at a value, and gives the last outcome.

@@ -1,7 +1,7 @@
 //! Random samples for the whole chain. They need not be flights: they must lead through all of the code.
 //!
-//! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading or
-//! a leak behind it, offsets of all sensors of an actuator, or noise. Now and then values are missing, wild or frozen.
+//! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading
+//! that moves or stays, or a leak behind it, offsets of all sensors of an actuator, or noise. Now and then values are missing, wild or frozen.
 
 use crate::tables::center;
 use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser};
@@ -70,6 +70,8 @@ pub(super) struct Samples<'d> {
     signals: Vec<f64>,
     goals: Vec<f64>,
     disturbances: Vec<Disturbance>,
+    /// How far a disturbance moves each input, SI.
+    moved: Vec<f64>,
     left: usize,
     broken: Option<(Broken, usize)>,
     sample: Sample,
@@ -87,6 +89,7 @@ impl<'d> Samples<'d> {
             },
             diagnoser,
             random,
+            moved: vec![0.0; center.len()],
             center,
             signals: vec![0.5; sensors],
             goals: vec![0.5; sensors],
@@ -105,7 +108,8 @@ impl<'d> Samples<'d> {
         self.left -= 1;
         for (place, input) in self.diagnoser.environment.inputs.iter().enumerate() {
             let width = 1e-6 * (input.largest - input.least);
-            self.sample.inputs[place] = self.center[place] + width * self.random.unit();
+            let value = self.center[place] + self.moved[place] + width * self.random.unit();
+            self.sample.inputs[place] = value;
         }
         for (place, sensor) in self.diagnoser.sensors.iter().enumerate() {
             if self.random.unit() < 0.02 {
@@ -126,6 +130,7 @@ impl<'d> Samples<'d> {
     /// Begins another disturbance.
     fn disturb(&mut self) {
         self.disturbances.fill(Disturbance::default());
+        self.moved.fill(0.0);
         let sensors = self.diagnoser.sensors.len();
         let (sensor, size) = (self.random.index(sensors), draw_size(&mut self.random));
         match self.random.index(6) {
@@ -145,7 +150,7 @@ impl<'d> Samples<'d> {
         }
     }
 
-    /// A wrong boundary reading, or with a slope a leak behind the boundary.
+    /// A wrong boundary reading, which may move and still be plausible, or with a slope a leak behind the boundary.
     fn disturb_boundary(&mut self, size: f64) {
         let boundaries = &self.diagnoser.boundaries;
         if boundaries.is_empty() {
@@ -154,6 +159,13 @@ impl<'d> Samples<'d> {
         let boundary = &boundaries[self.random.index(boundaries.len())];
         let slope = if self.random.unit() < 0.5 { 0.0 } else { self.random.between(-1.0, 1.0) };
         let own = boundary.effect().unwrap_or(1.0);
+        if self.random.unit() < 0.5 {
+            let input = boundary.input as usize;
+            let known = &self.diagnoser.environment.inputs[input];
+            let center = self.center[input];
+            let (least, largest) = (known.least - center, known.largest - center);
+            self.moved[input] = (-size / own).clamp(0.9 * least, 0.9 * largest);
+        }
         for &(sensor, effect) in &boundary.effects {
             let part = size * effect / own;
             let disturbance = Disturbance { offset: part, slope: slope * part, noise: 0.0 };

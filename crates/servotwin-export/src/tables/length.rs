@@ -42,6 +42,7 @@ fn entry(place: usize, panes: u32, diagnoser: &Diagnoser, length: &Length) -> St
     record(&[
         record(&[pane.to_string(), panes.to_string()]),
         number(share),
+        length.baseline_corrected.is_some().to_string(),
         diagnoser.views_of(length).to_string(),
         array("bands"),
         hierarchy("trees"),

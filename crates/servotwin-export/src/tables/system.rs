@@ -99,9 +99,10 @@ fn boundaries(text: &mut String, diagnoser: &Diagnoser) {
         let [input, sensor] = [boundary.input, boundary.sensor].map(|place| place.to_string());
         let own_change = hexadecimal(boundary.effect().unwrap_or_default());
         let count = boundary.effects.len().to_string();
-        entries.push(record(&[input, sensor, own_change, count, sensors, changes]));
+        let is_return = boundary.is_return.to_string();
+        entries.push(record(&[input, sensor, is_return, own_change, count, sensors, changes]));
     }
-    let empty = "{ 0, 0, 0x0p+0, 0, 0, 0 }";
+    let empty = "{ 0, 0, false, 0x0p+0, 0, 0, 0 }";
     write_list(text, "servotwin_boundary", "boundaries", &entries, empty);
 }
 

@@ -6,6 +6,7 @@
 use crate::live::runtime::{self, RuntimeError};
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Boundary, DiagnosedSensor};
+use servotwin_diagnosis::features::Quantity;
 use servotwin_model::program::Slot;
 use servotwin_model::solver::{Knot, SolverSettings, Twin};
 
@@ -48,6 +49,7 @@ pub(crate) fn boundaries(
         found.push(Boundary {
             input: input as u32,
             sensor: next as u32,
+            is_return: sensors[next].quantity == Quantity::Return,
             effects: effects.collect(),
         });
     }
