@@ -388,6 +388,7 @@ mod tests {
             },
             scatter: None,
             healthy_evidence: None,
+            recorded: None,
         }
     }
 
