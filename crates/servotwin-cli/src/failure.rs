@@ -121,12 +121,10 @@ impl Failure {
 
     /// Recordings that contradict their study.
     pub(crate) fn of_recordings(path: &Path, error: RecordingError) -> Self {
-        let hint = match &error {
-            RecordingError::Evaluation(EvaluationError::Cancelled) => return Failure::stopped(),
-            RecordingError::NoHealthyRows { .. } => " with --healthy",
-            _ => "",
-        };
-        Failure::input(format!("{}: {error}{hint}", path.display()))
+        match error {
+            RecordingError::Evaluation(EvaluationError::Cancelled) => Failure::stopped(),
+            error => Failure::input(format!("{}: {error}", path.display())),
+        }
     }
 
     /// A diagnoser that belongs to another system.

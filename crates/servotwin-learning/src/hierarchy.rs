@@ -207,7 +207,7 @@ impl Examples {
     /// if there are no rows or no columns. Each sample comes with its original row.
     ///
     /// # Errors
-    /// [`Error::NotFinite`] with the name of the column.
+    /// [`Error::NotFinite`] for an infinity, with the name of the column. NaN is a missing value.
     pub fn samples(
         &self,
         place: &StagePlace,
@@ -231,7 +231,7 @@ impl Examples {
             classes.iter().map(|&class| self.names.class_name(place.question, class).into());
         let labels = asked.iter().map(|&(_, _, label)| label).collect();
         let samples =
-            Samples::from_columns(names.collect(), class_names.collect(), values, labels)?;
+            Samples::with_missing(names.collect(), class_names.collect(), values, labels)?;
         let origins = asked.iter().map(|&(row, _, _)| row).collect();
         Ok(Some((samples, origins)))
     }

@@ -273,11 +273,6 @@ fn of_flights(
         push(sentence, &faults, Some(metrics.rates.of(measure)));
     }
     let (unit, off) = (words.unit(), words.switched_off());
-    if metrics.group.suite == OTHER_STRUCTURE {
-        let [flown, alarmed] = metrics.healthy.flights;
-        let alarmed = counted(alarmed, flown);
-        push(format!("{} with an alarm", words.run()), "healthy flights", alarmed);
-    }
     let Some(unseen) = unseen.filter(|_| words.has_off()) else { return rates };
     let (count, of) = unseen.shutdowns_healthy();
     push(format!("healthy {unit} {off}"), "faults unknown to training", counted(count, of));

@@ -90,7 +90,7 @@ impl FileType {
             (FileType::Study, Some(name)) => format!("it is a study of the system '{name}'"),
             (FileType::Study, None) => "a study names its system".into(),
             (FileType::Recordings, _) => {
-                "'servotwin study FILE' and 'servotwin features TABLE --study FILE' read it".into()
+                "'servotwin study FILE' reads it".into()
             }
             (FileType::System, _) => {
                 "a study names a system, its commands, sensors and faults; 'servotwin init' writes one".into()

@@ -69,7 +69,7 @@ enum Fmi {
 ///
 /// The C code takes inputs and measured values sample by sample, and answers as 'servotwin watch' does, bit for bit. It
 /// allocates nothing and needs only sqrt, fabs, memcpy and memset of the C library. 'servotwin prove' compiles it and
-/// proves that it decides as it was trained. Of a model of recordings, the decision tree of every target is written: it
+/// proves that it decides as it was trained. Of a diagnoser of recordings, the decision tree is written: it
 /// takes the features of a window.
 #[derive(clap::Args)]
 struct COptions {
@@ -134,10 +134,10 @@ fn write_fmu(options: &FmuOptions) -> Result<Document, Failure> {
 /// Writes a diagnosis and its twin to a folder.
 fn write_c(options: &COptions, global: Global) -> Result<Document, Failure> {
     let file = options.model.clone().unwrap_or_else(usual_diagnoser);
-    if recordings::is_model(&file) {
-        return recordings::export(&file, &options.out);
-    }
     let diagnoser = model_file::read_diagnoser(&file)?;
+    if diagnoser.recorded.is_some() {
+        return recordings::export((&diagnoser, &file), &options.out);
+    }
     guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
     let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;

@@ -1,21 +1,24 @@
 //! `servotwin study`, `watch` and `export` of recordings: learns targets and novelty from the windows of measured
-//! records, answers for those of a new one, and writes the trees as C.
+//! records, judges those of a new one, and writes the trees as C.
 
-use super::features::{read_recording_study, remarks};
+use super::features::read_recording_study;
 use super::{StudyOptions, read_table, workers};
 use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use servotwin::files;
 use servotwin::learn::metrics::Rate;
-use servotwin::recordings::judged::{FILES, RecordingResults, TargetResult};
-use servotwin::recordings::model::{Answers, FORMAT, RecordingModel};
+use servotwin::measure::{FALSE_ALARM, SILENT};
+use servotwin::recordings::judged::{RecordingResults, TargetResult};
 use servotwin::recordings::novelty::NoveltyResult;
+use servotwin::recordings::{Answers, NominalFit, NominalSource};
+use servotwin::shown::number;
+use servotwin::toml_text::counted;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Recorded};
 use servotwin_export::recording;
 use servotwin_report::words::{percent, share_of};
 use servotwin_view::document::{Document, Line, Table, Value, Verdict, line};
 use servotwin_view::row;
-use std::io::Read;
 use std::path::Path;
 
 /// Learns and judges a study of recordings.
@@ -27,7 +30,8 @@ pub(crate) fn run(path: &Path, options: &StudyOptions) -> Result<Document, Failu
     let out = options.folder();
     let text = files::read_toml(path)?;
     let study = read_recording_study(path)?;
-    let written = FILES.map(|name| out.path().join(name)).into_iter().filter(|file| file.exists());
+    let written = study.files_written().into_iter().map(|name| out.path().join(name));
+    let written = written.filter(|file| file.exists());
     let folder = path.parent().unwrap_or(Path::new(""));
     let read = study.files().map(|file| folder.join(file));
     Paths::default().read("the records", read).write("--out", Format::Any, written).check()?;
@@ -65,10 +69,11 @@ fn described(results: &RecordingResults) -> Document {
 
 /// How often a classifier is right, in one sentence.
 fn verdict(target: &TargetResult) -> Line {
-    let TargetResult { column, classifier, score, false_alarms, missed, .. } = target;
+    let TargetResult { column, classifier, score, rates, .. } = target;
     let accuracy = score.accuracy;
     let (low, high) = (percent(Some(accuracy.low)), percent(Some(accuracy.high)));
-    let health = false_alarms.zip(*missed).map_or(String::new(), |(alarms, missed)| {
+    let health = rates.counted(&FALSE_ALARM).zip(rates.counted(&SILENT));
+    let health = health.map_or(String::new(), |(alarms, missed)| {
         format!(
             "; {} of healthy windows are false alarms, {} of the others are missed",
             share_of(alarms).text,
@@ -122,48 +127,41 @@ fn groups(novelty: &NoveltyResult) -> Table {
     table
 }
 
-/// Whether a file holds the model of a study of recordings.
-pub(crate) fn is_model(path: &Path) -> bool {
-    let mut begin = vec![];
-    let read = files::open(path).map(|file| file.take(200).read_to_end(&mut begin));
-    matches!(read, Ok(Ok(_))) && String::from_utf8_lossy(&begin).contains(FORMAT)
-}
-
-/// Answers for the windows of a log. Windows that follow each other with the same answer are one row for people.
-pub(crate) fn watch(log: &Path, model: &Path, global: Global) -> Result<Document, Failure> {
-    let known = RecordingModel::read(model)?;
-    let answers = known.answer(&read_table(log, global)?);
-    let answers = answers.map_err(|error| Failure::of_recordings(log, error))?;
-    let (starts, rows) = (&answers.windows.starts, answers.windows.rows);
-    let answered: Vec<String> = (0..starts.len()).map(|place| answer(&answers, place)).collect();
-    let verdict = format!("{}: answers for {} windows", log.display(), starts.len());
+/// Judges the windows of a log. Windows that follow each other with the same finding are one row for people.
+pub(crate) fn watch(
+    log: &Path,
+    (diagnoser, recorded): (&Diagnoser, &Recorded),
+    global: Global,
+) -> Result<Document, Failure> {
+    let answers = Answers::of(diagnoser, recorded, &read_table(log, global)?);
+    let Answers { windows, findings, distances } =
+        answers.map_err(|error| Failure::of_recordings(log, error))?;
+    let (starts, rows) = (&windows.starts, windows.rows);
+    let verdict = format!("{}: findings in {} windows", log.display(), starts.len());
     let mut document = Document::listing("watch", verdict);
     let mut place = 0;
-    let lines = answered.chunk_by(|a, b| a == b).map(|same| {
+    let lines = findings.chunk_by(|a, b| a == b).map(|same| {
         let (first, last) = (starts[place], starts[place + same.len() - 1] + rows);
         place += same.len();
-        format!("rows {} to {last}: {}", first + 1, same[0])
+        format!("rows {} to {last}: {}", first + 1, diagnoser.describe(same[0]))
     });
-    let lines: Vec<String> = lines.collect();
-    document.list("answers", lines);
-    let mut windows = Table::of("first_row: | rows: | distance:");
-    for (column, _) in &answers.targets {
-        windows.column(format!("answer:{column}"), "");
+    document.list("findings", lines.collect::<Vec<_>>());
+    let mut table = Table::of("first_row: | rows: | finding: | distance:");
+    for ((start, finding), distance) in starts.iter().zip(&findings).zip(&distances) {
+        let finding = Value::of("", &diagnoser.describe(*finding));
+        table.push(row![start + 1, rows, finding, Value::of("", distance)]);
     }
-    for (place, start) in starts.iter().enumerate() {
-        let distance = answers.distances.as_ref().map(|distances| distances[place]);
-        let mut row = row![start + 1, rows, Value::of("", &distance)];
-        row.extend(answers.targets.iter().map(|(_, own)| Value::of("", &own[place])));
-        windows.push(row);
-    }
-    document.table("windows", windows);
-    remarks(&mut document, answers.windows.left_over, answers.windows.incomplete, &[]);
+    document.table("windows", table);
+    remarks(&mut document, windows.left_over, windows.incomplete, &[]);
     Ok(document)
 }
 
-/// Writes the trees of a model as C.
-pub(crate) fn export(model: &Path, out: &Path) -> Result<Document, Failure> {
-    let sources = recording::files(&RecordingModel::read(model)?)?;
+/// Writes the trees of a diagnoser as C.
+pub(crate) fn export(
+    (diagnoser, model): (&Diagnoser, &Path),
+    out: &Path,
+) -> Result<Document, Failure> {
+    let sources = recording::files(diagnoser)?;
     files::create_folder(out)?;
     for source in &sources {
         files::write_atomically(out.join(source.name), |file| {
@@ -177,12 +175,31 @@ pub(crate) fn export(model: &Path, out: &Path) -> Result<Document, Failure> {
     Ok(document)
 }
 
-/// What a window is, in words.
-fn answer(answers: &Answers, window: usize) -> String {
-    let targets = answers.targets.iter().map(|(column, said)| format!("{column} {}", said[window]));
-    let novelty = answers.distances.as_ref().map(|distances| match distances[window] > 1.0 {
-        true => "unlike the healthy records".to_owned(),
-        false => "like the healthy records".to_owned(),
-    });
-    targets.chain(novelty).collect::<Vec<_>>().join(", ")
+/// What the windows do not show: rows that are not used, and how well nominal values fit.
+fn remarks(document: &mut Document, left_over: usize, incomplete: usize, fits: &[NominalFit]) {
+    let rows = |count| Value::of(counted(count, "row"), &count);
+    document.fact("left_over_rows", "beyond whole windows, not used", rows(left_over));
+    document.fact("incomplete_rows", "without a number of every sensor", rows(incomplete));
+    let mut table = Table::of(
+        "sensor | source:nominal value | rows:healthy rows | deviation:remaining deviation | r2:R²",
+    );
+    for NominalFit { sensor, source, rows, deviation, r2 } in fits {
+        let (how, r2) = match source {
+            NominalSource::Column(name) => (format!("the column {name}"), *r2),
+            NominalSource::Regression(inputs, conditions) => {
+                let (how, r2) = match inputs.as_slice() {
+                    [] => ("the mean".into(), None),
+                    inputs => (format!("a regression on {}", inputs.join(", ")), *r2),
+                };
+                match conditions {
+                    1 => (how, r2),
+                    more => (format!("{how} in each of {more} conditions"), r2),
+                }
+            }
+        };
+        let r2 = r2.map(|r2| Value::number(r2, format!("{r2:.3}")));
+        let deviation = Value::number(*deviation, number(*deviation, 3));
+        table.push(row![sensor, Value::of(how, source), *rows, deviation, r2]);
+    }
+    document.table("nominals", table);
 }

@@ -10,9 +10,10 @@ use crate::{Global, Run, stop};
 use input::{InputOptions, diagnoser, log_of, observer, tell, usual_diagnoser, warn_of_lacking};
 use outputs::{Outputs, Shown, Totals};
 use servotwin::files;
+use servotwin::learn::model_file;
 use servotwin::live::watcher::Watcher;
 use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Recorded};
 use servotwin_model::lanes::Level;
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Content, Document, Form, Value, Verdict, line};
@@ -102,17 +103,20 @@ impl Run for Options {
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
         let options = self;
-        if let Some(model) = self.input.model.as_deref().filter(|path| recordings::is_model(path)) {
-            return watch_recording(options, model, global);
+        let input = &self.input;
+        let named = input.model.as_deref().map(model_file::read_diagnoser).transpose()?;
+        if let Some(own) = &named
+            && let Some(recorded) = &own.recorded
+        {
+            return watch_recording(options, (own, recorded), global);
         }
         let study = find_study(self.study.as_deref())?;
-        let input = &self.input;
         let address = Address::parse(&self.source)?;
         if let Some(path) = &self.make_map {
             return make_map(options, &address, &study, path, global);
         }
         let (map, mut source) = input.open(&address, &study, self.study.is_some(), global)?;
-        let diagnoser = Arc::new(diagnoser(input, &study, global)?);
+        let diagnoser = Arc::new(named.map_or_else(|| diagnoser(&study, global), Ok)?);
         let path = input.model.clone().unwrap_or_else(usual_diagnoser);
         warn_of_lacking(&map, &needed(&diagnoser, &study.system), global);
         guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
@@ -125,14 +129,18 @@ impl Run for Options {
     }
 }
 
-/// Answers for the windows of a log by the model of a study of recordings, which has no twin.
-fn watch_recording(options: &Options, model: &Path, global: Global) -> Result<Document, Failure> {
+/// Judges the windows of a log by a diagnoser of recordings, which brings its study and its nominal values.
+fn watch_recording(
+    options: &Options,
+    known: (&Diagnoser, &Recorded),
+    global: Global,
+) -> Result<Document, Failure> {
     let Options { study, make_map, html, mcap, events, checkpoint, .. } = options;
     let others = [study, make_map, html, mcap, events, checkpoint, &options.input.map];
     match log_of(&options.source).filter(|_| others.iter().all(|other| other.is_none())) {
-        Some(log) => recordings::watch(&log, model, global),
+        Some(log) => recordings::watch(&log, known, global),
         None => Err(Failure::usage(
-            "a model of recordings answers for a table, and takes no other option of watch",
+            "a diagnoser of recordings judges a table, and takes no other option of watch",
         )),
     }
 }

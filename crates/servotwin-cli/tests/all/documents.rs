@@ -184,7 +184,7 @@ fn every_listed_feature_fits_one_pattern_of_its_family_and_every_pattern_a_featu
             rows.push((family, cells[0].trim_matches(['|', ' ', '`']), cells[1]));
         }
     }
-    let listed = json(&["--json", "features", "--list"]);
+    let listed = json(&["--json", "features"]);
     let families = listed.as_object().expect("families").iter();
     let listed: Vec<_> = families
         .filter_map(|(family, own)| Some((family.as_str(), own["features"].as_array()?)))

@@ -61,19 +61,20 @@ fn labels_and_columns_of_a_hostile_table_are_printed_escaped() {
         text += &format!("{},\"{EVIL}{}\",1,\"{class}\"\n", row % 2 * 5 + row % 3, row % 4);
     }
     fs::write(&table, text).unwrap();
-    let (study, out) = (folder.file("traces.toml"), folder.file("windows.csv"));
+    let (study, out) = (folder.file("traces.toml"), folder.file("out"));
     let evil: String = EVIL.chars().map(|c| format!("\\u{:04X}", u32::from(c))).collect();
     let of_label = |label: &str| {
         format!(
-            "format = 1\nwindow_rows = 4\nkeep = [\"{label}{evil}\"]\nresiduals = [\"{evil}\"]\n"
+            "format = 1\nrecords = \"table.csv\"\nwindow_rows = 4\nkeep = [\"{label}{evil}\"]\nresiduals = [\"{evil}\"]\n"
         )
     };
     fs::write(&study, of_label("class")).unwrap();
-    let features = ["features", &table, "--study", &study, "--out", &out];
-    succeeds(&features);
-    assert!(fs::read_to_string(&out).unwrap().contains(EVIL), "files keep what they hold");
+    let judge = ["study", &study, "--out", &out];
+    succeeds(&judge);
+    let windows = servotwin::table::read(format!("{out}/windows.parquet")).unwrap();
+    assert!(windows.has(&format!("class{EVIL}")), "files keep what they hold");
     fs::write(&study, of_label("clas")).unwrap();
-    fails(&features);
+    fails(&judge);
     fails(&["fit", &table]);
     let log = fails(&["history", &table, &table]);
     assert!(!log.is_empty());

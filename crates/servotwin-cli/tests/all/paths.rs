@@ -44,7 +44,6 @@ fn no_output_overwrites_an_input_or_another_output() {
             "--out A/a.csv would overwrite the table A/a.csv",
         ),
         ("simulate --input load=table:file=A/a.csv,column=b --out A/a.csv", "the table A/a.csv"),
-        ("features A/a.csv --study A/study.toml --out A/a.csv", "overwrite INPUT A/a.csv"),
         ("describe A/own.toml --schematic A/own.toml", "would overwrite SYSTEM A/own.toml"),
         ("watch A/a.csv --html A/x.csv", "--html must end in .html, not as A/x.csv does"),
         ("fit A/a.csv --out A/x.csv", "--out must end in .toml, not as A/x.csv does"),
@@ -107,7 +106,7 @@ fn a_limit_on_the_size_of_files_is_reported() {
 #[test]
 fn a_device_or_a_pipe_is_no_document_no_model_and_no_log() {
     let folder = Folder::new("no-documents");
-    let [log, pipe, table] = ["log.csv", "pipe", "f.csv"].map(|name| folder.file(name));
+    let [log, pipe] = ["log.csv", "pipe"].map(|name| folder.file(name));
     fs::write(&log, "time_s,command_m,p_a_pa,p_b_pa,x_p_m\n0,0,0,0,0\n1,0,0,0,0\n").unwrap();
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     // A writer that writes nothing: whoever opens the pipe gets an end, and the test does not hang.
@@ -124,7 +123,7 @@ fn a_device_or_a_pipe_is_no_document_no_model_and_no_log() {
             &["watch", &log, "--study", "press_axis", "--model", file],
             &["watch", file, "--study", "press_axis"],
             &["fit", file, "--study", "press_axis"],
-            &["features", &log, "--study", file, "--out", &table],
+            &["features", "--study", file],
         ] {
             let output = servotwin(arguments);
             let told = stderr(&output);

@@ -606,18 +606,20 @@ fn recordings_are_studied_and_a_new_log_is_watched_with_what_they_taught() {
     let healthy = "0.0\n0.05\n0.03\n0.01\n";
     let leak = "-0.94\n-0.96\n-0.98\n-1.0\n-0.95\n";
     std::fs::write(&new, format!("y\n{healthy}{healthy}{leak}")).unwrap();
-    let model = format!("{out}/model.json");
+    let [model, novelty] =
+        ["of-state", "novelty"].map(|what| format!("{out}/diagnoser-{what}.json"));
     let said = succeeds(&["watch", &new, "--model", &model]);
-    let expected = "\n  rows 1 to 8: state none, like the healthy records\n  \
-        rows 9 to 12: state leak, like the healthy records\n";
+    let expected = "\n  rows 1 to 8: healthy\n  rows 9 to 12: leak\n";
     assert!(said.contains(expected) && said.contains("1 row\n"), "{said}");
     let said = succeeds(&["watch", &new, "--model", &model, "--json"]);
     let windows: serde_json::Value = serde_json::from_str(&said).unwrap();
-    assert_eq!(windows["windows"][2]["answer:state"], "leak");
+    assert_eq!(windows["windows"][2]["finding"], "leak");
+    let said = succeeds(&["watch", &new, "--model", &novelty]);
+    assert!(said.contains("\n  rows 1 to 12: healthy\n"), "leaks were among what is good: {said}");
     let c = folder.file("c");
     succeeds(&["export", "c", "--model", &model, "--out", &c]);
     let header = std::fs::read_to_string(format!("{c}/servotwin_recording.h")).unwrap();
-    assert!(header.contains("int servotwin_answer_0("), "{header}");
+    assert!(header.contains("int servotwin_answer("), "{header}");
     let own = folder.file("own.toml");
     std::fs::write(&own, text.replace("log.csv", "out/windows.parquet")).unwrap();
     fails(&["study", &own, "--out", &out], 2, "would overwrite");

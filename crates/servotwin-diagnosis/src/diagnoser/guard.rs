@@ -442,6 +442,7 @@ mod tests {
             },
             scatter: None,
             healthy_evidence: None,
+            recorded: None,
         }
     }
 

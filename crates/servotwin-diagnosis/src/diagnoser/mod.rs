@@ -36,6 +36,7 @@ mod guard;
 pub(crate) mod healthy_evidence;
 pub mod novelty;
 mod outcome;
+mod recorded;
 pub(crate) mod scatter;
 mod session;
 pub mod tuning;
@@ -45,6 +46,7 @@ pub use environment::{InputChecks, Why};
 pub use healthy_evidence::{HealthyEvidence, ShutdownMargin};
 pub use novelty::Novelty;
 pub use outcome::{Alarm, IndexedFinding, Outcome, Raised, UnjudgedCounts};
+pub use recorded::{Nominal, Nominals, Recorded};
 pub use scatter::{Scatter, ScatterTest};
 pub use session::{Session, StoredSession};
 pub use tuning::Tuning;
@@ -129,6 +131,9 @@ pub struct Diagnoser {
     /// The evidence of held-out healthy flights; `None` if none were flown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub healthy_evidence: Option<HealthyEvidence>,
+    /// What it needs to know of records; `None` unless it learned from recordings.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorded: Option<Recorded>,
 }
 
 impl Diagnoser {

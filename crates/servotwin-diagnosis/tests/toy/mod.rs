@@ -288,6 +288,7 @@ pub fn train<const S: usize>(actuators: usize) -> Arc<Diagnoser> {
         baseline: None,
         scatter: None,
         healthy_evidence: None,
+        recorded: None,
         tuning: Tuning {
             allowance_nats: ALLOWANCES.of_pairs_nats,
             health_allowance_nats: ALLOWANCES.health_nats,

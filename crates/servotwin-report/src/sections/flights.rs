@@ -309,13 +309,12 @@ impl SettingLimits<'_> {
     fn alarmed_flights(&mut self) {
         let metrics = self.metrics;
         let strong = metrics.rates.of(&measure::RIGHT_ACTION_OF_STRONG);
-        let [flown, alarmed] = metrics.healthy.flights;
         if ![OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED].contains(&metrics.group.suite.as_str()) {
             return;
         }
-        if flown > 0 {
+        if let Some(alarmed) = metrics.rates.counted(&measure::FALSE_ALARM) {
             let title = format!("{}s without a fault that have an alarm", self.words.run());
-            self.explain(title, Rate::new(alarmed, flown));
+            self.explain(title, alarmed);
         }
         if strong.of > 0 {
             let title =

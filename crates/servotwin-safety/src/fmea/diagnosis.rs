@@ -6,6 +6,7 @@ use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns};
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::protocol::{Confused, Protocol};
+use servotwin::measure::FALSE_ALARM;
 use servotwin::measure::flights::{KindLatency, STRONG};
 use servotwin::measure::outcome::{FirstAction, RunOutcome};
 use servotwin::shown::{number, shown};
@@ -294,12 +295,11 @@ impl RightActions {
             && let Some(all) = own.first()
             && let Some(metrics) = sources.results.and_then(|results| results.flown())
         {
-            let [flown, with_alarm] = metrics.healthy.flights;
             let (right, visible) = (all.isolation.events, all.detection.events);
             return Ok(RightActions {
                 of_all: Rate::new(right, all.isolation.of),
                 of_visible: Some(Rate::new(right, visible)),
-                false_alarms: Rate::new(with_alarm, flown),
+                false_alarms: metrics.rates.of(&FALSE_ALARM),
                 flights: "judged flights with this kind of fault",
                 evidence,
             });

@@ -36,6 +36,7 @@ fn flights(
         faults.extend((0..flown).map(|place| RunOutcome {
             action: action.into(),
             intensity: 1.0,
+            onset_s: Some(0.0),
             visible_s: Some(0.1),
             first: match place {
                 _ if place < isolated => FirstAction::Right,
@@ -176,6 +177,7 @@ fn a_test_on_the_ground_ends_what_it_finds_and_nothing_else() {
         let test = |place| RunOutcome {
             event: VALVE.into(),
             intensity: 1.0,
+            onset_s: Some(0.0),
             is_finished: true,
             word: if place < found { Word::Actuator } else { Word::Healthy },
             ..RunOutcome::default()

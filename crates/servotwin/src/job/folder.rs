@@ -17,7 +17,7 @@
 //! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |
-//! | `windows.parquet`, `outcomes.parquet`, `model.json`, `recordings.json` | a study of recordings |
+//! | `windows.parquet`, `outcomes.parquet`, `diagnoser-of-TARGET.json`, `diagnoser-novelty.json`, `recordings.json` | a study of recordings |
 //! | `ground_test/` | test: all files of the tests on the ground, which are a study of their own |
 //! | `manifest.json` | every stage |
 //! | `.servotwin.lock` | every stage; always empty, see [`super::hold`] |

@@ -392,12 +392,9 @@ impl Counting<'_> {
             has_shutdown: !self.shutdowns.is_empty(),
         };
         let rows: Vec<&RunOutcome> = rows.iter().collect();
-        Rates::count((self.measures, 0.0), answers, &rows, |of, holds| {
-            let trial = |own: &&RunOutcome| trial(self.data, own.number as usize, holds(own));
-            match of.iter().any(|own| own.is_fault()) {
-                true => Rate::clustered(&of.iter().map(trial).collect::<Vec<_>>()),
-                false => Rate::of(of, |own| holds(own)),
-            }
+        Rates::count((self.measures, 0.0), answers, &rows, |own| {
+            let row = &self.data.rows[own.number as usize];
+            own.is_fault().then(|| (cluster(self.data, row), row.kind))
         })
     }
 
@@ -406,17 +403,17 @@ impl Counting<'_> {
         let (own, names) = (&self.data.rows[row], self.data.examples.names());
         let truth = self.data.examples.labels()[row];
         let class = names.details.get(truth.detail as usize);
-        let is_detected = own.is_detected();
+        let record = RunOutcome { number: row as u64, is_finished: true, ..RunOutcome::default() };
+        if own.is_healthy {
+            return RunOutcome { visible_by_chance: u64::from(own.is_detected()), ..record };
+        }
         RunOutcome {
-            number: row as u64,
             class: class.filter(|_| self.names_class).cloned().unwrap_or_default(),
             intensity: own.own_intensity,
-            onset_s: (!own.is_healthy).then_some(0.0),
+            onset_s: Some(0.0),
             needs_shutdown: self.shutdowns.contains(&truth.action),
-            is_finished: true,
-            visible_s: (!own.is_healthy && is_detected).then_some(0.0),
-            visible_by_chance: u64::from(own.is_healthy && is_detected),
-            ..RunOutcome::default()
+            visible_s: own.is_detected().then_some(0.0),
+            ..record
         }
     }
 

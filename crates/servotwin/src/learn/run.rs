@@ -7,7 +7,7 @@ use super::data_set::DataSet;
 use super::error::EvaluationError;
 use crate::parallel::{self, Workers};
 use servotwin_diagnosis::hierarchy::{Diagnosis, Hierarchy, Question, Stage, StagePlace};
-use servotwin_learning::hierarchy::HierarchySettings;
+use servotwin_learning::hierarchy::{Examples, HierarchySettings};
 use servotwin_learning::splits::Split;
 
 /// Which stages are trained.
@@ -73,15 +73,25 @@ pub(crate) fn fit(
     scope: Scope,
     workers: Workers,
 ) -> Result<Hierarchy, EvaluationError> {
-    let settings = &settled(data, settings);
-    let mut places = data.examples.places(settings.pool);
+    fit_stages(&data.examples, &settled(data, settings), rows, scope, workers)
+}
+
+/// As [`fit`], from examples alone.
+pub(crate) fn fit_stages(
+    examples: &Examples,
+    settings: &HierarchySettings,
+    rows: &[usize],
+    scope: Scope,
+    workers: Workers,
+) -> Result<Hierarchy, EvaluationError> {
+    let mut places = examples.places(settings.pool);
     places.retain(|p| scope != Scope::Action || p.question != Question::Detail);
-    let one = |place: &StagePlace| settings.fit_stage(&data.examples, rows, place);
+    let one = |place: &StagePlace| settings.fit_stage(examples, rows, place);
     let stages: Result<Vec<_>, _> = parallel::map(&places, workers, one)?.into_iter().collect();
     let stages: Vec<Stage> = stages?.into_iter().flatten().collect();
     match stages.is_empty() {
         true => Err(servotwin_diagnosis::Error::NoSamples.into()),
-        false => Ok(Hierarchy { names: data.examples.names().clone(), stages }),
+        false => Ok(Hierarchy { names: examples.names().clone(), stages }),
     }
 }
 

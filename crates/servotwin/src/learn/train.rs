@@ -134,12 +134,16 @@ pub(crate) fn of_records(
     let span = WindowSpan { pane_samples: ensemble(study).samples() as u32, panes: 1 };
     let length = Length { span, panel, novelty, baseline_corrected: None };
     let diagnoser = assembled((study, scenario, sensors), vec![length], f64::INFINITY);
-    let tuning =
-        Tuning { least_limit_nats: f64::MIN_POSITIVE, ..deciding_once(&diagnoser, (3600.0, 1.0)) };
+    let tuning = deciding_by_one_window(&diagnoser);
     let environment = within(study, &vec![NOT_FLOWN; study.system.network().inputs.len()]);
     let diagnoser = Diagnoser { tuning, environment, ..diagnoser };
     diagnoser.check()?;
     Ok(diagnoser)
+}
+
+/// The constants of a diagnosis that raises what trees and committee agree on in one window.
+pub(crate) fn deciding_by_one_window(diagnoser: &Diagnoser) -> Tuning {
+    Tuning { least_limit_nats: f64::MIN_POSITIVE, ..deciding_once(diagnoser, (3600.0, 1.0)) }
 }
 
 /// The constants of a test on the ground: its only window decides, and begins with the first sample.
@@ -195,6 +199,7 @@ fn assembled(
         baseline: None,
         scatter: None,
         healthy_evidence: None,
+        recorded: None,
     }
 }
 

@@ -10,9 +10,7 @@ use crate::study::Study;
 use crate::study::suites::JUDGE;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence};
-use servotwin_learning::metrics::{
-    MedianTime, Rate, Tail, Trial, clopper_pearson_upper, poisson_mean,
-};
+use servotwin_learning::metrics::{MedianTime, Tail, clopper_pearson_upper, poisson_mean};
 use std::collections::BTreeMap;
 
 /// The least intensity whose latencies are compared with the limit.
@@ -93,8 +91,6 @@ pub struct HealthyMetrics {
     pub alarms_per_h_upper: f64,
     /// How often windows left their bands as if a fault were visible.
     pub visible_by_chance: u64,
-    /// Number of flights without a fault, and of those with an alarm.
-    pub flights: [u64; 2],
     /// The same alarms by environment.
     pub environments: EnvironmentMetrics,
     /// The same shutdowns by environment.
@@ -148,7 +144,6 @@ impl HealthyMetrics {
             EnvironmentMetrics::new(alarmed.into_values())
         };
         let calm: Vec<&RunOutcome> = rows.iter().copied().filter(|row| !row.is_fault()).collect();
-        let with_alarm = calm.iter().filter(|row| row.early_alarms > 0).count();
         let of_alarms = environments(|row| row.early_alarms);
         let is_one_each = calm.len() == rows.len() && of_alarms.flown == rows.len() as u64;
         HealthyMetrics {
@@ -158,7 +153,6 @@ impl HealthyMetrics {
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: poisson_mean(alarms, 0.05) / hours.max(f64::MIN_POSITIVE),
             visible_by_chance: sum(|row| row.visible_by_chance),
-            flights: [calm.len() as u64, with_alarm as u64],
             environments: of_alarms,
             shutdown_environments: environments(|row| row.early_shutdowns),
             nearness: is_one_each.then(|| Nearness::new(&calm)),
@@ -228,7 +222,7 @@ pub struct FlightMetrics {
     pub healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.
     pub limit_s: f64,
-    /// All measures of all faults.
+    /// All measures of all faults, and of flights without one.
     pub rates: Rates,
     /// By action, faults of all intensities.
     pub classes: Vec<ClassMetrics>,
@@ -262,7 +256,7 @@ impl FlightMetrics {
             calibration: None,
             healthy_evidence: diagnoser.healthy_evidence,
             limit_s,
-            rates: judged.rates(&faults),
+            rates: judged.rates(&judged.rows),
             classes: judged.classes(0.0),
             strong_classes: judged.classes(STRONG),
             kinds: [0.0, STRONG].into_iter().flat_map(|least| judged.kinds(least)).collect(),
@@ -364,19 +358,13 @@ impl<'j> Judged<'j> {
         self.clusters.get(&key).copied().unwrap_or_default()
     }
 
-    /// The share of flights that satisfy a condition. Faults of one kind at one intensity are correlated, and so are those
-    /// of one kind; the interval is over whole clusters.
-    fn rate(&self, outcomes: &[&RunOutcome], holds: &dyn Fn(&RunOutcome) -> bool) -> Rate {
-        let trial = |row: &&RunOutcome| {
-            let (kind, cluster) = self.clusters_of(row);
-            Trial { cluster, kind, holds: holds(row) }
-        };
-        Rate::clustered(&outcomes.iter().map(trial).collect::<Vec<_>>())
-    }
-
-    fn rates(&self, faults: &[&'j RunOutcome]) -> Rates {
+    /// All measures of some flights. Faults of one kind at one intensity are correlated, and so are those of one kind.
+    fn rates(&self, flights: &[&'j RunOutcome]) -> Rates {
         let answers = Answers::of(self.study);
-        Rates::count((ALL, self.limit_s), answers, faults, |of, holds| self.rate(of, holds))
+        Rates::count((ALL, self.limit_s), answers, flights, |row| {
+            let (kind, cluster) = self.clusters_of(row);
+            row.is_fault().then_some((cluster, kind))
+        })
     }
 
     /// The kinds of fault in which a healthy actuator was shut down, with the number of flights.

@@ -12,7 +12,7 @@ use crate::study::Study;
 use flights::STRONG;
 use outcome::{FirstAction, RunOutcome};
 use serde::{Deserialize, Serialize};
-use servotwin_learning::metrics::Rate;
+use servotwin_learning::metrics::{Rate, Trial};
 use std::collections::BTreeMap;
 
 /// A share of outcomes.
@@ -303,6 +303,9 @@ pub(crate) const OF_BANDS: &[&Measure] = &[&VISIBLE, &VISIBLE_BY_CHANCE];
 /// The measures of healthy records.
 pub(crate) const OF_HEALTHY: &[&Measure] = &[&VISIBLE_BY_CHANCE, &FALSE_ALARM, &FALSE_SHUTDOWN];
 
+/// The measures of windows that are judged alone.
+pub(crate) const OF_WINDOWS: &[&Measure] = &[&RIGHT_ACTION_OF_ALL, &SILENT, &FALSE_ALARM];
+
 /// The measures of records, each judged once at its end.
 pub(crate) const OF_RECORDS: &[&Measure] = &[
     &RIGHT_ACTION_OF_ALL,
@@ -335,19 +338,26 @@ impl<'m> FromIterator<(&'m Measure, Rate)> for Rates {
 }
 
 impl Rates {
-    /// Counts measures in runs. `rate` makes a share with its interval of outcomes and a condition;
-    /// `limit_s` is the limit on latency.
+    /// Counts measures in runs. `cluster` gives the cluster of a fault, and the kind of fault that it belongs to; runs
+    /// without one are independent. `limit_s` is the limit on latency.
     pub(crate) fn count<'o, 'm>(
         (measures, limit_s): (&[&'m Measure], f64),
         answers: Answers,
         runs: &[&'o RunOutcome],
-        rate: impl Fn(&[&'o RunOutcome], &dyn Fn(&RunOutcome) -> bool) -> Rate,
+        cluster: impl Fn(&RunOutcome) -> Option<(u32, u32)>,
     ) -> Self {
         let count = |&measure: &&'m Measure| {
             let of = runs.iter().copied().filter(|row| (measure.of.counts)(row));
             let of: Vec<&RunOutcome> = of.collect();
-            let holds = |row: &RunOutcome| (measure.holds)(row, limit_s);
-            (!of.is_empty()).then(|| (measure, rate(&of, &holds)))
+            let trial = |row: &&RunOutcome| {
+                let (cluster, kind) = cluster(row)?;
+                Some(Trial { cluster, kind, holds: (measure.holds)(row, limit_s) })
+            };
+            let rate = match of.iter().map(trial).collect::<Option<Vec<Trial>>>() {
+                Some(trials) => Rate::clustered(&trials),
+                None => Rate::of(&of, |row| (measure.holds)(row, limit_s)),
+            };
+            (!of.is_empty()).then_some((measure, rate))
         };
         let applies = |measure: &&&Measure| (measure.of.applies)(answers);
         measures.iter().filter(applies).filter_map(count).collect()
@@ -425,11 +435,8 @@ mod tests {
             row(None, FirstAction::Right),
             row(Some(1.0), FirstAction::OtherAction),
         ];
-        let plain = |of: &[&RunOutcome], holds: &dyn Fn(&RunOutcome) -> bool| {
-            Rate::new(of.iter().filter(|row| holds(row)).count() as u64, of.len() as u64)
-        };
         let answers = Answers::of(&Study::default());
-        let rates = Rates::count((ALL, 2.0), answers, &rows.iter().collect::<Vec<_>>(), plain);
+        let rates = Rates::count((ALL, 2.0), answers, &rows.iter().collect::<Vec<_>>(), |_| None);
         let counted = |measure: &Measure| [rates.of(measure).count, rates.of(measure).of];
         assert_eq!(counted(&RIGHT_ACTION_OF_ALL), [1, 4]);
         assert_eq!(counted(&SHUTDOWN_MISSED_OF_ALL), [3, 4]);

@@ -3,44 +3,52 @@
 //! Windows of a group are on one side of every split. Without groups, every run of rows is cut into as many consecutive
 //! parts as there are folds. Nominal values are learned anew for every fold, from the healthy rows of its training
 //! windows.
+//!
+//! A target is learned by the trainer of simulated studies. Its values take the places of actuators, so that stage A
+//! decides in one question which of them a window has, or that it is healthy. A stage of its own for health would cost
+//! three of a hundred answers on the LiU engine bench.
 
-use super::model::{FORMAT, RecordingModel, TargetModel};
 use super::novelty::NoveltyResult;
-use super::twin::TWIN;
 use super::windows::{NominalFit, Windows, joined};
 use super::{RecordingError, RecordingStudy, Target};
 use crate::files::write_atomically;
 use crate::job::{Among, Folder, JobError};
 use crate::learn::data_set::{coded, in_order};
-use crate::learn::metrics::{Prediction, Rate, Score};
+use crate::learn::metrics::{Prediction, Score};
+use crate::learn::run::{Scope, fit_stages};
 use crate::learn::{EvaluationError, model_file};
+use crate::measure::outcome::{FirstAction, RunOutcome};
+use crate::measure::{Answers, OF_WINDOWS, Rates};
 use crate::parallel::{self, Workers};
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ALL, ClassifierKind};
-use servotwin_learning::Samples;
-use servotwin_learning::classifiers::{Fit, Settings, predict};
-use servotwin_learning::hierarchy::HierarchySettings;
+use servotwin_diagnosis::diagnoser::{Diagnoser, Novelty};
+use servotwin_diagnosis::hierarchy::{Diagnosis, FAULTY, Hierarchy};
+use servotwin_learning::classifiers;
+use servotwin_learning::hierarchy::{Examples, HierarchySettings};
 use servotwin_learning::splits::{Split, grouped_k_fold};
 
 /// The seed of the folds.
 const SEED: u64 = 1;
 
-/// The files of results that a study of recordings writes.
-pub const FILES: [&str; 4] =
-    ["windows.parquet", "outcomes.parquet", "model.json", "recordings.json"];
+/// The files of results that every study of recordings writes, beside its diagnosers.
+const FILES: [&str; 3] = ["windows.parquet", "outcomes.parquet", "recordings.json"];
 
 /// The result of a study of recordings.
 #[derive(Debug, Clone)]
 pub struct JudgedRecordings {
+    /// The text of the study.
+    pub study: String,
     /// The results.
     pub results: RecordingResults,
     /// The data set: for each window its first row and fold, the kept columns and the features.
     pub windows: Table,
     /// One row for each judged window, target and classifier: record, group, fold, truth, answer.
     pub outcomes: Table,
-    /// The models learned from all windows.
-    pub model: RecordingModel,
+    /// The diagnosers learned from all windows, with the names of their files: one for each target, and one of the
+    /// novelty.
+    pub diagnosers: Vec<(String, Diagnoser)>,
 }
 
 /// The results of a study of recordings.
@@ -77,10 +85,8 @@ pub struct TargetResult {
     pub unlabeled: usize,
     /// Right answers, with an interval over groups.
     pub score: Score,
-    /// Of the healthy windows: another answer than healthy.
-    pub false_alarms: Option<Rate>,
-    /// Of the other windows: the answer healthy.
-    pub missed: Option<Rate>,
+    /// The measures of windows. A value that is not the healthy one is a fault.
+    pub rates: Rates,
 }
 
 /// The windows of records with what all targets have in common.
@@ -112,6 +118,8 @@ impl Prepared {
 struct Labels<'s> {
     target: &'s Target,
     classes: Vec<String>,
+    /// The class without a fault, if there is one.
+    healthy: Option<u32>,
     /// The class of each window; `None` without a value.
     of_window: Vec<Option<u32>>,
 }
@@ -122,8 +130,9 @@ impl<'s> Labels<'s> {
         // The empty text is the first.
         let missing = u32::from(classes.first().is_some_and(String::is_empty));
         classes.drain(..missing as usize);
+        let healthy = target.healthy.as_ref().and_then(|value| classes.binary_search(value).ok());
         let of_window = codes.into_iter().map(|code| code.checked_sub(missing)).collect();
-        Ok(Labels { target, classes, of_window })
+        Ok(Labels { target, classes, healthy: healthy.map(|class| class as u32), of_window })
     }
 
     /// The windows among these that have a value.
@@ -131,29 +140,66 @@ impl<'s> Labels<'s> {
         windows.iter().copied().filter(|&window| self.of_window[window].is_some()).collect()
     }
 
-    /// Windows that have a value, as samples.
-    fn samples(&self, windows: &Windows, known: &[usize]) -> Result<Samples, RecordingError> {
-        let mut values = vec![];
-        for feature in windows.features() {
-            let column = feature.numbers()?;
-            values.extend(known.iter().map(|&window| column[window]));
+    /// The classes of faults, which take the places of actuators.
+    fn faults(&self) -> Vec<u32> {
+        (0..self.classes.len() as u32).filter(|class| Some(*class) != self.healthy).collect()
+    }
+
+    /// All windows with their labels. Those without a value must not teach.
+    fn examples(&self, windows: &Windows) -> Result<Examples, EvaluationError> {
+        let faults = self.faults();
+        let names = faults.iter().map(|&class| self.classes[class as usize].clone()).collect();
+        let fault = |class: &Option<u32>| match class {
+            Some(class) => faults.iter().position(|fault| fault == class),
+            None => Some(0),
+        };
+        windows.examples(names, self.of_window.iter().map(fault))
+    }
+
+    /// The class of an answer.
+    fn class_of(&self, said: Diagnosis) -> Option<u32> {
+        match said.actuator {
+            None => self.healthy,
+            Some(fault) => self.faults().get(fault as usize).copied(),
         }
-        let labels = known.iter().filter_map(|&window| self.of_window[window]).collect();
-        let names = windows.features().iter().map(|feature| feature.name.clone()).collect();
-        Ok(Samples::with_missing(names, self.classes.clone(), values, labels)?)
+    }
+
+    /// What a window and its answer count as.
+    fn outcome(&self, judged: &JudgedWindow) -> RunOutcome {
+        let is_fault = Some(judged.truth) != self.healthy;
+        let is_alarm = judged.answer.is_none() || judged.answer != self.healthy;
+        RunOutcome {
+            onset_s: is_fault.then_some(0.0),
+            visible_s: is_fault.then_some(0.0),
+            is_finished: true,
+            early_alarms: u64::from(!is_fault && is_alarm),
+            first: match judged.answer {
+                _ if !is_alarm => FirstAction::None,
+                Some(answer) if answer == judged.truth => FirstAction::Right,
+                _ => FirstAction::OtherAction,
+            },
+            ..RunOutcome::default()
+        }
     }
 }
 
 /// The answer of a classifier for a held-out window.
 #[derive(Clone, Copy)]
-struct Judged {
+struct JudgedWindow {
     window: usize,
     fold: usize,
     truth: u32,
-    answer: u32,
+    answer: Option<u32>,
 }
 
 impl RecordingStudy {
+    /// The names of the files that the study writes.
+    pub fn files_written(&self) -> Vec<String> {
+        let targets = self.targets.iter().map(|target| diagnoser_file(&target.column));
+        let novelty = self.novelty.as_ref().map(|_| NOVELTY.to_owned());
+        FILES.map(String::from).into_iter().chain(targets).chain(novelty).collect()
+    }
+
     /// Learns and judges every target of the study, and the novelty of every group.
     ///
     /// # Errors
@@ -173,7 +219,7 @@ impl RecordingStudy {
         };
         let windows = self.windows(records, &nominals)?;
         let prepared = self.prepare(records, windows, &healthy, workers)?;
-        let (targets, outcomes, models) = self.judge_targets(&prepared, workers)?;
+        let (targets, outcomes) = self.judge_targets(&prepared, workers)?;
         let Prepared { windows, groups, .. } = &prepared;
         let results = RecordingResults {
             rows: records.row_count(),
@@ -186,17 +232,21 @@ impl RecordingStudy {
             targets,
             novelty,
         };
-        let features = windows.features().iter().map(|feature| feature.name.clone()).collect();
-        let model = RecordingModel {
-            format: FORMAT.into(),
-            study: text.into(),
-            system: self.twin.is_some().then(|| records.metadata.get(TWIN).cloned()).flatten(),
-            features,
-            nominals,
-            targets: models,
-            novelty: learned,
-        };
-        Ok(JudgedRecordings { results, windows: data_set(&prepared)?, outcomes, model })
+        let recorded = |nominals| self.recorded(text, records, nominals);
+        let mut diagnosers = vec![];
+        for target in &self.targets {
+            let [trees, committee] = self.learn_target(target, windows, workers)?;
+            let diagnoser =
+                self.diagnoser([trees, committee], Novelty::none(), recorded(nominals.clone()))?;
+            diagnosers.push((diagnoser_file(&target.column), diagnoser));
+        }
+        if let Some(known) = learned {
+            let hierarchies = [known.trees.clone(), known.trees];
+            let diagnoser = self.diagnoser(hierarchies, known.novelty, recorded(known.nominals))?;
+            diagnosers.push((NOVELTY.into(), diagnoser));
+        }
+        let (study, windows) = (text.into(), data_set(&prepared)?);
+        Ok(JudgedRecordings { study, results, windows, outcomes, diagnosers })
     }
 
     fn split_in_words(&self, folds: usize, groups: usize) -> String {
@@ -243,113 +293,139 @@ impl RecordingStudy {
         Ok(Prepared { windows, groups, group, splits, of_folds })
     }
 
-    /// Judges every target with every classifier, and learns from all windows.
+    /// Judges every target with every classifier.
     fn judge_targets(
         &self,
         prepared: &Prepared,
         workers: Workers,
-    ) -> Result<(Vec<TargetResult>, Table, Vec<TargetModel>), RecordingError> {
+    ) -> Result<(Vec<TargetResult>, Table), RecordingError> {
         let windows = &prepared.windows.table;
-        let every: Vec<usize> = (0..windows.row_count()).collect();
         let folds: Vec<usize> = (0..prepared.splits.len()).collect();
         let records = match &self.record {
             Some(record) => windows.text(record)?.to_vec(),
-            None => vec![String::new(); every.len()],
+            None => vec![String::new(); windows.row_count()],
         };
-        let (mut results, mut models) = (vec![], vec![]);
+        let mut results = vec![];
         let mut numbers: [Vec<u32>; 2] = Default::default();
         let mut texts: [Vec<String>; 6] = Default::default();
         for target in &self.targets {
             let labels = Labels::new(target, windows)?;
-            for classifier in self.classifiers() {
-                let judge = |&fold: &usize| judge_fold(prepared, &labels, &classifier, fold);
+            for (classifier, settings) in self.classifiers() {
+                let judge = |&fold: &usize| judge_fold(prepared, &labels, &settings, fold);
                 let judged = parallel::map(&folds, workers, judge)?;
                 let judged = judged.into_iter().collect::<Result<Vec<_>, RecordingError>>()?;
                 let judged = judged.concat();
-                for Judged { window, fold, truth, answer } in &judged {
-                    let [truth, answer] = [truth, answer].map(|&c| &*labels.classes[c as usize]);
+                for JudgedWindow { window, fold, truth, answer } in &judged {
+                    let class = |class: u32| &*labels.classes[class as usize];
+                    let answer = answer.map_or(FAULTY, class);
                     let group = &prepared.groups[prepared.group[*window] as usize];
-                    let name = classifier.kind().id();
-                    let row = [&records[*window], group, &target.column, name, truth, answer];
+                    let (record, name) = (&records[*window], classifier.id());
+                    let row = [record, group, &target.column, name, class(*truth), answer];
                     texts.iter_mut().zip(row).for_each(|(column, text)| column.push(text.into()));
                     numbers.iter_mut().zip([window, fold]).for_each(|(n, v)| n.push(*v as u32));
                 }
-                results.push(result(prepared, &labels, classifier.kind(), &judged));
-                let known = labels.known(&every);
-                let model = classifier.fit(&labels.samples(&prepared.windows, &known)?)?;
-                let (column, classes) = (target.column.clone(), labels.classes.clone());
-                models.push(TargetModel { column, classes, model });
+                results.push(result(prepared, &labels, classifier, &judged));
             }
         }
         let numbers = ["window", "fold"].into_iter().zip(numbers);
         let names = ["record", "group", "target", "classifier", "truth", "answer"];
         let numbers = numbers.map(|(name, values)| Column::new(name, "", values));
         let texts = names.into_iter().zip(texts).map(|(name, text)| Column::new(name, "", text));
-        Ok((results, Table::from_columns(numbers.chain(texts).collect())?, models))
+        Ok((results, Table::from_columns(numbers.chain(texts).collect())?))
+    }
+
+    /// The hierarchies of the first and of the last classifier, learned from all windows.
+    fn learn_target(
+        &self,
+        target: &Target,
+        windows: &Windows,
+        workers: Workers,
+    ) -> Result<[Hierarchy; 2], RecordingError> {
+        let labels = Labels::new(target, &windows.table)?;
+        let examples = labels.examples(windows)?;
+        let rows = labels.known(&(0..labels.of_window.len()).collect::<Vec<_>>());
+        let learn = |settings| fit_stages(&examples, settings, &rows, Scope::Action, workers);
+        let classifiers: Vec<_> = self.classifiers().collect();
+        let [(_, first), .., (_, last)] = classifiers.as_slice() else {
+            let only = learn(&classifiers[0].1)?;
+            return Ok([only.clone(), only]);
+        };
+        Ok([learn(first)?, learn(last)?])
     }
 
     /// The classifiers with their usual settings; a tree has those of the trees of a simulated study.
-    fn classifiers(&self) -> impl Iterator<Item = Settings> {
+    fn classifiers(&self) -> impl Iterator<Item = (ClassifierKind, HierarchySettings)> {
         let known = |word: &String| ALL.iter().find(|kind| kind.id() == *word);
-        self.classifiers.iter().filter_map(known).map(|kind| match kind {
-            ClassifierKind::Cart => HierarchySettings::default().actuator,
-            kind => Settings::default_of(*kind),
-        })
+        self.classifiers.iter().filter_map(known).map(|kind| (*kind, settings(*kind)))
     }
+}
+
+/// How a target is learned: the classifier decides all, for every fault has the same action.
+pub(super) fn settings(kind: ClassifierKind) -> HierarchySettings {
+    let mut settings = HierarchySettings { mirror: false, pool: false, ..Default::default() };
+    if kind != ClassifierKind::Cart {
+        settings.actuator = classifiers::Settings::default_of(kind);
+    }
+    settings
+}
+
+/// The file of the novelty.
+const NOVELTY: &str = "diagnoser-novelty.json";
+
+/// The file of a target.
+fn diagnoser_file(column: &str) -> String {
+    let letter = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    format!("diagnoser-of-{}.json", column.chars().map(letter).collect::<String>())
 }
 
 fn judge_fold(
     prepared: &Prepared,
     labels: &Labels,
-    classifier: &Settings,
+    settings: &HierarchySettings,
     fold: usize,
-) -> Result<Vec<Judged>, RecordingError> {
+) -> Result<Vec<JudgedWindow>, RecordingError> {
     let (windows, split) = (prepared.of_fold(fold), &prepared.splits[fold]);
-    let test = labels.known(&split.test);
+    let (test, train) = (labels.known(&split.test), labels.known(&split.train));
     if test.is_empty() {
         return Ok(vec![]);
     }
-    let model = classifier.fit(&labels.samples(windows, &labels.known(&split.train))?)?;
-    let samples = labels.samples(windows, &test)?;
-    let answers = predict(&model, &samples)?.into_iter().zip(samples.labels());
-    let judged = answers.zip(&test);
-    Ok(judged.map(|((answer, &truth), &window)| Judged { window, fold, truth, answer }).collect())
+    let examples = labels.examples(windows)?;
+    let hierarchy = fit_stages(&examples, settings, &train, Scope::Action, Workers::new(1))?;
+    let mut scratch = hierarchy.scratch();
+    let mut row = vec![0.0; windows.features().len()];
+    let mut judge = |window: usize| {
+        examples.row_into(0, window, &mut row);
+        let said = hierarchy.diagnose(&[&row], &mut scratch)?;
+        let truth = labels.of_window[window].unwrap_or_default();
+        Ok(JudgedWindow { window, fold, truth, answer: labels.class_of(said) })
+    };
+    test.into_iter().map(&mut judge).collect()
 }
 
 fn result(
     prepared: &Prepared,
     labels: &Labels,
     classifier: ClassifierKind,
-    judged: &[Judged],
+    judged: &[JudgedWindow],
 ) -> TargetResult {
-    let prediction = |&Judged { window, fold, truth, answer }: &Judged| {
+    let prediction = |&JudgedWindow { window, fold, truth, answer }: &JudgedWindow| {
         // Without groups, the windows of a fold depend on each other.
         let is_grouped = prepared.groups.len() > 1;
         let cluster = if is_grouped { prepared.group[window] } else { fold as u32 };
-        Prediction { cluster, kind: cluster, truth, said: Some(answer) }
+        Prediction { cluster, kind: cluster, truth, said: answer }
     };
-    let healthy = labels.target.healthy.as_ref();
-    let healthy = healthy.and_then(|value| labels.classes.binary_search(value).ok());
-    // Of the windows that are healthy, or of the others, those that are answered otherwise.
-    let wrong = |is_healthy: bool| {
-        let healthy = healthy? as u32;
-        let among = judged.iter().filter(|own| (own.truth == healthy) == is_healthy);
-        let is_wrong = |own: &&Judged| (own.answer == healthy) != is_healthy;
-        Some(Rate::of(&among.collect::<Vec<_>>(), is_wrong))
-    };
+    let predictions: Vec<Prediction> = judged.iter().map(prediction).collect();
+    let outcomes: Vec<RunOutcome> = judged.iter().map(|judged| labels.outcome(judged)).collect();
+    let answers = Answers { has_several: false, has_shutdown: false };
+    let outcomes: Vec<&RunOutcome> = outcomes.iter().collect();
     TargetResult {
         column: labels.target.column.clone(),
         classifier,
         unlabeled: labels.of_window.iter().filter(|class| class.is_none()).count(),
-        score: Score::of(
-            labels.classes.clone(),
-            &judged.iter().map(prediction).collect::<Vec<_>>(),
-        ),
-        false_alarms: wrong(true),
-        missed: wrong(false),
+        score: Score::of(labels.classes.clone(), &predictions),
+        rates: Rates::count((OF_WINDOWS, 0.0), answers, &outcomes, |_| None),
     }
 }
-
 /// Cuts every run of windows with the same kept columns into consecutive parts, one for each fold.
 fn consecutive(windows: &Windows, folds: usize) -> Result<Vec<Split>, RecordingError> {
     let names: Vec<String> = windows.table.names().take(windows.kept).map(str::to_owned).collect();
@@ -381,7 +457,7 @@ fn data_set(prepared: &Prepared) -> Result<Table, RecordingError> {
 }
 
 impl JudgedRecordings {
-    /// Writes [`FILES`] and the text of the study, `study.toml`, into a folder.
+    /// Writes [`RecordingStudy::files_written`] and the text of the study, `study.toml`, into a folder.
     ///
     /// # Errors
     /// The folder holds results of a simulated study; [`JobError::Busy`]; a file cannot be written.
@@ -392,13 +468,14 @@ impl JudgedRecordings {
             let (there, count) = ("a simulated study".into(), there.len());
             return Err(JobError::OtherResults { folder: folder.path().into(), there, count });
         }
-        let text = &self.model.study;
-        write_atomically(folder.study(), |out| out.write_all(text.as_bytes()))?;
-        let [windows, outcomes, model, results] = FILES.map(|name| folder.path().join(name));
+        write_atomically(folder.study(), |out| out.write_all(self.study.as_bytes()))?;
+        let [windows, outcomes, results] = FILES.map(|name| folder.path().join(name));
         for (path, table) in [(windows, &self.windows), (outcomes, &self.outcomes)] {
             table.write(path).map_err(EvaluationError::from)?;
         }
-        model_file::write_model(model, &self.model)?;
+        for (name, diagnoser) in &self.diagnosers {
+            model_file::write_model(folder.path().join(name), diagnoser)?;
+        }
         Ok(model_file::write(results, &self.results)?)
     }
 }

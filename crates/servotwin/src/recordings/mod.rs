@@ -4,16 +4,16 @@
 //!
 //! The windows and features are those of simulated runs. A missing number does not stop a study: see `windows`.
 
+mod diagnoser;
 pub mod judged;
-pub mod model;
 mod nominal;
 pub mod novelty;
 mod records;
 mod twin;
 pub(crate) mod windows;
 
-pub use nominal::Nominal;
-pub use windows::{NominalFit, NominalSource, Nominals, Windows};
+pub use diagnoser::Answers;
+pub use windows::{NominalFit, NominalSource, Windows};
 
 use crate::format::{At, Names, Value, section};
 use crate::learn::EvaluationError;
@@ -122,8 +122,7 @@ pub enum RecordingError {
     NoWindow { window_rows: usize, longest: usize },
     /// A nominal value must be learned, but no row is marked as healthy.
     #[error(
-        "the nominal value of '{sensor}' is to be learned, but no row is healthy: name them in [healthy], or give \
-         healthy traces"
+        "the nominal value of '{sensor}' is to be learned, but no row is healthy: name them in [healthy]"
     )]
     NoHealthyRows { sensor: String },
     /// The nominal value of a sensor cannot be learned without a scale.
@@ -236,17 +235,32 @@ impl RecordingStudy {
         }
     }
 
-    /// The sensors in the form that feature families use.
+    /// The sensors in the form that feature families use. Every part of a window has sensors of its own.
     pub fn sensors(&self) -> Sensors {
-        let one = |sensor: &At<SensorText>| Sensor {
-            name: sensor.name.clone(),
+        let parts = self.segments.value;
+        let one = |part: usize, sensor: &SensorText| Sensor {
+            name: match parts {
+                1 => sensor.name.clone(),
+                _ => format!("{}_part{}", sensor.name, part + 1),
+            },
             quantity: sensor.quantity,
             actuator: Some(sensor.unit - 1).filter(|_| sensor.quantity != Quantity::Surface),
             noise: 0.0,
             is_noisy: false,
             follows: vec![],
         };
-        Sensors(self.sensors.iter().map(one).collect())
+        let of_part = |part: usize| self.sensors.iter().map(move |sensor| one(part, sensor));
+        Sensors((0..parts).flat_map(of_part).collect())
+    }
+
+    /// Number of channels that sensors belong to.
+    fn units(&self) -> usize {
+        self.sensors.iter().map(|sensor| sensor.unit).max().unwrap_or(1)
+    }
+
+    /// Number of rows in a part of a window.
+    fn part_rows(&self) -> usize {
+        self.window_rows / self.segments.value
     }
 
     fn chosen(&self) -> Vec<&'static Family> {

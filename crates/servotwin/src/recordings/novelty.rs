@@ -3,31 +3,35 @@
 //! Nominal values and the known ranges of all features are learned from the first healthy groups. Each of these is
 //! judged by what the others of them teach.
 
-use super::windows::{Nominals, Windows, joined};
+use super::judged::settings;
+use super::windows::{Windows, joined};
 use super::{NoveltyChoice, RecordingError, RecordingStudy};
 use crate::learn::data_set::in_order;
 use crate::learn::metrics::Rate;
-use crate::table::{Column, Table};
+use crate::learn::run::{Scope, fit_stages};
+use crate::parallel::Workers;
+use crate::table::Table;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::novelty::Novelty;
+use servotwin_diagnosis::classifiers::ClassifierKind;
 use servotwin_diagnosis::diagnoser::tuning::Tuning;
-use servotwin_diagnosis::hierarchy::Names;
-use servotwin_learning::hierarchy::{Examples, Label};
+use servotwin_diagnosis::diagnoser::{Nominals, Novelty};
+use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_learning::novelty;
 
 /// What the first healthy groups look like.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LearnedNovelty {
+pub(super) struct LearnedNovelty {
     /// The nominal values of their healthy rows.
     pub nominals: Nominals,
     /// The known ranges of the features.
-    pub known: Novelty,
+    pub novelty: Novelty,
+    /// Trees that know health alone.
+    pub trees: Hierarchy,
 }
 
 impl LearnedNovelty {
     /// The distance of every window from what is known; above 1 a window is unknown.
-    pub(super) fn known_distances(&self, windows: &Windows) -> Result<Vec<f64>, RecordingError> {
-        Ok(windows.each(|row| self.known.score(None, row))?)
+    fn distances(&self, windows: &Windows) -> Result<Vec<f64>, RecordingError> {
+        Ok(windows.each(|row| self.novelty.score(None, row))?)
     }
 }
 
@@ -86,12 +90,12 @@ impl RecordingStudy {
             return Err(RecordingError::OutOfRange { what, allowed });
         }
         let (learned, windows) = self.learn_novelty(records, &groups, &first)?;
-        let mut scores = learned.known_distances(&windows)?;
+        let mut scores = learned.distances(&windows)?;
         let of_window: Vec<u32> = windows.starts.iter().map(|&row| groups.of_row[row]).collect();
         for &own in &first {
             let others: Vec<usize> = first.iter().copied().filter(|group| *group != own).collect();
             let (of_others, windows) = self.learn_novelty(records, &groups, &others)?;
-            let instead = of_others.known_distances(&windows)?;
+            let instead = of_others.distances(&windows)?;
             let of_own = (0..scores.len()).filter(|&window| of_window[window] as usize == own);
             of_own.for_each(|window| scores[window] = instead[window]);
         }
@@ -117,7 +121,7 @@ impl RecordingStudy {
             Rate::new(count, of)
         };
         let result = NoveltyResult {
-            quantile: learned.known.quantile,
+            quantile: learned.novelty.quantile,
             false_alarms: sum(true),
             alarms: sum(false),
             groups: list,
@@ -148,20 +152,15 @@ impl RecordingStudy {
         let rows: Vec<usize> = (0..records.row_count()).filter(is_learned).collect();
         let nominals = self.learn(records, &rows)?;
         let windows = self.windows(records, &nominals)?;
-        let features = windows.features();
-        let names = Names {
-            features: features.iter().map(|feature| feature.name.clone()).collect(),
-            ..Names::default()
-        };
-        let values = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?.concat();
-        let label = Label { actuator: names.healthy(), action: 0, detail: 0 };
         let count = windows.starts.len();
-        let examples = Examples::new(names, vec![], vec![values], vec![label; count])?;
+        let examples = windows.examples(vec![], (0..count).map(|_| None))?;
         let of_window: Vec<u32> = windows.starts.iter().map(|&row| groups.of_row[row]).collect();
         let taught: Vec<usize> =
             (0..count).filter(|&window| is_learned(&windows.starts[window])).collect();
         let quantile = Tuning::default().known_share;
-        let known = novelty::learn(&examples, &taught, &of_window, quantile)?;
-        Ok((LearnedNovelty { nominals, known }, windows))
+        let novelty = novelty::learn(&examples, &taught, &of_window, quantile)?;
+        let (settings, alone) = (settings(ClassifierKind::Cart), Workers::new(1));
+        let trees = fit_stages(&examples, &settings, &taught, Scope::Action, alone)?;
+        Ok((LearnedNovelty { nominals, novelty, trees }, windows))
     }
 }

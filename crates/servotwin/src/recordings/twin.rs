@@ -19,7 +19,7 @@ section! {
     /// The twin of every record.
     pub(super) struct TwinChoice {
         must system: String, "file of the system beside the study, or a built-in one";
-        must period_s: f64 = Value::Number(1e-6, 1e6, "s"), "time between two rows";
+        must pub period_s: f64 = Value::Number(1e-6, 1e3, "s"), "time between two rows";
         must pub inputs: Names<String>, "column of each driven input, SI; the others keep their defaults";
     }
 }

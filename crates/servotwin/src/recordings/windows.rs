@@ -4,13 +4,17 @@
 //! window, or in a segment of it, does not take the other sensors' rows out: only the features that depend on it are
 //! missing, which the trees learn as such.
 
-use super::nominal::Nominal;
+use super::nominal::learn_nominal;
 use super::{FARTHEST, RecordingError, RecordingStudy, SensorText};
 use crate::format::At;
+use crate::learn::EvaluationError;
 use crate::table::{Column, Table, TableError, Values};
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::diagnoser::{Nominal, Nominals};
 use servotwin_diagnosis::features::{Family, Sensors};
+use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::residual::Window;
+use servotwin_learning::hierarchy::{Examples, Label};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -26,6 +30,8 @@ pub struct Windows {
     pub starts: Vec<usize>,
     /// Number of rows in a window.
     pub rows: usize,
+    /// Number of channels that sensors belong to.
+    pub(super) units: usize,
     /// Rows of the records that are in no window.
     pub left_over: usize,
     /// Rows within windows that lack a number.
@@ -38,11 +44,40 @@ impl Windows {
         &self.table.columns()[self.kept..]
     }
 
+    /// The windows as examples of some faults, which take the places of actuators. `None` stands for a healthy window.
+    ///
+    /// # Errors
+    /// There is no such fault.
+    pub(super) fn examples(
+        &self,
+        mut faults: Vec<String>,
+        of_windows: impl Iterator<Item = Option<usize>>,
+    ) -> Result<Examples, EvaluationError> {
+        let features = self.features();
+        // Every sensor belongs to one of the actuators.
+        faults.resize(faults.len().max(self.units), String::new());
+        let names = Names {
+            features: features.iter().map(|feature| feature.name.clone()).collect(),
+            actuators: faults,
+            actions: vec![String::new()],
+            details: vec![String::new()],
+        };
+        let healthy = names.healthy();
+        let label = |fault: Option<usize>| Label {
+            actuator: fault.map_or(healthy, |fault| fault as u32),
+            action: 0,
+            detail: 0,
+        };
+        let values = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?.concat();
+        let read = vec![(0..features.len()).collect(); names.actuators.len()];
+        Ok(Examples::new(names, read, vec![values], of_windows.map(label).collect())?)
+    }
+
     /// What the features of every window give.
     ///
     /// # Errors
     /// Never for windows of a study: their features are numbers.
-    pub(super) fn each<T>(&self, of: impl Fn(&[f64]) -> T) -> Result<Vec<T>, TableError> {
+    pub(super) fn each<T>(&self, mut of: impl FnMut(&[f64]) -> T) -> Result<Vec<T>, TableError> {
         let columns = self.features().iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
         let mut row = vec![0.0; columns.len()];
         let of_window = |window: usize| {
@@ -51,13 +86,6 @@ impl Windows {
         };
         Ok((0..self.starts.len()).map(of_window).collect())
     }
-}
-
-/// The learned nominal values of all sensors. Sensors with a nominal column have none.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Nominals {
-    /// For each sensor, one nominal value for each combination of the values of the study's conditions.
-    sensors: Vec<Option<BTreeMap<String, Nominal>>>,
 }
 
 /// Where the nominal values of a sensor come from, and how well they fit the healthy rows.
@@ -162,7 +190,7 @@ impl RecordingStudy {
             let learned: BTreeMap<String, Nominal> = rows
                 .iter()
                 .filter_map(|(condition, rows)| {
-                    let nominal = Nominal::learn(&measured, &inputs, rows)?;
+                    let nominal = learn_nominal(&measured, &inputs, rows)?;
                     // Without a scale, a condition that never varies gives none.
                     let is_usable = sensor.scale.is_some() || nominal.deviation > 0.0;
                     is_usable.then(|| ((*condition).clone(), nominal))
@@ -174,7 +202,7 @@ impl RecordingStudy {
                 (true, false) => Err(RecordingError::NoScale { sensor: sensor.name.clone() }),
             }
         };
-        Ok(Nominals { sensors: self.sensors.iter().map(one).collect::<Result<_, _>>()? })
+        self.sensors.iter().map(one).collect()
     }
 
     /// Whether any nominal value is learned.
@@ -184,7 +212,7 @@ impl RecordingStudy {
 
     /// Whether these are nominal values of the study's sensors.
     pub(super) fn has_nominals(&self, nominals: &Nominals) -> bool {
-        let learned = nominals.sensors.iter().map(Option::is_some);
+        let learned = nominals.iter().map(Option::is_some);
         learned.eq(self.sensors.iter().map(|sensor| sensor.nominal_from.is_some()))
     }
 
@@ -199,17 +227,17 @@ impl RecordingStudy {
         healthy: &[usize],
     ) -> Result<Vec<NominalFit>, RecordingError> {
         let mut fits = vec![];
-        for (sensor, learned) in self.sensors.iter().zip(&nominals.sensors) {
+        for (sensor, learned) in self.sensors.iter().zip(nominals) {
             let (source, rows, rest, all) = match (&sensor.nominal, learned) {
                 (Some(name), _) => {
-                    let own = Nominal::learn(&records.f64(&sensor.measured)?, &[], healthy);
+                    let own = learn_nominal(&records.f64(&sensor.measured)?, &[], healthy);
                     let residuals = residuals(records, &sensor.measured, name, healthy)?;
                     let rest = residuals.iter().map(|residual| residual.powi(2)).sum();
                     let all = own.map_or(0.0, |own| own.rows as f64 * own.spread.powi(2));
                     (NominalSource::Column(name.clone()), residuals.len(), rest, all)
                 }
                 (None, Some(learned)) => {
-                    let rows = learned.values().map(|nominal| nominal.rows).sum();
+                    let rows = learned.values().map(|nominal| nominal.rows as usize).sum();
                     let squares = |of: &dyn Fn(&Nominal) -> f64| -> f64 {
                         learned.values().map(|own| own.rows as f64 * of(own).powi(2)).sum()
                     };
@@ -239,11 +267,11 @@ impl RecordingStudy {
         let kept = kept.collect::<Result<Vec<_>, _>>()?;
         let starts = self.starts(records.row_count(), &kept)?;
         let (sensors, families) = (self.sensors(), self.chosen());
-        let length = self.window_rows / self.segments.value;
-        let of_window = |start: &usize| -> Vec<f64> {
-            let segment = |k: usize| start + k * length..start + (k + 1) * length;
-            let features = |k: usize| features(&families, &sensors, &columns, segment(k));
-            (0..self.segments.value).flat_map(features).collect()
+        let of_window = |start: &usize| {
+            let part = |part: usize| start + part * self.part_rows();
+            let part = |part_of: usize| part(part_of)..part(part_of + 1);
+            let parts: Vec<Range<usize>> = (0..self.segments.value).map(part).collect();
+            features(&families, &sensors, &columns, &parts)
         };
         let rows: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
         let mut table = Table::new();
@@ -251,17 +279,11 @@ impl RecordingStudy {
             let first: Vec<String> = starts.iter().map(|&start| texts[start].clone()).collect();
             table.push(Column::new(name, "", first))?;
         }
-        let mut place = 0;
-        for segment in 1..=self.segments.value {
-            for feature in families.iter().flat_map(|family| family.features(&sensors)) {
-                let name = match self.segments.value {
-                    1 => feature.name,
-                    _ => format!("{}_part{segment}", feature.name),
-                };
-                let values: Vec<f64> = rows.iter().map(|row| row[place]).collect();
-                table.push(Column::new(name, feature.unit, values).described(feature.meaning))?;
-                place += 1;
-            }
+        let features = families.iter().flat_map(|family| family.features(&sensors));
+        for (place, feature) in features.enumerate() {
+            let values: Vec<f64> = rows.iter().map(|row| row[place]).collect();
+            table
+                .push(Column::new(feature.name, feature.unit, values).described(feature.meaning))?;
         }
         let is_incomplete = |row: &usize| columns.iter().any(|column| !column.has(*row));
         let used = starts.iter().flat_map(|&start| start..start + self.window_rows);
@@ -269,6 +291,7 @@ impl RecordingStudy {
             table,
             kept: kept.len(),
             rows: self.window_rows,
+            units: self.units(),
             left_over: records.row_count() - starts.len() * self.window_rows,
             incomplete: used.filter(is_incomplete).count(),
             starts,
@@ -320,7 +343,7 @@ impl RecordingStudy {
                 }),
             }
         };
-        self.sensors.iter().zip(&nominals.sensors).map(one).collect()
+        self.sensors.iter().zip(nominals).map(one).collect()
     }
 
     /// The first rows of the complete windows.
@@ -354,34 +377,42 @@ fn residuals(
     Ok(residuals.filter(|residual| residual.is_finite()).collect())
 }
 
-/// The features of a segment. Those that depend on a sensor without a number are missing.
+/// The features of a window, whose parts have all sensors each. Those that depend on a sensor without a number are
+/// missing.
 fn features(
     families: &[&'static Family],
     sensors: &Sensors,
     columns: &[SensorColumns],
-    rows: Range<usize>,
+    parts: &[Range<usize>],
 ) -> Vec<f64> {
-    let is_absent = |column: &SensorColumns| !rows.clone().any(|row| column.has(row));
-    let mut absent: Vec<bool> = columns.iter().map(is_absent).collect();
-    let is_complete = |row: &usize| {
-        columns.iter().zip(&absent).all(|(column, absent)| *absent || column.has(*row))
+    let of_parts = parts.iter().flat_map(|part| columns.iter().map(move |column| (column, part)));
+    let own: Vec<(&SensorColumns, &Range<usize>)> = of_parts.collect();
+    let absent = |(column, part): &(&SensorColumns, &Range<usize>)| {
+        !(*part).clone().any(|row| column.has(row))
     };
-    let complete: Vec<usize> = rows.clone().filter(is_complete).collect();
+    let mut absent: Vec<bool> = own.iter().map(absent).collect();
+    let is_complete = |sample: &usize| {
+        own.iter().zip(&absent).all(|((own, part), absent)| *absent || own.has(part.start + sample))
+    };
+    let complete: Vec<usize> = (0..parts[0].len()).filter(is_complete).collect();
     if complete.is_empty() {
         absent.fill(true);
     }
     // A feature depends on an absent sensor if it differs between two values of its residual.
     let with = |instead: f64| -> Vec<f64> {
-        let mut window = Window::new(columns.len());
-        for (k, &row) in complete.iter().enumerate() {
+        let mut window = Window::new(own.len());
+        for (k, sample) in complete.iter().enumerate() {
             let instead = if k % 2 == 0 { instead } else { -0.5 * instead };
-            let pick = |of: &dyn Fn(&SensorColumns) -> f64, other: f64| -> Vec<f64> {
-                let values = columns.iter().zip(&absent);
-                values.map(|(column, absent)| if *absent { other } else { of(column) }).collect()
+            let pick = |of: &dyn Fn(&SensorColumns, usize) -> f64, other: f64| -> Vec<f64> {
+                let values = own.iter().zip(&absent);
+                let value = |((own, part), absent): (&(&SensorColumns, &Range<usize>), &bool)| {
+                    if *absent { other } else { of(own, part.start + sample) }
+                };
+                values.map(value).collect()
             };
-            let measured = pick(&|column| column.measured[row], instead);
-            let nominal = pick(&|column| column.nominal[row], 0.0);
-            window.add(&measured, &nominal, &pick(&|column| column.scale[row], 1.0));
+            let measured = pick(&|own, row| own.measured[row], instead);
+            let nominal = pick(&|own, row| own.nominal[row], 0.0);
+            window.add(&measured, &nominal, &pick(&|own, row| own.scale[row], 1.0));
         }
         let mut values = vec![];
         values.extend(families.iter().flat_map(|family| family.values(sensors, &window)));

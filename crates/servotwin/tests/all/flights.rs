@@ -478,7 +478,7 @@ fn a_study_judges_other_plants_and_learns_nothing_from_them() {
     let taught = std::fs::read(folder.diagnoser(Scenario::Realistic)).unwrap();
     let other = results.of_suite(OTHER_STRUCTURE).next().unwrap();
     assert_eq!((other.group.scenario.as_str(), other.flights, other.failed), ("realistic", 16, 0));
-    assert_eq!(other.healthy.flights[0], 2);
+    assert_eq!(other.rates.of(&measure::FALSE_ALARM).of, 2);
     let judged: Vec<_> = results.judged().collect();
     assert_eq!(judged.len(), 1, "it is no further scenario");
     assert!(text(&other.classes) != text(&judged[0].classes));

@@ -2,15 +2,18 @@
 
 use super::folder::Folder;
 use servotwin::job::{self, JobError};
+use servotwin::learn::model_file::read_diagnoser;
+use servotwin::measure::FALSE_ALARM;
 use servotwin::parallel::Workers;
 use servotwin::recordings::judged::JudgedRecordings;
-use servotwin::recordings::model::RecordingModel;
-use servotwin::recordings::{NominalSource, RecordingError, RecordingStudy, Windows};
+use servotwin::recordings::{Answers, NominalSource, RecordingError, RecordingStudy, Windows};
 use servotwin::simulate::Simulation;
 use servotwin::system::System;
 use servotwin::table::{Column, Table};
+use servotwin_diagnosis::diagnoser::{Diagnoser, IndexedFinding, Session};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
 fn small() -> Table {
     let x: Vec<f64> = (0..40).map(f64::from).collect();
@@ -226,6 +229,10 @@ fn runs(offset: impl Fn(usize) -> f64) -> Table {
     .unwrap()
 }
 
+fn answer(diagnoser: &Diagnoser, record: &Table) -> Result<Answers, RecordingError> {
+    Answers::of(diagnoser, diagnoser.recorded.as_ref().unwrap(), record)
+}
+
 fn judged(text: &str, records: &Table) -> JudgedRecordings {
     RecordingStudy::parse(text, "study.toml")
         .unwrap()
@@ -239,7 +246,7 @@ fn windows_are_judged_by_what_other_groups_teach() {
     let [cart, forest] = judged.results.targets.as_slice() else { panic!("two classifiers") };
     for target in [cart, forest] {
         assert_eq!((target.score.accuracy.count, target.score.accuracy.of), (120, 120));
-        assert_eq!(target.false_alarms.unwrap().of, 60);
+        assert_eq!(target.rates.of(&FALSE_ALARM).of, 60);
     }
     let outcomes = &judged.outcomes;
     assert_eq!(outcomes.row_count(), 240, "a row for each window and classifier");
@@ -312,11 +319,16 @@ fn results_are_written_beside_each_other_but_not_over_those_of_a_simulated_study
     let judged = judged(RUNS, &runs(|_| 0.0));
     let out = job::Folder::new(&folder.0);
     judged.write(&out).unwrap();
-    let names =
-        ["model.json", "outcomes.parquet", "recordings.json", "study.toml", "windows.parquet"];
+    let names = [
+        "diagnoser-of-state.json",
+        "outcomes.parquet",
+        "recordings.json",
+        "study.toml",
+        "windows.parquet",
+    ];
     assert!(names.iter().all(|name| folder.file(name).exists()), "{:?}", folder.names());
-    let model = RecordingModel::read(&folder.file("model.json")).unwrap();
-    assert_eq!(model, judged.model);
+    let read = read_diagnoser(folder.file("diagnoser-of-state.json")).unwrap();
+    assert_eq!(read, judged.diagnosers[0].1);
     judged.write(&out).unwrap();
     folder.write("evaluation.json", "{}");
     assert!(matches!(judged.write(&out), Err(JobError::OtherResults { count: 1, .. })));
@@ -325,19 +337,27 @@ fn results_are_written_beside_each_other_but_not_over_those_of_a_simulated_study
 #[test]
 fn a_model_answers_for_a_record_without_labels() {
     let records = runs(|_| 0.0);
-    let model = judged(RUNS, &records).model;
+    let (_, mut diagnoser) = judged(RUNS, &records).diagnosers.remove(0);
     let mut new = records.rows(0..42);
     for column in ["run", "state"] {
         new.take(column).unwrap();
     }
-    let answers = model.answer(&new).unwrap();
-    let [(target, said)] = answers.targets.as_slice() else { panic!("one target, one answer") };
-    assert_eq!(target, "state");
-    assert_eq!(said[..], [["none"; 5], ["leak"; 5]].concat());
-    assert!(answers.distances.is_none());
+    let answers = answer(&diagnoser, &new).unwrap();
+    let said = answers.findings.iter().map(|finding| diagnoser.describe(*finding));
+    assert_eq!(said.collect::<Vec<_>>(), [["healthy"; 5], ["leak"; 5]].concat());
+    assert!(answers.distances.iter().all(|distance| *distance == 0.0));
     assert_eq!(answers.windows.left_over, 2);
-    let other = RecordingModel { study: RUNS.replace("\"y\", \"z\"", "\"z\", \"y\""), ..model };
-    assert!(other.answer(&new).unwrap_err().to_string().contains("features"), "exchanged sensors");
+    let mut session = Session::new(Arc::new(diagnoser.clone())).unwrap().at_rest();
+    for row in 20..24 {
+        let measured = ["y", "z"].map(|name| new.f64(name).unwrap()[row]);
+        session.push(&[], &measured, &[0.0; 2]);
+    }
+    let finding = session.outcome().finding;
+    assert_eq!(diagnoser.describe(finding), "leak", "a session judges a window alike");
+    let recorded = diagnoser.recorded.as_mut().unwrap();
+    recorded.study = RUNS.replace("\"y\", \"z\"", "\"z\", \"y\"");
+    let error = answer(&diagnoser, &new).unwrap_err().to_string();
+    assert!(error.contains("features"), "exchanged sensors: {error}");
 }
 
 #[test]
@@ -346,10 +366,10 @@ fn a_damaged_model_is_refused() {
     let text = RUNS.replace("residuals = [\"y\", \"z\"]\n", "")
         + "[[sensors]]\nname = \"y\"\nmeasured = \"y\"\nnominal_from = []\n";
     judged(&text, &runs(|_| 0.0)).write(&job::Folder::new(&folder.0)).unwrap();
-    let model = std::fs::read_to_string(folder.file("model.json")).unwrap();
+    let model = std::fs::read_to_string(folder.file("diagnoser-of-state.json")).unwrap();
     let rest = model.split_once("\",\n").unwrap().1;
     let cases = [
-        ("servotwin recordings 1", "servotwin recordings 2"),
+        ("servotwin diagnoser 1", "servotwin diagnoser 2"),
         ("window_rows = 4", "window_rows = 0"),
         ("nominal_from = []", "scale = 1.0"),
         ("\"features\": [", "\"features\": [ \"more\","),
@@ -357,7 +377,8 @@ fn a_damaged_model_is_refused() {
     for (known, other) in cases {
         assert!(rest.contains(known), "{known}");
         let path = folder.write("damaged.json", format!("{{\n{}", rest.replacen(known, other, 1)));
-        assert!(RecordingModel::read(&path).is_err(), "{other}");
+        let answered = read_diagnoser(&path).map(|own| answer(&own, &runs(|_| 0.0)).is_ok());
+        assert!(!answered.unwrap_or(false), "{other}");
     }
 }
 
@@ -407,8 +428,10 @@ fn nominal_values_come_from_a_twin_of_every_record() {
     assert!(accuracy.of == 32 && accuracy.count >= 30, "{accuracy:?}");
     let mut new = logged(9, 0.5);
     new.push(Column::new("twin.x_p", "", vec![0.0; 400])).unwrap();
-    let answers = judged.model.answer(&new).unwrap();
-    assert_eq!(answers.targets[0].1, ["low"; 4], "its own twin runs beside a new record");
+    let diagnoser = &judged.diagnosers[0].1;
+    let findings = answer(diagnoser, &new).unwrap().findings;
+    let is_low = |own: &IndexedFinding| diagnoser.describe(*own) == "low";
+    assert!(findings.len() == 4 && findings.iter().all(is_low), "its own twin runs beside it");
     let unknown =
         RecordingStudy::parse(&text.replace("twin.x_v", "twin.x_y"), "study.toml").unwrap();
     let error = unknown.read(&folder.0).unwrap_err().to_string();

@@ -4,7 +4,6 @@ use crate::Global;
 use crate::commands::{SpanOptions, note, warn};
 use crate::failure::Failure;
 use servotwin::job::{Folder, flights};
-use servotwin::learn::model_file;
 use servotwin::live::watcher::Watcher;
 use servotwin::moment;
 use servotwin::study::{Scenario, Study};
@@ -161,16 +160,8 @@ pub(crate) fn usual_diagnoser() -> PathBuf {
     Folder::new("out").diagnoser(Scenario::Realistic)
 }
 
-/// The diagnoser that the options name, or that of the default output folder. If it is missing, the built-in aileron has
-/// a shipped one.
-pub(crate) fn diagnoser(
-    input: &InputOptions,
-    study: &Study,
-    global: Global,
-) -> Result<Diagnoser, Failure> {
-    if let Some(path) = &input.model {
-        return Ok(model_file::read_diagnoser(path)?);
-    }
+/// The diagnoser of the default output folder. If it is missing, the built-in aileron has a shipped one.
+pub(crate) fn diagnoser(study: &Study, global: Global) -> Result<Diagnoser, Failure> {
     let shipped = (!usual_diagnoser().exists()).then(|| shipped::diagnoser(study)).flatten();
     if let Some(shipped) = shipped {
         let text = "the diagnosis comes with the program and allows for no tolerances; servotwin study --suite flights learns one that does";
