@@ -7,7 +7,7 @@ use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::job::{Folder, JobError};
 use servotwin::learn::EvaluationError;
-use servotwin::records::CampaignError;
+use servotwin::records::RunError;
 use servotwin::records::columns::feature_columns_of;
 use servotwin::study::{Purpose, Scenario, Study as Inner};
 use servotwin::table::{Column, Table as Columns};
@@ -242,11 +242,11 @@ pub fn study_of(py: Python<'_>, out: PathBuf) -> PyResult<Study> {
     Ok(Study::made(inner, path))
 }
 
-impl From<CampaignError> for Failure {
-    fn from(error: CampaignError) -> Self {
+impl From<RunError> for Failure {
+    fn from(error: RunError) -> Self {
         match error {
-            CampaignError::File(error) => error.into(),
-            CampaignError::Table(error) => error.into(),
+            RunError::File(error) => error.into(),
+            RunError::Table(error) => error.into(),
             error => Failure::stage(error),
         }
     }
@@ -267,7 +267,7 @@ impl From<JobError> for Failure {
         match error {
             JobError::File(error) => error.into(),
             JobError::Study(error) => (*error).into(),
-            JobError::Campaign(error) => error.into(),
+            JobError::Run(error) => error.into(),
             JobError::Evaluation(error) => error.into(),
             error => {
                 let file = match &error {

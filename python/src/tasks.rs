@@ -6,7 +6,7 @@ use crate::study::{Study, scenario};
 use pyo3::prelude::*;
 use servotwin::job::tasks::Task;
 use servotwin::job::{Among, Crew, Folder, Hold, Job, JobError};
-use servotwin::records::CampaignError;
+use servotwin::records::RunError;
 use servotwin::run::part::Share;
 use servotwin::study::Scenario;
 use std::path::PathBuf;
@@ -51,7 +51,7 @@ impl At<'_> {
             let crew = Crew { workers: watch.workers(threads), progress: &told };
             work(Job { crew, ..self.job() })?;
             match watch.workers(None).is_cancelled() {
-                true => Err(CampaignError::Cancelled.into()),
+                true => Err(RunError::Cancelled.into()),
                 false => Ok(()),
             }
         })?;

@@ -8,7 +8,7 @@ use servotwin::learn::EvaluationError;
 use servotwin::live::runtime::RuntimeError;
 use servotwin::nearest::UnknownName;
 use servotwin::recordings::RecordingError;
-use servotwin::records::CampaignError;
+use servotwin::records::RunError;
 use servotwin::rest::RestError;
 use servotwin::signal::SignalError;
 use servotwin::system::RewriteError;
@@ -189,13 +189,13 @@ failures! {
         TomlError::Mistakes { mistakes, .. } => Failure::of_mistakes(&error, mistakes),
         TomlError::File(error) => Failure::input(error),
     };
-    CampaignError: |error| match &error {
-        CampaignError::Cancelled => Failure::stopped(),
+    RunError: |error| match &error {
+        RunError::Cancelled => Failure::stopped(),
         // The study lacks a section that the named scenario needs.
-        CampaignError::NoSection { .. } => Failure::usage(error),
-        CampaignError::Unfinished { damaged: Some(_), .. }
-        | CampaignError::File(FileError::Altered { .. })
-        | CampaignError::Table(TableError::File(FileError::Altered { .. })) => {
+        RunError::NoSection { .. } => Failure::usage(error),
+        RunError::Unfinished { damaged: Some(_), .. }
+        | RunError::File(FileError::Altered { .. })
+        | RunError::Table(TableError::File(FileError::Altered { .. })) => {
             Failure::input(error)
         }
         _ => Failure::work(error),
@@ -213,7 +213,7 @@ failures! {
     };
     JobError: |error| match error {
         JobError::Evaluation(error) => error.into(),
-        JobError::Campaign(error) => error.into(),
+        JobError::Run(error) => error.into(),
         JobError::File(FileError::Altered { .. }) => Failure::input(error),
         JobError::File(_) | JobError::Busy { .. } => Failure::work(error),
         JobError::OtherResults { .. } => {

@@ -1,7 +1,7 @@
 //! Example faults, simulated again for the report with their time series. The choice is small and always the same.
 
 use servotwin::ensemble::{Ensemble, Variant};
-use servotwin::records::{self, CampaignError};
+use servotwin::records::{self, RunError};
 use servotwin::study::{FaultCase, Study};
 
 /// Words to find in a fault class, and the intensities to show.
@@ -26,14 +26,14 @@ pub struct Example {
 ///
 /// # Errors
 /// The healthy system cannot be simulated. A faulty system that cannot be simulated is left out.
-pub(crate) fn simulate(study: &Study) -> Result<Vec<Example>, CampaignError> {
+pub(crate) fn simulate(study: &Study) -> Result<Vec<Example>, RunError> {
     let ensemble = records::ensemble(study);
     // The case in the middle is neither the easiest nor the hardest.
     let case = study.cases.len() / 2;
     let inputs = || study.cases[case].inputs.iter().collect();
     let healthy = Variant { inputs: inputs(), ..Variant::default() };
     let twin = signals(&ensemble, &healthy)
-        .map_err(|reason| CampaignError::Twin { case: study.cases[case].name.clone(), reason })?;
+        .map_err(|reason| RunError::Twin { case: study.cases[case].name.clone(), reason })?;
     let mut examples = vec![];
     for faults in wanted(study) {
         let run = |fault: &&FaultCase| {

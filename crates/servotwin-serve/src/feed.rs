@@ -28,7 +28,7 @@ const FRAME_S: f64 = 0.05;
 /// Why a source ended early.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
-pub enum RunError {
+pub enum FeedError {
     /// Plant or twin cannot be simulated.
     Simulation(#[from] RuntimeError),
     /// A log or a stream cannot be read.
@@ -52,7 +52,7 @@ pub trait LiveSource: Sync {
         feed: &Feed,
         requests: &mpsc::Receiver<Request>,
         stop: &AtomicBool,
-    ) -> Result<(), RunError>;
+    ) -> Result<(), FeedError>;
 }
 
 /// A message to viewers.

@@ -1,7 +1,7 @@
 //! The flight that viewers watch: in closed loop and in real time, beside a ghost that flies the same without a
 //! diagnosis.
 
-use crate::feed::{Feed, Frames, LiveSource, RunError};
+use crate::feed::{Feed, Frames, LiveSource, FeedError};
 use crate::injection::Injection;
 use crate::request::Request;
 use crate::signals::{ShownSample, Signals};
@@ -66,7 +66,7 @@ impl LiveSource for Live {
         feed: &Feed,
         requests: &Receiver<Request>,
         stop: &AtomicBool,
-    ) -> Result<(), RunError> {
+    ) -> Result<(), FeedError> {
         let signals = Signals::of_flights(&self.study, &self.diagnoser);
         loop {
             let scenario = |reacts| ClosedLoop {

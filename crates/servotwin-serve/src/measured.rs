@@ -1,6 +1,6 @@
 //! An actuator that is measured: a stream that is watched as it comes.
 
-use crate::feed::{Feed, Frames, LiveSource, RunError};
+use crate::feed::{Feed, Frames, LiveSource, FeedError};
 use crate::request::{Refused, Request};
 use crate::state::{SourceKind, about};
 use serde_json::{Value, json};
@@ -55,7 +55,7 @@ impl Stream<'_> {
         feed: &Feed,
         stop: &AtomicBool,
         show: &mut dyn FnMut(f64, Option<f64>),
-    ) -> Result<(), RunError> {
+    ) -> Result<(), FeedError> {
         let (period_s, system) = (self.diagnoser.period_s, &self.study.system);
         let (scene, width) = (self.scene(), self.signals().len());
         let frames = Frames::new(width, period_s);
@@ -95,7 +95,7 @@ impl LiveSource for Stream<'_> {
         feed: &Feed,
         requests: &Receiver<Request>,
         stop: &AtomicBool,
-    ) -> Result<(), RunError> {
+    ) -> Result<(), FeedError> {
         let system = &self.study.system;
         let refused = || {
             let now_s = feed.now_s(self.diagnoser.period_s);

@@ -16,7 +16,7 @@
 //!
 //! A connection that sends no request within ten seconds ends, as does a viewer that takes nothing for so long.
 
-use crate::feed::{Begin, Feed, LiveSource, Message, RunError};
+use crate::feed::{Begin, Feed, LiveSource, Message, FeedError};
 use crate::page::{HTML, PARTS, page_of};
 use crate::request::{LONGEST, Refused, Request, WAITING};
 use crate::session::table_of;
@@ -85,7 +85,7 @@ pub enum ServeError {
     },
     /// A source ended early.
     #[error(transparent)]
-    Run(#[from] RunError),
+    Run(#[from] FeedError),
     /// The system gave no thread or no random number.
     #[error("the server cannot begin: {0}")]
     System(std::io::Error),
@@ -284,7 +284,7 @@ fn run_source(
     shared: &Shared,
     waiting: &Receiver<Request>,
     stop: &AtomicBool,
-) -> Result<(), RunError> {
+) -> Result<(), FeedError> {
     let ended = source.run(&shared.feed, waiting, stop);
     if let Err(error) = &ended {
         let now_s = shared.feed.now_s(shared.period_s());
@@ -627,7 +627,7 @@ mod tests {
             vec![PlayerSignal::new("a", "a", "kN", SignalGroup::Fight)]
         }
 
-        fn run(&self, _: &Feed, _: &Receiver<Request>, _: &AtomicBool) -> Result<(), RunError> {
+        fn run(&self, _: &Feed, _: &Receiver<Request>, _: &AtomicBool) -> Result<(), FeedError> {
             Ok(())
         }
     }

@@ -1,21 +1,21 @@
 //! The records of a study in words: what was simulated, and what failed.
 
 use servotwin::job::Folder;
-use servotwin::records::CampaignOutcome;
+use servotwin::records::RecordsOutcome;
 use servotwin::study::{Purpose, Study};
 use servotwin::toml_text::counted;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};
 use servotwin_view::row;
 
 /// Whether all records are simulated.
-pub(super) fn verdict(folder: &Folder, records: &[CampaignOutcome]) -> Verdict {
+pub(super) fn verdict(folder: &Folder, records: &[RecordsOutcome]) -> Verdict {
     let failed: usize = records.iter().map(|own| own.failed.len()).sum();
     let values = [("folder", folder.path().into()), ("failed", failed.into())];
     Verdict::good(line("{folder}: the data sets are complete; {failed} rows failed.", values))
 }
 
 /// Describes what was simulated.
-pub(super) fn describe(document: &mut Document, study: &Study, records: &[CampaignOutcome]) {
+pub(super) fn describe(document: &mut Document, study: &Study, records: &[RecordsOutcome]) {
     if records.is_empty() {
         return;
     }
@@ -35,8 +35,8 @@ pub(super) fn describe(document: &mut Document, study: &Study, records: &[Campai
 }
 
 /// Describes some records in a line.
-pub(super) fn line_of(study: &Study, outcome: &CampaignOutcome) -> String {
-    let &CampaignOutcome { variants, resumed, seconds, duration_s, on_the_move, .. } = outcome;
+pub(super) fn line_of(study: &Study, outcome: &RecordsOutcome) -> String {
+    let &RecordsOutcome { variants, resumed, seconds, duration_s, on_the_move, .. } = outcome;
     let mut text = format!(
         "{}, {}: {variants} rows of {duration_s} s, {} of them now in {seconds:.1} s; {} failed",
         study.name,
@@ -54,8 +54,8 @@ pub(super) fn line_of(study: &Study, outcome: &CampaignOutcome) -> String {
     text
 }
 
-fn counts(outcome: &CampaignOutcome) -> Vec<Value> {
-    let CampaignOutcome { statistics, .. } = outcome;
+fn counts(outcome: &RecordsOutcome) -> Vec<Value> {
+    let RecordsOutcome { statistics, .. } = outcome;
     row![
         Value::list(outcome.scenarios.iter().map(|scenario| scenario.name())),
         outcome.purpose == Purpose::Train,

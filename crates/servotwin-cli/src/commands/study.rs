@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::{Global, Run, stop};
 use servotwin::job::tasks::Task;
 use servotwin::job::{self, Crew, Folder, Job, JobError, Results, StudyEvent, StudyRun};
-use servotwin::records::CampaignError;
+use servotwin::records::RunError;
 use servotwin::run::part::Share;
 use servotwin::study::suites::{FLIGHTS, MAX_ENVIRONMENTS, RECORDS};
 use servotwin::study::{Purpose, Scenario, Study};
@@ -169,7 +169,7 @@ pub(super) fn suites(
     let wanted = |scenario| options.wants(study, scenario);
     let named = options.scenario.as_deref().and_then(Scenario::named);
     if let Some(scenario) = named.filter(|scenario| !scenario.is_possible(study)) {
-        return Err(CampaignError::no_section(scenario, study).into());
+        return Err(RunError::no_section(scenario, study).into());
     }
     let job = Job { changed: &changed, ..job };
     if options.share.is_some() || changed.iter().any(|suite| suite.purpose == Purpose::Train) {

@@ -10,7 +10,7 @@ use crate::live::runtime::RuntimeError;
 use crate::live::tracking::TrackedQuantities;
 use crate::measure::outcome::{Needed, RunOutcome};
 use crate::parallel::{self, Workers};
-use crate::run::{CampaignError, Profile, Run};
+use crate::run::{Profile, Run, RunError};
 use crate::study::faults::full_name;
 use crate::study::flights::Environment;
 use crate::study::{Scenario, Study, Suite};
@@ -28,7 +28,7 @@ pub(super) fn fly(
     diagnoser: &Arc<Diagnoser>,
     runs: &[Run],
     workers: Workers,
-) -> Result<Vec<RunOutcome>, CampaignError> {
+) -> Result<Vec<RunOutcome>, RunError> {
     let tracked = TrackedQuantities::of(study);
     let pistons = pistons(study, tracked.slots.len());
     let slots = tracked.slots.iter().copied().chain(pistons.values().map(|(_, slot)| *slot));
@@ -47,7 +47,7 @@ pub(super) fn fly(
         let environment = study.environments(suite, number..number + 1)?.remove(0);
         let run = Run { fault: None, duration_s: suite.longest_s(), ..*run };
         let flown = flyer.fly(&environment, &run, false, |_, _| ());
-        let record = flown.map_err(|error| CampaignError::Twin {
+        let record = flown.map_err(|error| RunError::Twin {
             case: environment.name.clone(),
             reason: error.to_string(),
         })?;
@@ -55,9 +55,9 @@ pub(super) fn fly(
     };
     let first_runs: BTreeMap<usize, &Run> = runs.iter().map(|run| (run.environment, run)).collect();
     let healthy: BTreeMap<usize, (Environment, FlightRecord)> =
-        first_runs.into_values().map(reference).collect::<Result<_, CampaignError>>()?;
+        first_runs.into_values().map(reference).collect::<Result<_, RunError>>()?;
     let outcome = |run: &Run| flyer.outcome(run, &healthy[&run.environment]);
-    parallel::map(runs, workers, outcome).map_err(|_| CampaignError::Cancelled)
+    parallel::map(runs, workers, outcome).map_err(|_| RunError::Cancelled)
 }
 
 /// For every actuator with a cylinder the place of its piston's position among the recorded variables, of which some

@@ -10,7 +10,7 @@ use crate::parallel::Workers;
 use crate::records::columns::HEALTHY;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::other_plant::OtherPlants;
-use crate::run::{CampaignError, Observer, Run, Runner, part, plan};
+use crate::run::{Observer, Run, RunError, Runner, part, plan};
 use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
@@ -112,7 +112,7 @@ pub(crate) fn fly(
     numbers: &[usize],
     workers: Workers,
     ended: Ended,
-) -> Result<(), CampaignError> {
+) -> Result<(), RunError> {
     if suite.is_unseen {
         unseen_faults::fly((study, suite, scenario), watching, numbers, workers, ended)?;
     } else {
@@ -131,7 +131,7 @@ pub(crate) fn fly(
             watch(&runner, watching, &truth, &|_| None, |_, _| (), ended);
         }
     }
-    if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(()) }
+    if workers.is_cancelled() { Err(RunError::Cancelled) } else { Ok(()) }
 }
 
 /// Flies runs, each watched by some diagnoses. `truth` says what is right in a run, `touched` changes what the diagnoses

@@ -4,7 +4,7 @@ use crate::files::FileError;
 use crate::learn::EvaluationError;
 use crate::live::runtime::RuntimeError;
 use crate::parallel::Cancelled;
-use crate::records::CampaignError;
+use crate::records::RunError;
 use crate::table::TableError;
 use crate::toml_text::TomlError;
 use crate::toml_text::counted;
@@ -24,7 +24,7 @@ pub enum JobError {
     Study(Box<TomlError>),
     /// A campaign, or an example of the report, cannot be simulated.
     #[error(transparent)]
-    Campaign(#[from] CampaignError),
+    Run(#[from] RunError),
     /// There is no data set in the folder.
     #[error("{folder}: there is no data set here")]
     NoDataSet { folder: PathBuf },
@@ -121,6 +121,6 @@ impl From<TomlError> for JobError {
 
 impl From<Cancelled> for JobError {
     fn from(_: Cancelled) -> Self {
-        CampaignError::Cancelled.into()
+        RunError::Cancelled.into()
     }
 }

@@ -201,7 +201,7 @@ impl Job<'_> {
     /// Flies some parts of a suite to learn from, which [`Job::learn`] reads.
     ///
     /// # Errors
-    /// As [`Job::learn`]; [`CampaignError::Unfinished`] for [`HARD_NEGATIVES`] before all flights of [`LEARN`].
+    /// As [`Job::learn`]; [`RunError::Unfinished`] for [`HARD_NEGATIVES`] before all flights of [`LEARN`].
     pub(super) fn fly_to_learn(
         &self,
         (suite, scenario): (&Suite, Scenario),

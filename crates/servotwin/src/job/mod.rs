@@ -33,7 +33,7 @@ use crate::learn::flips::Moving;
 use crate::learn::train;
 use crate::learn::{self, Context, DataSet, model_file};
 use crate::parallel::{self, Workers};
-use crate::records::{Campaign, CampaignError, data_features};
+use crate::records::{Campaign, RunError, data_features};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table;
 use results::SubjectResult;
@@ -93,7 +93,7 @@ impl<'j> Job<'j> {
     }
 
     fn check(&self) -> Result<(), JobError> {
-        if self.crew.workers.is_cancelled() { Err(CampaignError::Cancelled.into()) } else { Ok(()) }
+        if self.crew.workers.is_cancelled() { Err(RunError::Cancelled.into()) } else { Ok(()) }
     }
 
     /// The records of a purpose in scenarios with the same plants.

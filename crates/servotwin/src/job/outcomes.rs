@@ -11,7 +11,7 @@ use crate::parallel::Workers;
 use crate::run::compute::{Kept, Round, Take, compute};
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::part::{self, PartFiles};
-use crate::run::{CampaignError, RunName};
+use crate::run::{RunError, RunName};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table::{self, Table, TableError};
@@ -260,7 +260,7 @@ impl<'f> FlownParts<'f> {
         let mut all = self.empty.clone();
         for part in 0..self.files.parts.len() {
             if let Some(table) = self.files.read(part)? {
-                let own = FlownSuite::from_table(&table).map_err(CampaignError::from)?;
+                let own = FlownSuite::from_table(&table).map_err(RunError::from)?;
                 all.outcomes.extend(own.outcomes);
                 if let Some(more) = own.calibration {
                     all.calibration.get_or_insert_default().add(more);
@@ -283,7 +283,7 @@ impl Kept for FlownParts<'_> {
         from_ref(&self.files)
     }
 
-    fn fly(&self, round: &Round, take: Take<Flown>) -> Result<(), CampaignError> {
+    fn fly(&self, round: &Round, take: Take<Flown>) -> Result<(), RunError> {
         let numbers: Vec<usize> = round.numbers().collect();
         let mut ended = |number, flown| take(0, number, flown);
         watched::fly(self.place, &self.watching, &numbers, self.workers, &mut ended)

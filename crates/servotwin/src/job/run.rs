@@ -13,7 +13,7 @@ use super::flights::FlightResults;
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
 use super::{Job, JobError, Results, Subject, data_card, flights, manifest, subjects};
-use crate::records::{CampaignError, CampaignOutcome};
+use crate::records::{RecordsOutcome, RunError};
 use crate::study::{Purpose, Scenario, Study};
 use crate::table::{self, Table};
 use servotwin_diagnosis::diagnoser::Diagnoser;
@@ -28,7 +28,7 @@ pub enum StudyEvent<'e> {
         files: usize,
     },
     /// Records are simulated.
-    Simulated(&'e CampaignOutcome),
+    Simulated(&'e RecordsOutcome),
     /// The scenarios simulated so far are evaluated, and their results written.
     Evaluated {
         /// The results so far.
@@ -97,12 +97,12 @@ impl<'r> StudyRun<'r> {
     /// early. Flights come last.
     ///
     /// # Errors
-    /// As [`RunStudy::run`]; [`CampaignError::Cancelled`].
+    /// As [`RunStudy::run`]; [`RunError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let Job { study, folder, .. } = self.job;
         let named = self.only.or(self.fitted.then_some(Scenario::Fitted));
         if let Some(scenario) = named.filter(|scenario| !scenario.is_possible(study)) {
-            return Err(CampaignError::no_section(scenario, study).into());
+            return Err(RunError::no_section(scenario, study).into());
         }
         let Kept { hold, dropped } = folder.keep_study(study, self.replace)?;
         if dropped > 0 {

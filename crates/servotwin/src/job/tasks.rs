@@ -4,7 +4,7 @@
 use super::{Job, JobError, data_card, flights, manifest, outcomes};
 use crate::flight::watched;
 use crate::learn::training_windows;
-use crate::records::{CampaignError, CampaignOutcome, calibration_file, runs, title};
+use crate::records::{RecordsOutcome, RunError, calibration_file, runs, title};
 use crate::run::part;
 use crate::study::suites::{FLIGHTS, HARD_NEGATIVES, LEARN, RECORDS};
 use crate::study::{Purpose, Scenario, Study, Suite};
@@ -138,7 +138,7 @@ impl<'j> Job<'j> {
     ///
     /// # Errors
     /// What a task needs is missing; a run cannot begin; a file cannot be written;
-    /// [`Cancelled`](crate::records::CampaignError::Cancelled).
+    /// [`Cancelled`](crate::records::RunError::Cancelled).
     pub fn run(&self, tasks: &[Task]) -> Result<(), JobError> {
         let all: usize = tasks.iter().map(|task| task.runs).sum();
         let mut done = 0;
@@ -211,7 +211,7 @@ impl<'j> Job<'j> {
         &self,
         purpose: Purpose,
         scenarios: Vec<Scenario>,
-    ) -> Result<CampaignOutcome, JobError> {
+    ) -> Result<RecordsOutcome, JobError> {
         let what = format!("simulating {}", title(purpose, &scenarios));
         Ok(self.campaign(purpose, scenarios).run(&self.rows_of(&what))?)
     }
@@ -225,7 +225,7 @@ impl<'j> Job<'j> {
         &self,
         suites: &[String],
         scenarios: impl Fn(Scenario) -> bool,
-    ) -> Result<Vec<CampaignOutcome>, JobError> {
+    ) -> Result<Vec<RecordsOutcome>, JobError> {
         self.complete(suites, scenarios, true)
     }
 
@@ -246,7 +246,7 @@ impl<'j> Job<'j> {
         suites: &[String],
         scenarios: impl Fn(Scenario) -> bool,
         learns: bool,
-    ) -> Result<Vec<CampaignOutcome>, JobError> {
+    ) -> Result<Vec<RecordsOutcome>, JobError> {
         let Job { study, folder, .. } = *self;
         let flown: Vec<Scenario> = self.flown(&scenarios).collect();
         let (mut judged, mut simulated) = (vec![], vec![]);
@@ -282,7 +282,7 @@ impl<'j> Job<'j> {
         match Scenario::ALL.into_iter().find(|&scenario| wanted(scenario)) {
             // The study lacks a section that the scenario needs.
             Some(scenario) if all.is_empty() => {
-                Err(CampaignError::no_section(scenario, self.study).into())
+                Err(RunError::no_section(scenario, self.study).into())
             }
             _ => Ok(all),
         }

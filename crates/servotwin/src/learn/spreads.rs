@@ -11,7 +11,7 @@
 use super::windows::WindowDesign;
 use crate::parallel::Workers;
 use crate::run::runner::Runner;
-use crate::run::{CampaignError, Observer, Run, plan};
+use crate::run::{Observer, Run, RunError, plan};
 use crate::study::suites::LEARN;
 use crate::study::{Flights, Scenario, Study, Suite};
 use servotwin_diagnosis::features::{Quantity, Sensor};
@@ -77,7 +77,7 @@ pub fn learn<'s>(
     scenario: Scenario,
     pools: &[usize],
     workers: Workers,
-) -> Result<WindowDesign<'s>, CampaignError> {
+) -> Result<WindowDesign<'s>, RunError> {
     let spools = spools(study);
     let mut spreads = vec![None; spools.len()];
     if let Some(suite) = study.suite(LEARN) {
@@ -100,7 +100,7 @@ fn sums(
     scenario: Scenario,
     spools: &[Option<usize>],
     workers: Workers,
-) -> Result<(Vec<Sums>, usize), CampaignError> {
+) -> Result<(Vec<Sums>, usize), RunError> {
     let environments = 0..suite.environments.min(ENVIRONMENTS);
     let mut first: BTreeMap<usize, Run> = BTreeMap::new();
     for run in plan::runs(study, suite, &environments).into_iter().filter(Run::is_healthy) {
@@ -125,7 +125,7 @@ fn sums(
         },
     );
     if workers.is_cancelled() {
-        return Err(CampaignError::Cancelled);
+        return Err(RunError::Cancelled);
     }
     // In the order of the runs, so that the sums do not depend on the threads.
     let mut total = (vec![Sums::default(); spools.len()], 0);

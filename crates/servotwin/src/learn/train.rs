@@ -5,7 +5,7 @@ use crate::learn::data_set::DataRow;
 use crate::learn::{self, DataSet, EvaluationError, EvaluationSettings, bands, committee};
 use crate::parallel::{self, Workers};
 use crate::records::data_features;
-use crate::run::{CampaignError, ensemble};
+use crate::run::{RunError, ensemble};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
 use crate::study::{Purpose, Scenario, Study};
 use crate::table::Table;
@@ -343,7 +343,7 @@ const NOT_FLOWN: (f64, f64) = (f64::INFINITY, f64::NEG_INFINITY);
 ///
 /// # Errors
 /// A command cannot be flown.
-pub(crate) fn environment(study: &Study) -> Result<InputChecks, CampaignError> {
+pub(crate) fn environment(study: &Study) -> Result<InputChecks, RunError> {
     let network = study.system.network();
     let mut flown = vec![NOT_FLOWN; network.inputs.len()];
     let mut reach = |input: usize, value: f64| {

@@ -15,7 +15,7 @@ use crate::parallel::{self, Workers};
 use crate::records::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
 use crate::run::compute::{Kept, Round, Take};
 use crate::run::part::{self, PartFiles};
-use crate::run::{CampaignError, Observer, Run, Runner, plan};
+use crate::run::{Observer, Run, RunError, Runner, plan};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
 use crate::study::{Scenario, Stream, Study, Suite};
 use crate::table::{Column, Table, TableError, Values};
@@ -299,8 +299,8 @@ impl<'f> TrainingFlights<'f> {
     /// Adds the windows of all parts, by flight.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if a part is missing.
-    pub(crate) fn add_to(&self, taken: &mut TrainingWindows) -> Result<(), CampaignError> {
+    /// [`RunError::Unfinished`] if a part is missing.
+    pub(crate) fn add_to(&self, taken: &mut TrainingWindows) -> Result<(), RunError> {
         let (sensors, is_hard_negative) =
             (self.design.study.base_sensors(), self.suite.name == HARD_NEGATIVES);
         for part in 0..self.files.parts.len() {
@@ -325,7 +325,7 @@ impl Kept for TrainingFlights<'_> {
         from_ref(&self.files)
     }
 
-    fn fly(&self, round: &Round, take: Take<TrainingWindows>) -> Result<(), CampaignError> {
+    fn fly(&self, round: &Round, take: Take<TrainingWindows>) -> Result<(), RunError> {
         let (study, suite, scenario) = self.place();
         let runs = round.numbers().map(|number| plan::run(study, suite, number)).collect();
         let mut flown = Runner::new(study, suite, (scenario, None), runs, self.workers)?;
@@ -376,7 +376,7 @@ pub fn tables(
     design: &WindowDesign,
     taken: &TrainingWindows,
     workers: Workers,
-) -> Result<Vec<Table>, CampaignError> {
+) -> Result<Vec<Table>, RunError> {
     let study = design.study;
     let sensors = Sensors(study.sensors_in(design.scenario).0[..study.base_sensors()].to_vec());
     let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name));
@@ -435,11 +435,11 @@ struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    fn table(&self, taken: &[&TrainingWindow], workers: Workers) -> Result<Table, CampaignError> {
+    fn table(&self, taken: &[&TrainingWindow], workers: Workers) -> Result<Table, RunError> {
         let windows: Vec<&Window> = taken.iter().map(|own| &own.window).collect();
         let orders = self.sensors.rotations(self.study.units.len()).unwrap_or_default();
         let view = |window: &&Window| seen(self.sensors, &orders, window);
-        let rows = parallel::map(&windows, workers, view).map_err(|_| CampaignError::Cancelled)?;
+        let rows = parallel::map(&windows, workers, view).map_err(|_| RunError::Cancelled)?;
         let mut columns = self.labels(taken, &windows);
         columns.extend(largest_columns(&self.sensors.0, &windows));
         let features: Vec<_> =

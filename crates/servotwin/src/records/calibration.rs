@@ -8,7 +8,7 @@ use super::{Campaign, Plants, Scenario};
 use crate::fit::fleet::Specimen;
 use crate::fit::{Fit, Unknown};
 use crate::run::part;
-use crate::run::{CampaignError, Overrides, SpecimenDraw, calibration_of, fit_twins};
+use crate::run::{Overrides, RunError, SpecimenDraw, calibration_of, fit_twins};
 use crate::study::{Purpose, Stream};
 use crate::table::{self, Column, Table, Values};
 use std::path::{Path, PathBuf};
@@ -39,7 +39,7 @@ pub struct Comparison {
 ///
 /// # Errors
 /// The file cannot be read.
-pub fn calibrations(folder: &Path, purpose: Purpose) -> Result<Vec<Comparison>, CampaignError> {
+pub fn calibrations(folder: &Path, purpose: Purpose) -> Result<Vec<Comparison>, RunError> {
     let file = calibration_file(folder, purpose);
     if !file.exists() {
         return Ok(vec![]);
@@ -67,13 +67,13 @@ impl Campaign<'_> {
     /// Fits the specimens unless their file exists.
     ///
     /// # Errors
-    /// A specimen cannot be fitted, or the file cannot be written; [`CampaignError::Cancelled`].
-    pub fn calibrate(&self) -> Result<(), CampaignError> {
+    /// A specimen cannot be fitted, or the file cannot be written; [`RunError::Cancelled`].
+    pub fn calibrate(&self) -> Result<(), RunError> {
         self.fitted_twins().map(|_| ())
     }
 
     /// The parameters of every specimen's twin, fitted to its calibration flight.
-    pub(super) fn fitted_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
+    pub(super) fn fitted_twins(&self) -> Result<Vec<Overrides>, RunError> {
         let specimens = calibration_of(self.study)?.specimens(self.purpose);
         if let Some(known) = self.known(specimens) {
             return Ok(known);
@@ -122,7 +122,7 @@ impl Campaign<'_> {
         truth: &[Overrides],
         found: &[Specimen],
         errors: &[f64],
-    ) -> Result<(), CampaignError> {
+    ) -> Result<(), RunError> {
         let unknowns = Unknown::of_study(self.study);
         let size = unknowns.len();
         let rows = || (0..found.len()).flat_map(|n| (0..size).map(move |k| (n, k)));

@@ -2,7 +2,7 @@
 
 use super::data_set::Maker;
 use super::row::PartRow;
-use super::{Campaign, CampaignError, CampaignOutcome, PreparedCampaign, Scenario, Suite};
+use super::{Campaign, PreparedCampaign, RecordsOutcome, RunError, Scenario, Suite};
 use crate::run::part::PartFiles;
 use crate::table::parquet::ParquetWriter;
 
@@ -13,18 +13,18 @@ impl Campaign<'_> {
     /// The windows of all variants of a completed campaign, by scenario.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if parts are missing, or a file cannot be read.
-    pub fn windows(&self) -> Result<Vec<Vec<PartRow>>, CampaignError> {
+    /// [`RunError::Unfinished`] if parts are missing, or a file cannot be read.
+    pub fn windows(&self) -> Result<Vec<Vec<PartRow>>, RunError> {
         let prepared = self.done()?;
         let of = |files: &PartFiles| {
             let rows = (0..files.parts.len()).map(|part| self.rows(files, part));
-            Ok(rows.collect::<Result<Vec<_>, CampaignError>>()?.into_iter().flatten().collect())
+            Ok(rows.collect::<Result<Vec<_>, RunError>>()?.into_iter().flatten().collect())
         };
         prepared.files.iter().map(of).collect()
     }
 
     /// The plan of a campaign whose parts are complete.
-    fn done(&self) -> Result<PreparedCampaign, CampaignError> {
+    fn done(&self) -> Result<PreparedCampaign, RunError> {
         let prepared = self.prepared()?;
         let is_incomplete = |files: &&PartFiles| !files.seem_complete() && files.missing_runs() > 0;
         match prepared.files.iter().find(is_incomplete) {
@@ -36,8 +36,8 @@ impl Campaign<'_> {
     /// The rows of a part.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if the part cannot be used.
-    fn rows(&self, files: &PartFiles, part: usize) -> Result<Vec<PartRow>, CampaignError> {
+    /// [`RunError::Unfinished`] if the part cannot be used.
+    fn rows(&self, files: &PartFiles, part: usize) -> Result<Vec<PartRow>, RunError> {
         let table = files.read(part)?;
         Ok(table.map_or(Ok(vec![]), |table| PartRow::from_table(self.study, &table))?)
     }
@@ -45,8 +45,8 @@ impl Campaign<'_> {
     pub(super) fn write_data_sets(
         &self,
         prepared: &PreparedCampaign,
-        outcome: &mut CampaignOutcome,
-    ) -> Result<(), CampaignError> {
+        outcome: &mut RecordsOutcome,
+    ) -> Result<(), RunError> {
         let of = self.scenarios.iter().zip(&prepared.files);
         of.into_iter().try_for_each(|(&scenario, files)| {
             self.write_data_set(&prepared.suite, (scenario, files), outcome)
@@ -57,8 +57,8 @@ impl Campaign<'_> {
         &self,
         suite: &Suite,
         (scenario, files): (Scenario, &PartFiles),
-        outcome: &mut CampaignOutcome,
-    ) -> Result<(), CampaignError> {
+        outcome: &mut RecordsOutcome,
+    ) -> Result<(), RunError> {
         let maker = Maker { campaign: self, scenario, suite };
         let name = format!("dataset-{}{}.parquet", scenario.name(), self.purpose.suffix());
         let mut writer: Option<ParquetWriter> = None;
@@ -69,7 +69,7 @@ impl Campaign<'_> {
         let own = own.filter(|(part, variants)| !variants.is_empty() || is_empty && *part == 0);
         for (part, variants) in own {
             if self.is_cancelled() {
-                return Err(CampaignError::Cancelled);
+                return Err(RunError::Cancelled);
             }
             let rows = self.rows(files, part)?;
             let numbered = variants.iter().copied().zip(&rows);

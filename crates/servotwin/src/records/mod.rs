@@ -19,7 +19,7 @@ mod prepared;
 mod row;
 mod runner;
 
-pub use crate::run::{CampaignError, ensemble};
+pub use crate::run::{RunError, ensemble};
 pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
@@ -57,7 +57,7 @@ pub struct Campaign<'s> {
 
 /// The result of a campaign.
 #[derive(Clone, Debug)]
-pub struct CampaignOutcome {
+pub struct RecordsOutcome {
     /// Whether the diagnosis is judged on it or trained on it.
     pub purpose: Purpose,
     /// The scenarios.
@@ -85,7 +85,7 @@ pub(crate) fn title(purpose: Purpose, scenarios: &[Scenario]) -> String {
     format!("{}{training}", names.join(" and "))
 }
 
-impl CampaignOutcome {
+impl RecordsOutcome {
     /// The title of its records for readers.
     pub fn title(&self) -> String {
         title(self.purpose, &self.scenarios)
@@ -138,11 +138,11 @@ impl Campaign<'_> {
     ///
     /// # Errors
     /// A file cannot be written, the study is empty, the healthy system cannot be simulated, or
-    /// [`CampaignError::Cancelled`]. Failures of single variants are in the outcome.
+    /// [`RunError::Cancelled`]. Failures of single variants are in the outcome.
     pub fn run(
         &self,
         progress: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<CampaignOutcome, CampaignError> {
+    ) -> Result<RecordsOutcome, RunError> {
         let (begin, prepared) = (Instant::now(), self.prepared()?);
         let all: Vec<usize> = (0..prepared.part_count()).collect();
         let mut outcome = self.run_parts(&prepared, &all, progress)?;
@@ -167,10 +167,10 @@ impl Campaign<'_> {
         scenario: Scenario,
         variant: usize,
         trace: Vec<Vec<f64>>,
-    ) -> Result<(), CampaignError> {
+    ) -> Result<(), RunError> {
         let study = self.study;
         let folder = self.folder.join("traces");
-        create_folder(&folder).map_err(CampaignError::File)?;
+        create_folder(&folder).map_err(RunError::File)?;
         let count = trace.first().map_or(0, Vec::len);
         let time = (0..count).map(|k| k as f64 * study.sample_period_s).collect();
         let mut columns = vec![Column::new("time_s", "s", Values::Float(time))];

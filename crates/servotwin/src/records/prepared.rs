@@ -1,7 +1,7 @@
 //! The common inputs of all parts of a campaign: its suite and the files of its parts. A process prepares it once for all
 //! its parts.
 
-use super::{Campaign, CampaignError};
+use super::{Campaign, RunError};
 use crate::run::part::{self, PartFiles};
 use crate::run::plan;
 use crate::study::{Scenario, Suite};
@@ -37,14 +37,14 @@ impl Campaign<'_> {
     ///
     /// # Errors
     /// The study is empty, or lacks a section that a scenario needs.
-    pub fn prepared(&self) -> Result<PreparedCampaign, CampaignError> {
+    pub fn prepared(&self) -> Result<PreparedCampaign, RunError> {
         let suite = self.suite();
         let runs = plan::count(self.study, &suite);
         if runs == 0 {
-            return Err(CampaignError::NoVariants);
+            return Err(RunError::NoVariants);
         }
         if let Some(&scenario) = self.scenarios.iter().find(|s| !s.is_possible(self.study)) {
-            return Err(CampaignError::no_section(scenario, self.study));
+            return Err(RunError::no_section(scenario, self.study));
         }
         let model = part::model_mark(self.study);
         let faulty = plan::faulty(self.study, &suite);

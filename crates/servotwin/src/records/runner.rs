@@ -1,7 +1,7 @@
 //! Simulates the records of parts into windows.
 
 use super::row::PartRow;
-use super::{Campaign, CampaignError, CampaignOutcome, Plants, PreparedCampaign, VariantEffort};
+use super::{Campaign, Plants, PreparedCampaign, RecordsOutcome, RunError, VariantEffort};
 use crate::run::compute::{Kept, Round, Take, compute};
 use crate::run::part::PartFiles;
 use crate::run::runner::{Runner, View};
@@ -24,11 +24,11 @@ impl Campaign<'_> {
         prepared: &PreparedCampaign,
         wanted: &[usize],
         progress: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<CampaignOutcome, CampaignError> {
+    ) -> Result<RecordsOutcome, RunError> {
         let fitted = if self.plants() == Plants::Pool { self.fitted_twins()? } else { vec![] };
         let records = Records { campaign: self, prepared, fitted, work: Mutex::default() };
         let counts = compute(&records, wanted, self.workers, progress)?;
-        Ok(CampaignOutcome {
+        Ok(RecordsOutcome {
             purpose: self.purpose,
             scenarios: self.scenarios.clone(),
             duration_s: prepared.suite.duration_s,
@@ -67,7 +67,7 @@ impl Kept for Records<'_> {
         &self.prepared.files
     }
 
-    fn fly(&self, round: &Round, take: Take<PartRow>) -> Result<(), CampaignError> {
+    fn fly(&self, round: &Round, take: Take<PartRow>) -> Result<(), RunError> {
         let Records { campaign, prepared, fitted, work } = self;
         let (study, suite) = (campaign.study, &prepared.suite);
         let runs = round.numbers().map(|number| plan::run(study, suite, number)).collect();

@@ -4,7 +4,7 @@
 //! A fit uses only the noisy, quantized sensor samples of a specimen and the command samples that a logger stores.
 
 use super::twins::{RecordedRun, record_runs};
-use super::{CampaignError, Overrides, SensorChain};
+use super::{Overrides, RunError, SensorChain};
 use crate::ensemble::{Ensemble, Variant};
 use crate::fit::fleet::Specimen;
 use crate::fit::{Fit, FitError, FitRecord, Unknown};
@@ -15,22 +15,22 @@ use crate::study::{Calibration, Scenario, Study};
 ///
 /// # Errors
 /// The study has none.
-pub(crate) fn calibration_of(study: &Study) -> Result<&Calibration, CampaignError> {
-    study.calibration.as_ref().ok_or_else(|| CampaignError::no_section(Scenario::Fitted, study))
+pub(crate) fn calibration_of(study: &Study) -> Result<&Calibration, RunError> {
+    study.calibration.as_ref().ok_or_else(|| RunError::no_section(Scenario::Fitted, study))
 }
 
 /// The sensor values of specimens in a calibration flight, each ordered by sample. `alter` changes the plant of a
 /// specimen, `sensors` are its sensors.
 ///
 /// # Errors
-/// [`CampaignError::Calibration`] for a specimen that cannot be simulated; [`CampaignError::Cancelled`].
+/// [`RunError::Calibration`] for a specimen that cannot be simulated; [`RunError::Cancelled`].
 pub(crate) fn calibration_flights(
     ensemble: &Ensemble,
     calibration: &Calibration,
     specimens: &[Overrides],
     alter: impl Fn(usize, &mut Variant) + Sync,
     sensors: impl Fn(usize) -> SensorChain,
-) -> Result<Vec<Vec<f64>>, CampaignError> {
+) -> Result<Vec<Vec<f64>>, RunError> {
     let (record, duration_s) = (ensemble.record.clone(), calibration.duration_s);
     let variant = |specimen: usize| {
         let mut variant = Variant {
@@ -41,7 +41,7 @@ pub(crate) fn calibration_flights(
         alter(specimen, &mut variant);
         variant
     };
-    let error = |specimen, reason| CampaignError::Calibration { specimen, reason };
+    let error = |specimen, reason| RunError::Calibration { specimen, reason };
     let ensemble = Ensemble { record, duration_s, ..*ensemble };
     let runs = record_runs(&ensemble, specimens.len(), variant, error)?;
     let measured = |(specimen, mut run): (usize, RecordedRun)| {
@@ -74,13 +74,13 @@ pub(crate) fn calibration_record(
 /// unknown, in standard deviations of its tolerance, which all specimens have in common.
 ///
 /// # Errors
-/// The study has no calibration flight, or a specimen cannot be simulated or fitted; [`CampaignError::Cancelled`].
+/// The study has no calibration flight, or a specimen cannot be simulated or fitted; [`RunError::Cancelled`].
 pub(crate) fn fit_twins(
     study: &Study,
     ensemble: &Ensemble,
     (unknowns, specimens): (Vec<Unknown>, &[Overrides]),
     noise: impl Fn(usize) -> Option<NormalDeviates>,
-) -> Result<(Vec<Specimen>, Vec<f64>), CampaignError> {
+) -> Result<(Vec<Specimen>, Vec<f64>), RunError> {
     let (calibration, sensors) = (calibration_of(study)?, study.base_sensors());
     let record = ensemble.record[..sensors].to_vec();
     let ensemble = Ensemble { record, ..*ensemble };
@@ -95,8 +95,8 @@ pub(crate) fn fit_twins(
         ..Fit::new(&study.system, vec![calibration_record(study, calibration, sensors, first)])
     };
     let failed = |specimen: usize, error: FitError| match error {
-        FitError::Cancelled => CampaignError::Cancelled,
-        error => CampaignError::Calibration { specimen, reason: error.to_string() },
+        FitError::Cancelled => RunError::Cancelled,
+        error => RunError::Calibration { specimen, reason: error.to_string() },
     };
     let (found, errors) = problem.fleet(&measured).map_err(|error| failed(0, error))?;
     let found = found.into_iter().enumerate();

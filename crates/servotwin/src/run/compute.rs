@@ -2,7 +2,7 @@
 //!
 //! What is kept of a run is the business of [`Kept`]: windows of records, windows to learn from, outcomes.
 
-use super::CampaignError;
+use super::RunError;
 use super::part::{self, PartFiles};
 use crate::files::create_folder;
 use crate::parallel::Workers;
@@ -33,7 +33,7 @@ pub(crate) trait Kept: Sync {
     ///
     /// # Errors
     /// A run cannot begin, or the work was cancelled.
-    fn fly(&self, round: &Round, take: Take<Self::Row>) -> Result<(), CampaignError>;
+    fn fly(&self, round: &Round, take: Take<Self::Row>) -> Result<(), RunError>;
 
     /// The table of a part, from the rows of its runs.
     ///
@@ -78,13 +78,13 @@ impl Round<'_> {
 /// all.
 ///
 /// # Errors
-/// A run cannot begin, a file cannot be written, or [`CampaignError::Cancelled`].
+/// A run cannot begin, a file cannot be written, or [`RunError::Cancelled`].
 pub(crate) fn compute<K: Kept>(
     kept: &K,
     wanted: &[usize],
     workers: Workers,
     progress: &(dyn Fn(usize, usize) + Sync),
-) -> Result<Counts, CampaignError> {
+) -> Result<Counts, RunError> {
     let files = kept.files();
     let lacking: Vec<_> = files.iter().map(|own| own.missing(wanted.iter().copied())).collect();
     let all = files.iter().map(|own| own.runs_of(wanted)).sum();
@@ -109,7 +109,7 @@ pub(crate) fn compute<K: Kept>(
             progress(done, all);
         })?;
         if workers.is_cancelled() {
-            return Err(CampaignError::Cancelled);
+            return Err(RunError::Cancelled);
         }
     }
     Ok(Counts { all, resumed })
@@ -119,9 +119,9 @@ fn compute_round<K: Kept>(
     kept: &K,
     round: &Round,
     mut ended: impl FnMut() + Send,
-) -> Result<(), CampaignError> {
+) -> Result<(), RunError> {
     let files = round.files;
-    create_folder(files[0].folder()).map_err(CampaignError::File)?;
+    create_folder(files[0].folder()).map_err(RunError::File)?;
     let (sender, receiver) = sync_channel::<(usize, usize, BTreeMap<usize, K::Row>)>(WAITING);
     std::thread::scope(|scope| {
         let writer = scope.spawn(|| {

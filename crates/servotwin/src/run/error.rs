@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 /// Why a campaign failed or stopped.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
-pub enum CampaignError {
+pub enum RunError {
     /// A folder or file could not be written.
     #[error(transparent)]
     File(FileError),
@@ -42,16 +42,16 @@ pub enum CampaignError {
     Twin { case: String, reason: String },
 }
 
-impl From<TomlError> for CampaignError {
+impl From<TomlError> for RunError {
     fn from(error: TomlError) -> Self {
-        CampaignError::Study(Box::new(error))
+        RunError::Study(Box::new(error))
     }
 }
 
-impl CampaignError {
+impl RunError {
     /// The error for a study that lacks sections needed by a scenario.
     pub fn no_section(scenario: Scenario, study: &Study) -> Self {
-        CampaignError::NoSection { scenario, lacks: scenario.lacks(study) }
+        RunError::NoSection { scenario, lacks: scenario.lacks(study) }
     }
 }
 

@@ -8,7 +8,7 @@
 //! write nothing, because a finding may be a fault. Here the plant is known to be healthy, and the twin takes the fit.
 
 use super::runner::Runner;
-use super::{CampaignError, Overrides, calibration_flights, calibration_of, calibration_record};
+use super::{Overrides, RunError, calibration_flights, calibration_of, calibration_record};
 use crate::fit::{Fit, FitError, Unknown};
 use crate::parallel::Workers;
 use crate::study::Calibration;
@@ -38,7 +38,7 @@ impl CalibrationRecords {
 pub(super) fn fit(
     flown: &Runner,
     workers: Workers,
-) -> Result<(Vec<Overrides>, CalibrationRecords), CampaignError> {
+) -> Result<(Vec<Overrides>, CalibrationRecords), RunError> {
     let study = flown.study();
     let calibration = calibration_of(study)?;
     let measured = measured(flown, calibration)?;
@@ -58,7 +58,7 @@ pub(super) fn fit(
                 records.with_findings += usize::from(!fitted.is_update());
                 fitted.overrides
             }
-            Err(FitError::Cancelled) => return Err(CampaignError::Cancelled),
+            Err(FitError::Cancelled) => return Err(RunError::Cancelled),
             Err(_) => {
                 records.rejected += 1;
                 vec![]
@@ -78,7 +78,7 @@ pub(super) fn unknowns(flown: &Runner) -> Vec<Unknown> {
 }
 
 /// The sensor values of each plant in its calibration flight, ordered by sample.
-fn measured(flown: &Runner, calibration: &Calibration) -> Result<Vec<Vec<f64>>, CampaignError> {
+fn measured(flown: &Runner, calibration: &Calibration) -> Result<Vec<Vec<f64>>, RunError> {
     let (_, ensemble) = flown.others.as_ref().expect("plants of another structure");
     calibration_flights(
         ensemble,

@@ -30,7 +30,7 @@ mod twins;
 pub use beside_twin::Observer;
 pub(crate) use beside_twin::Watch;
 pub(crate) use calibration::{calibration_flights, calibration_of, calibration_record, fit_twins};
-pub use error::CampaignError;
+pub use error::RunError;
 pub use plan::{Profile, Run, RunName};
 pub use runner::Runner;
 pub(crate) use sensors::SensorChain;

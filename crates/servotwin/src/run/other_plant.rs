@@ -1,7 +1,7 @@
 //! Plants that differ from their twin in structure: a system of its own, whose specimens are named as those of the
 //! twin's system and mapped to it by name.
 
-use super::CampaignError;
+use super::RunError;
 use crate::compiled::Compiled;
 use crate::ensemble::{Later, Variant};
 use crate::study::other_plant::apply_draws;
@@ -24,7 +24,7 @@ impl OtherPlants {
     ///
     /// # Errors
     /// As `OtherPlants::new`.
-    pub fn of(study: &Study, suite: &Suite) -> Result<Option<Self>, CampaignError> {
+    pub fn of(study: &Study, suite: &Suite) -> Result<Option<Self>, RunError> {
         let differences = study.flights.as_ref().and_then(|flights| flights.other_plant.as_ref());
         let differences = differences.filter(|_| suite.has_other_plants);
         differences.map(|differences| OtherPlants::new(study, differences)).transpose()
@@ -34,13 +34,13 @@ impl OtherPlants {
     ///
     /// # Errors
     /// The system is impossible with its other kinds.
-    pub(crate) fn new(study: &Study, differences: &OtherPlant) -> Result<Self, CampaignError> {
+    pub(crate) fn new(study: &Study, differences: &OtherPlant) -> Result<Self, RunError> {
         let mut network = study.system.network().clone();
         for &(place, kind) in &differences.kinds {
             let other = components::find(kind).expect("the study checked it");
             network.components[place] = stand_in(&network.components[place], other);
         }
-        let program = network.compile().map_err(|_| CampaignError::OtherPlant)?;
+        let program = network.compile().map_err(|_| RunError::OtherPlant)?;
         let system = System {
             name: study.system.name.clone(),
             title: study.system.title.clone(),

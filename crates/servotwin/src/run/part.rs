@@ -4,7 +4,7 @@
 //! A part appears when all its runs have ended, and its bytes depend on the study alone. Parts that are computed
 //! anywhere, repeatedly or simultaneously, therefore join to the files of a single machine.
 
-use super::{CampaignError, fitted_specimen, plan};
+use super::{RunError, fitted_specimen, plan};
 use crate::manifest::in_hexadecimal;
 use crate::study::{Plants, Scenario, Study, Suite};
 use crate::table::parquet::ParquetReader;
@@ -220,8 +220,8 @@ impl PartFiles {
     /// Reads a part; `None` for a part without runs.
     ///
     /// # Errors
-    /// [`CampaignError::Unfinished`] if the part cannot be used.
-    pub(crate) fn read(&self, part: usize) -> Result<Option<Table>, CampaignError> {
+    /// [`RunError::Unfinished`] if the part cannot be used.
+    pub(crate) fn read(&self, part: usize) -> Result<Option<Table>, RunError> {
         if self.parts[part].is_empty() {
             return Ok(None);
         }
@@ -229,8 +229,8 @@ impl PartFiles {
     }
 
     /// The error for missing parts.
-    pub(crate) fn unfinished(&self) -> CampaignError {
-        CampaignError::Unfinished { missing: self.missing_runs(), damaged: self.damaged() }
+    pub(crate) fn unfinished(&self) -> RunError {
+        RunError::Unfinished { missing: self.missing_runs(), damaged: self.damaged() }
     }
 
     /// The first part that is damaged.

@@ -13,8 +13,8 @@ use super::other_plant::OtherPlants;
 use super::plan::Run;
 use super::specimen::fitted_specimen;
 use super::{
-    CampaignError, Observer, Overrides, RecordedRun, SensorChain, SpecimenDraw, Twins, Watch,
-    ensemble, fit_twins, simulate_twins,
+    Observer, Overrides, RecordedRun, RunError, SensorChain, SpecimenDraw, Twins, Watch, ensemble,
+    fit_twins, simulate_twins,
 };
 use crate::ensemble::{Ensemble, Sink, Variant};
 use crate::parallel::Workers;
@@ -83,7 +83,7 @@ impl<'s> Runner<'s> {
         (scenario, others): (Scenario, Option<&'s OtherPlants>),
         runs: Vec<Run>,
         workers: Workers<'s>,
-    ) -> Result<Self, CampaignError> {
+    ) -> Result<Self, RunError> {
         let of = || runs.iter().map(|run| run.environment);
         let first = of().min().unwrap_or(0);
         let drawn = study.environments(suite, first..of().max().map_or(0, |last| last + 1))?;
@@ -106,7 +106,7 @@ impl<'s> Runner<'s> {
         scenarios: &[Scenario],
         (runs, fitted): (Vec<Run>, &[Overrides]),
         (settings, workers): (SolverSettings, Workers<'s>),
-    ) -> Result<Self, CampaignError> {
+    ) -> Result<Self, RunError> {
         let environments = study.environments(suite, 0..suite.environments)?;
         let mut runner = Runner::of(study, suite, scenarios[0], (environments, runs), workers);
         runner.scenarios = scenarios.to_vec();
@@ -129,7 +129,7 @@ impl<'s> Runner<'s> {
         planned: (Vec<Environment>, Vec<Run>),
         chosen: Chosen,
         workers: Workers<'s>,
-    ) -> Result<Self, CampaignError> {
+    ) -> Result<Self, RunError> {
         Runner::of(study, suite, scenario, planned, workers).prepared(chosen, workers)
     }
 
@@ -170,7 +170,7 @@ impl<'s> Runner<'s> {
     }
 
     /// Fits and simulates the twins.
-    fn prepared(mut self, chosen: Chosen, workers: Workers) -> Result<Self, CampaignError> {
+    fn prepared(mut self, chosen: Chosen, workers: Workers) -> Result<Self, RunError> {
         self.deviations = chosen.deviations;
         self.ensemble.record.extend(chosen.tracked);
         let fitted = if self.suite.is_fitted {
@@ -262,7 +262,7 @@ impl<'s> Runner<'s> {
     }
 
     /// Fits the twin of each environment to its specimen.
-    fn fit_twins(&self) -> Result<Vec<Overrides>, CampaignError> {
+    fn fit_twins(&self) -> Result<Vec<Overrides>, RunError> {
         let noise = |environment| self.calibration_noise(environment);
         let plants = (fitted_twins::unknowns(self), &self.specimens()[..]);
         let (found, _) = fit_twins(self.study, &self.ensemble, plants, noise)?;
@@ -270,7 +270,7 @@ impl<'s> Runner<'s> {
     }
 
     /// Simulates the twins beside which there are runs.
-    fn simulate_twins(&self) -> Result<Twins<TwinKey>, CampaignError> {
+    fn simulate_twins(&self) -> Result<Twins<TwinKey>, RunError> {
         let mut record = self.ensemble.record.clone();
         if !self.suite.is_records {
             record.extend(self.study.system.program.externals().map(|slot| slot as Slot));

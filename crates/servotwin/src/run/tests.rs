@@ -60,19 +60,19 @@ fn an_observer_receives_sensors_in_their_order_then_what_is_tracked_and_the_inpu
 #[test]
 fn the_first_run_that_fails_is_reported_and_a_cancelled_one_is_no_result() {
     let study = Study::default();
-    let error = |specimen, reason| CampaignError::Calibration { specimen, reason };
+    let error = |specimen, reason| RunError::Calibration { specimen, reason };
     let runs = |ensemble: &Ensemble, broken: &[usize]| {
         record_runs(ensemble, 5, |run| variant(&study, broken.contains(&run)), error)
     };
     assert_eq!(runs(&short(&study), &[]).unwrap().len(), 5);
     match runs(&short(&study), &[4, 2]) {
-        Err(CampaignError::Calibration { specimen: 2, reason }) => {
+        Err(RunError::Calibration { specimen: 2, reason }) => {
             assert!(reason.contains(" s in actuator_1."), "{reason}");
         }
         other => panic!("{:?}", other.map(|runs| runs.len())),
     }
     let cancelled = Ensemble { cancel: Some(&AtomicBool::new(true)), ..short(&study) };
-    assert!(matches!(runs(&cancelled, &[]), Err(CampaignError::Cancelled)));
+    assert!(matches!(runs(&cancelled, &[]), Err(RunError::Cancelled)));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Runs that are kept whole: the twins of an experiment, and the plants of calibration flights.
 
-use super::CampaignError;
+use super::RunError;
 use crate::ensemble::{Ensemble, Variant};
 use servotwin_model::program::Program;
 use servotwin_model::solver::{SolverFailure, Statistics};
@@ -34,17 +34,17 @@ pub(crate) type Twins<K> = BTreeMap<K, RecordedRun>;
 /// Simulates the twins that are wanted. `case_name` names the operating case of one that fails.
 ///
 /// # Errors
-/// [`CampaignError::Twin`] or [`CampaignError::Cancelled`].
+/// [`RunError::Twin`] or [`RunError::Cancelled`].
 pub(crate) fn simulate_twins<'v, 'n, K: Copy + Ord + Sync>(
     ensemble: &Ensemble,
     wanted: BTreeSet<K>,
     variant: impl Fn(K) -> Variant<'v> + Sync,
     case_name: impl Fn(K) -> &'n str,
-) -> Result<Twins<K>, CampaignError> {
+) -> Result<Twins<K>, RunError> {
     let keys: Vec<K> = wanted.into_iter().collect();
     let error = |twin: usize, reason| {
         let case = case_name(keys[twin]).into();
-        CampaignError::Twin { case, reason }
+        RunError::Twin { case, reason }
     };
     let runs = record_runs(ensemble, keys.len(), |twin| variant(keys[twin]), error)?;
     Ok(keys.iter().copied().zip(runs).collect())
@@ -59,8 +59,8 @@ pub(super) fn record_runs<'v>(
     ensemble: &Ensemble,
     count: usize,
     variant: impl Fn(usize) -> Variant<'v> + Sync,
-    error: impl FnOnce(usize, String) -> CampaignError,
-) -> Result<Vec<RecordedRun>, CampaignError> {
+    error: impl FnOnce(usize, String) -> RunError,
+) -> Result<Vec<RecordedRun>, RunError> {
     let width = ensemble.record.len();
     let mut runs: Vec<Option<Result<RecordedRun, SolverFailure>>> = vec![];
     runs.resize_with(count, || None);
@@ -75,7 +75,7 @@ pub(super) fn record_runs<'v>(
     );
     let mut ended = vec![];
     for (run, outcome) in runs.into_iter().enumerate() {
-        match outcome.ok_or(CampaignError::Cancelled)? {
+        match outcome.ok_or(RunError::Cancelled)? {
             Ok(recorded) => ended.push(recorded),
             Err(failure) => return Err(error(run, describe(ensemble.program, &failure))),
         }

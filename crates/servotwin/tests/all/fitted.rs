@@ -2,7 +2,7 @@
 
 use crate::folder::Folder;
 use servotwin::parallel::Workers;
-use servotwin::records::{Campaign, CampaignError, PartRow, calibration_file};
+use servotwin::records::{Campaign, PartRow, RunError, calibration_file};
 use servotwin::run::plan;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Column, Table};
@@ -116,7 +116,7 @@ fn what_the_setting_needs_is_told() {
     let none = study("");
     let folder = Folder::new("none");
     let error = campaign(&none, Scenario::Fitted, &folder, 1).run(&|_, _| ()).unwrap_err();
-    assert!(matches!(error, CampaignError::NoSection { scenario: Scenario::Fitted, .. }));
+    assert!(matches!(error, RunError::NoSection { scenario: Scenario::Fitted, .. }));
     assert!(error.to_string().contains("[fitted]"), "{error}");
     assert!(Scenario::groups(&none, |_| true).iter().flatten().all(|s| *s != Scenario::Fitted));
     assert!(Scenario::groups(&study(FITTED), |_| true).contains(&vec![Scenario::Fitted]));

@@ -14,7 +14,7 @@ use servotwin::measure::outcome::{Needed, RunOutcome};
 use servotwin::parallel::Workers;
 use servotwin::run::other_plant::OtherPlants;
 use servotwin::run::part::PARTS;
-use servotwin::run::{CampaignError, Observer, Runner, plan};
+use servotwin::run::{Observer, RunError, Runner, plan};
 use servotwin::signal::Signal;
 use servotwin::signal::bus::as_sent;
 use servotwin::study::suites::{
@@ -248,7 +248,7 @@ fn parts_that_are_lost_or_damaged_are_flown_again_to_the_same_bytes() {
         job.run(&tasks)
     };
     let unfinished = fly(HARD_NEGATIVES);
-    assert!(matches!(unfinished, Err(JobError::Campaign(CampaignError::Unfinished { .. }))));
+    assert!(matches!(unfinished, Err(JobError::Run(RunError::Unfinished { .. }))));
     fly(LEARN).unwrap();
     let found = job.learn(scenario).unwrap();
     assert!(text(&found) == text(&**diagnoser()));

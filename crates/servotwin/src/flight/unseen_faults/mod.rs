@@ -15,7 +15,7 @@ use crate::measure::flights::{Latency, latency};
 use crate::measure::outcome::{FirstAction, Needed, RunOutcome, Word};
 use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};
-use crate::run::{CampaignError, Profile, Run};
+use crate::run::{Profile, Run, RunError};
 use crate::study::flights::Environment;
 use crate::study::{Scenario, Stream, Study, Suite};
 use effect::Changes;
@@ -230,7 +230,7 @@ struct Plan {
 
 impl Plan {
     /// All events of the list, each for every actuator, as often as the suite repeats them.
-    fn new(study: &Study, suite: &Suite) -> Result<Self, CampaignError> {
+    fn new(study: &Study, suite: &Suite) -> Result<Self, RunError> {
         let told = study.environments(suite, 0..suite.environments)?;
         let mut plan = Plan { cases: vec![], runs: vec![], told };
         for Event { fault, place, strength, unit, changes } in events(study) {
@@ -308,7 +308,7 @@ pub(super) fn fly(
     numbers: &[usize],
     workers: Workers,
     ended: Ended,
-) -> Result<(), CampaignError> {
+) -> Result<(), RunError> {
     let Plan { cases, mut runs, told } = Plan::new(study, suite)?;
     runs.retain(|run| numbers.contains(&run.number));
     let case = |run: &Run| &cases[run.number];

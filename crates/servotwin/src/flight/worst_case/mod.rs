@@ -15,7 +15,7 @@ use crate::live::tracking::TrackedQuantities;
 use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::run::runner::{Chosen, Runner};
-use crate::run::{CampaignError, Profile, Run};
+use crate::run::{Profile, Run, RunError};
 use crate::study::suites::JUDGE;
 use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::Session;
@@ -43,7 +43,7 @@ pub(crate) fn fly(
     session: &Session,
     points: &[(u64, SearchPoint)],
     workers: Workers,
-) -> Result<Vec<RunOutcome>, CampaignError> {
+) -> Result<Vec<RunOutcome>, RunError> {
     let chosen: Vec<_> = points.iter().map(|(_, point)| space.chosen(suite.seed, point)).collect();
     let environments = study.chosen_environments(&chosen)?.unwrap_or_default();
     let places = points.iter().enumerate();
@@ -65,7 +65,7 @@ pub(crate) fn fly(
     let mut ended = |_, flown: Flown| outcomes.extend(flown.outcomes);
     watch(&flown, &watching, &truth, &|_| None, |_, _| (), &mut ended);
     outcomes.sort_by_key(|outcome| outcome.number);
-    if workers.is_cancelled() { Err(CampaignError::Cancelled) } else { Ok(outcomes) }
+    if workers.is_cancelled() { Err(RunError::Cancelled) } else { Ok(outcomes) }
 }
 
 /// The run of a point, in the environment of its own place.

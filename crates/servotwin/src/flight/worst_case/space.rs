@@ -1,7 +1,7 @@
 //! The space of a search: everything that varies between flights, as a list of numbers.
 
 use crate::flight::margin::SearchObjective;
-use crate::run::{CampaignError, RunName};
+use crate::run::{RunError, RunName};
 use crate::shown::shown;
 use crate::signal::random::NormalDeviates;
 use crate::study::{ChosenEnvironment, EnvironmentRanges, MAX_DEVIATION, Scenario, Seed, Study};
@@ -210,7 +210,7 @@ impl SearchSpace {
         study: &Study,
         seed: u64,
         point: &SearchPoint,
-    ) -> Result<String, CampaignError> {
+    ) -> Result<String, RunError> {
         let flown = study.chosen_environments(&[self.chosen(seed, point)])?.unwrap_or_default();
         let fault = match self.fault(point) {
             Some(fault) => {
