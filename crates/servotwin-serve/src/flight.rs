@@ -1,7 +1,7 @@
 //! The flight that viewers watch: in closed loop and in real time, beside a ghost that flies the same without a
 //! diagnosis.
 
-use crate::feed::{Feed, Frames, LiveSource, FeedError};
+use crate::feed::{Feed, FeedError, Frames, LiveSource};
 use crate::injection::Injection;
 use crate::request::Request;
 use crate::signals::{ShownSample, Signals};

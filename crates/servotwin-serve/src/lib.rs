@@ -29,7 +29,7 @@ pub(crate) mod session;
 pub mod signals;
 pub(crate) mod state;
 
-pub use feed::{Feed, LiveSource, FeedError};
+pub use feed::{Feed, FeedError, LiveSource};
 pub use flight::Live;
 pub use measured::Stream;
 pub use server::{Access, ServeError, Server};

@@ -1,6 +1,6 @@
 //! An actuator that is measured: a stream that is watched as it comes.
 
-use crate::feed::{Feed, Frames, LiveSource, FeedError};
+use crate::feed::{Feed, FeedError, Frames, LiveSource};
 use crate::request::{Refused, Request};
 use crate::state::{SourceKind, about};
 use serde_json::{Value, json};

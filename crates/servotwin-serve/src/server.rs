@@ -16,7 +16,7 @@
 //!
 //! A connection that sends no request within ten seconds ends, as does a viewer that takes nothing for so long.
 
-use crate::feed::{Begin, Feed, LiveSource, Message, FeedError};
+use crate::feed::{Begin, Feed, FeedError, LiveSource, Message};
 use crate::page::{HTML, PARTS, page_of};
 use crate::request::{LONGEST, Refused, Request, WAITING};
 use crate::session::table_of;

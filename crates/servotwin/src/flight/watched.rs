@@ -26,7 +26,7 @@ pub struct Watching {
 
 /// What happens in a flight, and what is right.
 #[derive(Default)]
-pub(super) struct Truth {
+pub(crate) struct Truth {
     /// What is known of the flight before it is flown; the rest is default.
     pub run: RunOutcome,
     /// The actuators at fault.

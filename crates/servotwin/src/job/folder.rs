@@ -13,7 +13,7 @@
 //! | `flights.json` | flights: figures of merit of the diagnosers |
 //! | `left_out-<scenario>.json` | flights: training flights that taught nothing |
 //! | `flights-sealed.json` | flights --sealed: the same figures in sealed environments |
-//! | `outcomes-<suite>-<scenario>.parquet` | flights: what was flown and what a diagnosis did, a row for each flight |
+//! | `outcomes-<suite>-<scenario>.parquet` | train and flights: what was simulated and what a diagnosis did, a row for each run |
 //! | `sealed-openings.csv` | flights --sealed, outside of a repository: never removed, see [`super::sealed`] |
 //! | `evaluation.json` | evaluate |
 //! | `report.html`, `figures/` | report |

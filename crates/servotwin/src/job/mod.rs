@@ -36,6 +36,7 @@ use crate::parallel::{self, Workers};
 use crate::records::{Campaign, RunError, data_features};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table;
+use outcomes::FlownSuite;
 use results::SubjectResult;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_diagnosis::panel::Panel;
@@ -198,7 +199,8 @@ impl Prepared {
         Ok(Self { subject, all_features, windows, data })
     }
 
-    /// Trains trees and committee with all training data, and writes them as a diagnoser of records.
+    /// Trains trees and committee with all training data, and writes them as a diagnoser of records, with what it answers in
+    /// the records for judging.
     fn train(&self, folder: &Folder, study: &Study, workers: Workers) -> Result<Panel, JobError> {
         let Prepared { subject, data, .. } = self;
         let settings = subject.settings(study);
@@ -207,6 +209,10 @@ impl Prepared {
         let read = (study, subject.scenario(), subject.sensors(study));
         let diagnoser = train::of_records(read, panel.clone(), novelty)?;
         model_file::write_model(folder.records(*subject), &diagnoser)?;
+        if !subject.extra_sensor() {
+            let judged = FlownSuite::of_records((folder, study), *subject, data, &panel)?;
+            judged.write(&folder.outcomes(&judged.suite, &judged.scenario))?;
+        }
         Ok(panel)
     }
 

@@ -2,8 +2,9 @@
 //! that are missing.
 
 use super::flights::diagnoser;
-use super::{Folder, Job, JobError};
-use crate::flight::watched::{self, Flown, Watching};
+use super::{Folder, Job, JobError, Subject};
+use crate::flight::watched::{self, Flown, Truth, Watching};
+use crate::learn::DataSet;
 use crate::manifest::{sha256, sha256_of_text};
 use crate::measure::flights::HealthyMetrics;
 use crate::measure::outcome::{self, RunOutcome};
@@ -11,12 +12,13 @@ use crate::parallel::Workers;
 use crate::run::compute::{Kept, Round, Take, compute};
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::part::{self, PartFiles};
-use crate::run::{RunError, RunName};
+use crate::run::{RunError, RunName, plan};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table::{self, Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
+use servotwin_diagnosis::panel::Panel;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::slice::from_ref;
@@ -64,11 +66,17 @@ impl Basis {
     /// # Errors
     /// The diagnoser's file cannot be read.
     pub fn of(folder: &Folder, study: &Study, scenario: Scenario) -> Result<Self, JobError> {
-        Ok(Basis {
-            diagnoser_sha256: sha256(&folder.diagnoser(scenario))?,
+        let diagnoser_sha256 = sha256(&folder.diagnoser(scenario))?;
+        Ok(Basis { diagnoser_sha256, ..Basis::of_texts(study) })
+    }
+
+    /// The study alone.
+    fn of_texts(study: &Study) -> Self {
+        Basis {
+            diagnoser_sha256: String::new(),
             study_sha256: sha256_of_text(&study.text),
             system_sha256: sha256_of_text(&study.system.text),
-        })
+        }
     }
 }
 
@@ -106,6 +114,47 @@ impl FlownSuite {
             basis: Basis::of(folder, study, scenario)?,
             calibration: None,
             outcomes: vec![],
+        })
+    }
+
+    /// What the diagnoser of a subject answers in the records for judging, each of which is one window: it is visible and
+    /// answered at its end.
+    pub(super) fn of_records(
+        (folder, study): (&Folder, &Study),
+        subject: Subject,
+        data: &DataSet,
+        panel: &Panel,
+    ) -> Result<Self, JobError> {
+        let (suite, scenario) = (study.records(Purpose::Test), subject.scenario());
+        let diagnoser_sha256 = sha256(&folder.records(subject))?;
+        let mut outcomes: Vec<RunOutcome> = (0..plan::count(study, &suite))
+            .map(|number| plan::run(study, &suite, number))
+            .filter(|run| scenario.has_noise() || !run.is_healthy())
+            .map(|run| Truth::planned(study, &run).run)
+            .collect();
+        let (names, mut scratch) = (data.examples.names(), panel.scratch());
+        let mut views = vec![vec![0.0; data.features.len()]; data.examples.views()];
+        for row in data.rows_where(Purpose::Test, |_| true) {
+            let own = &data.rows[row];
+            for (view, values) in views.iter_mut().enumerate() {
+                data.examples.row_into(view, row, values);
+            }
+            let verdict = panel.diagnose(&own.largest, &views, &mut scratch);
+            let verdict = verdict.map_err(|error| JobError::Evaluation(error.into()))?;
+            let outcome = &mut outcomes[own.variant];
+            outcome.answer(own.is_detected(), verdict, names, &study.shutdowns());
+        }
+        let basis = Basis { diagnoser_sha256, ..Basis::of_texts(study) };
+        let (name, runs) = (suite.name.clone(), in_words(&suite));
+        let scenario = scenario.name().into();
+        Ok(FlownSuite {
+            suite: name,
+            scenario,
+            seed: suite.seed,
+            runs,
+            basis,
+            calibration: None,
+            outcomes,
         })
     }
 

@@ -5,6 +5,8 @@ use crate::records::columns::DIMENSIONLESS;
 use crate::table::{Column, Table, TableError, Values};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use servotwin_diagnosis::hierarchy::Names;
+use servotwin_diagnosis::panel::PanelVerdict;
 
 /// The first action that was raised after the onset.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -197,6 +199,47 @@ impl RunOutcome {
     /// Whether the right action came first and named the class of the fault.
     pub(crate) fn is_right_class(&self) -> bool {
         self.first == FirstAction::Right && self.first_class == self.class
+    }
+
+    /// Adds the answer to a record, which comes at its end.
+    pub(crate) fn answer(
+        &mut self,
+        is_visible: bool,
+        verdict: PanelVerdict,
+        names: &Names,
+        shutdowns: &[String],
+    ) {
+        (self.is_finished, self.word) = (true, Word::Healthy);
+        let (is_fault, end_s) = (self.is_fault(), Some(self.duration_s));
+        self.visible_s = end_s.filter(|_| is_fault && is_visible);
+        self.visible_by_chance = u64::from(!is_fault && is_visible);
+        let said = match verdict {
+            PanelVerdict::Healthy => return,
+            PanelVerdict::NotIsolated(_) => None,
+            PanelVerdict::Isolated(said) => said.actuator.zip(said.action).zip(Some(said.detail)),
+        };
+        self.word = Word::Detected;
+        let name = |of: &[String], place: u32| of[place as usize].clone();
+        if let Some(((actuator, action), detail)) = said {
+            let [named, action] = [name(&names.actuators, actuator), name(&names.actions, action)];
+            let is_off = shutdowns.contains(&action);
+            if !is_fault {
+                (self.early_alarms, self.early_shutdowns) = (1, u64::from(is_off));
+                return;
+            }
+            let is_own = named == self.at_fault;
+            self.word = if is_own { Word::Actuator } else { Word::Detected };
+            self.first = match is_own {
+                true if action == self.action => FirstAction::Right,
+                true => FirstAction::OtherAction,
+                false => FirstAction::OtherActuator,
+            };
+            self.first_action_s = end_s;
+            self.right_action_s = end_s.filter(|_| self.first == FirstAction::Right);
+            self.first_class = detail.map_or_else(String::new, |d| name(&names.details, d));
+            (self.first_actuator, self.first_action) = (named, action);
+            (self.shutdown_at_fault, self.shutdown_healthy) = (is_own && is_off, !is_own && is_off);
+        }
     }
 
     /// Whether a fault was reported after the onset: detected, unknown or named. An invalid environment or missing

@@ -2,8 +2,9 @@
 //! the data set's evaluation does.
 
 use crate::folder::Folder;
-use servotwin::job::{Folder as Results, Job, StudyRun, Subject};
+use servotwin::job::{Folder as Results, Job, StudyRun, Subject, outcomes};
 use servotwin::learn::model_file::read_diagnoser;
+use servotwin::measure::VISIBLE;
 use servotwin::parallel::Workers;
 use servotwin::records::columns::{largest_column, view_column};
 use servotwin::run::{Observer, Runner, plan};
@@ -107,4 +108,14 @@ fn a_session_that_watches_a_record_answers_as_the_data_set() {
         },
     );
     assert!(healthy >= 6 && isolated >= 12, "{healthy} healthy, {isolated} isolated");
+
+    // The same answers are rows of outcomes.
+    let stored = outcomes::stored(&results, &suite.name, Scenario::Noise).unwrap().unwrap();
+    assert_eq!(stored.outcomes.len(), table.row_count());
+    let named = stored.outcomes.iter().filter(|row| !row.first_action.is_empty());
+    let alarms = stored.outcomes.iter().filter(|row| row.early_alarms > 0);
+    assert_eq!(named.count() + alarms.count(), isolated);
+    let [visible, of] = VISIBLE.count(stored.outcomes.iter());
+    let detectable = table.bool("detectable").unwrap();
+    assert_eq!((visible, of), (detectable.iter().filter(|own| **own).count() as u64, 24));
 }
