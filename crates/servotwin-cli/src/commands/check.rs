@@ -105,7 +105,7 @@ fn of_recordings(file: &Path) -> Result<Document, Failure> {
     let study = read_recording_study(file)?;
     let sensors = study.sensors().0.len();
     let mut section = Document::section("recordings", "");
-    section.fact("sensors", "sensors or residuals", sensors);
+    section.fact("sensors", "sensors or residuals of a window", sensors);
     section.fact("window_rows", "rows of a window", study.window_rows());
     Ok(section)
 }
