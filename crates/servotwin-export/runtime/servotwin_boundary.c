@@ -211,7 +211,7 @@ void servotwin_doubt_take(
     fresh.moments[2] = fresh.samples * servotwin_covariance(window, twin, twin);
     const bool is_moving = follow(doubt, known, length, window, reading);
     if (explains(known, length, window, reading, has_agreed)) {
-        doubt->explained = (doubt->deviating >= panes) ? panes : 1U;
+        doubt->explained = (is_moving || (doubt->deviating >= panes)) ? panes : 1U;
     } else if (doubt->explained > 0U) {
         doubt->explained--;
     } else {

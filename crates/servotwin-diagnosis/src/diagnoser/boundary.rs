@@ -274,7 +274,7 @@ impl Doubt {
         let (mean, band) = (window.mean(sensor), bands[sensor].half_width);
         let is_moving = self.follow(boundary, new);
         let is_explained = boundary.explains(new, tuning);
-        self.explain(is_explained, panes);
+        self.explain(is_explained, panes, is_moving);
         if mean.abs() <= band {
             (self.deviating, self.since) = (0, Sums::default());
             (self.moved, self.shared, self.has_fallen) = (0.0, 0.0, false);
@@ -331,10 +331,11 @@ impl Doubt {
 
     /// An explanation of windows without the onset holds until a whole window has nothing of it: noise lifts one sensor
     /// or another out of its band now and then. An explanation of a window with the onset holds for this window alone,
-    /// because the mean of any larger deviation passes through the explained ones.
-    fn explain(&mut self, is_explained: bool, panes: u32) {
+    /// because the mean of any larger deviation passes through the explained ones, unless the reading moves meanwhile:
+    /// then it is the reading that deviates.
+    fn explain(&mut self, is_explained: bool, panes: u32, is_moving: bool) {
         self.explained = match is_explained {
-            true if self.deviating >= panes => panes,
+            true if is_moving || self.deviating >= panes => panes,
             true => 1,
             false => self.explained.saturating_sub(1),
         };
