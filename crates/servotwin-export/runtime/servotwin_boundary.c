@@ -30,6 +30,7 @@ void servotwin_doubt_clear(servotwin_doubt *doubt)
     doubt->has_candidate = false;
     doubt->candidate = 0.0;
     doubt->moved = 0.0;
+    doubt->shared = 0.0;
     doubt->has_fallen = false;
     doubt->has_recent = false;
     doubt->recent = 0.0;
@@ -124,6 +125,30 @@ static void take_healthy(
     }
 }
 
+/* Evidence that the other sensors of the actuator share the fall of the sensor next to the boundary, nats. */
+static servotwin_real shared_nats(const servotwin_boundary *boundary, const servotwin_window *window)
+{
+    const servotwin_real moves = boundary->own_change * window->inverse[boundary->sensor];
+    const servotwin_real fallen = window->mean[boundary->sensor] / moves;
+    servotwin_real nats = 0.0;
+    for (int32_t i = 0; i < boundary->effects; i++) {
+        const int32_t sensor = boundary->sensors[i];
+        const servotwin_real noise = servotwin_sensors[sensor].noise * window->inverse[sensor];
+        if ((sensor != boundary->sensor) && (noise > 0.0)) {
+            const servotwin_real change = boundary->changes[i] * window->inverse[sensor];
+            const servotwin_real expected = fallen * change;
+            const servotwin_real half = 0.5 * expected;
+            const servotwin_real left = window->mean[sensor] - half;
+            const servotwin_real gain = expected * left;
+            const servotwin_real weighed = gain * (servotwin_real)window->samples;
+            const servotwin_real variance = noise * noise;
+            const servotwin_real part = weighed / variance;
+            nats = nats + part;
+        }
+    }
+    return nats;
+}
+
 /* Whether the sensor fell by more than the reading moved. A reading that moved and came back counts as moved. */
 static void fall(
     servotwin_doubt *doubt, const servotwin_boundary *known, servotwin_real band, const servotwin_window *window,
@@ -140,7 +165,8 @@ static void fall(
         const servotwin_real product = doubt->moved * change;
         const servotwin_real left = SERVOTWIN_ABS(mean) - SERVOTWIN_ABS(product);
         const servotwin_real direction = mean * known->own_change;
-        doubt->has_fallen = (direction < 0.0) && (left > band);
+        doubt->has_fallen = (direction < 0.0) && (left > band)
+            && (doubt->shared > servotwin_tuning.clip_nats);
     }
 }
 
@@ -185,7 +211,7 @@ void servotwin_doubt_take(
     fresh.moments[2] = fresh.samples * servotwin_covariance(window, twin, twin);
     const bool is_moving = follow(doubt, known, length, window, reading);
     if (explains(known, length, window, reading, has_agreed)) {
-        doubt->explained = (doubt->deviating >= panes) ? panes : 1U;
+        doubt->explained = (is_moving || (doubt->deviating >= panes)) ? panes : 1U;
     } else if (doubt->explained > 0U) {
         doubt->explained--;
     } else {
@@ -198,6 +224,8 @@ void servotwin_doubt_take(
         sums_clear(&doubt->filling);
         doubt->filled = 0U;
         doubt->has_candidate = false;
+        const servotwin_real shared = servotwin_lengths[length].share * shared_nats(known, window);
+        doubt->shared = doubt->shared + shared;
         fall(doubt, known, band, window, reading);
         if (is_moving) {
             doubt->deviating = 0U;
@@ -214,6 +242,7 @@ void servotwin_doubt_take(
         const servotwin_real least = servotwin_tuning.least_boundary_move * band;
         doubt->deviating = 0U;
         doubt->moved = 0.0;
+        doubt->shared = 0.0;
         doubt->has_fallen = false;
         sums_clear(&doubt->since);
         take_healthy(doubt, &fresh, panes, reading, size <= least);

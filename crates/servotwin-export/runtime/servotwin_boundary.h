@@ -34,7 +34,8 @@ typedef struct {
     bool has_candidate;
     servotwin_real candidate; /* the reading beside the newest healthy window, which may hold an onset */
     servotwin_real moved; /* largest change of the reading since the deviation began, SI */
-    bool has_fallen; /* by more than that */
+    servotwin_real shared; /* evidence that other sensors share its fall, nats */
+    bool has_fallen; /* by more than the reading moved */
     bool has_recent;
     servotwin_real recent; /* mean of the reading over about the last window, SI */
 } servotwin_doubt;

@@ -39,12 +39,22 @@
 //! r < 0,   |r| − c max|u − u₀| > band                                                        (4)
 //! ```
 //!
-//! The maximum is that since the deviation began. Only a fall next to a return line counts: the reservoir holds its
+//! and if its own transducer is not the cause. With x_i what the fall moves another sensor of the actuator by, and σ_i the
+//! noise of the mean of its n samples,
+//!
+//! ```text
+//! Σ x_i (r_i − x_i/2)/σ_i²                                                                   (5)
+//! ```
+//!
+//! is the logarithm of a likelihood ratio. Summed over the new samples since the deviation began, it must exceed what one
+//! window may count ([`Tuning::clip_nats`]), because trees and (5) see the same noise.
+//! The maximum in (4) is that since the deviation began. Only a fall next to a return line counts: the reservoir holds its
 //! pressure from below, so no other consumer can lower it. A supply falls whenever others draw from it.
 
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};
 
+use super::DiagnosedSensor;
 use super::tuning::Tuning;
 use crate::error::{Error, require_sound};
 use crate::panel::SensorBand;
@@ -88,6 +98,25 @@ impl Boundary {
         effect * window.inverse_spread(sensor as usize)
     }
 
+    /// Equation (5), in nats.
+    fn shared_nats(&self, new: &NewWindow) -> f64 {
+        let NewWindow { window, sensors, .. } = *new;
+        let moves = Self::moves(window, self.sensor, self.effect().unwrap_or_default());
+        let fallen = window.mean(self.sensor as usize) / moves;
+        let mut nats = 0.0;
+        for &(sensor, effect) in &self.effects {
+            let place = sensor as usize;
+            let noise = sensors[place].noise * window.inverse_spread(place);
+            if sensor == self.sensor || noise <= 0.0 {
+                continue;
+            }
+            let expected = fallen * Self::moves(window, sensor, effect);
+            let gain = expected * (window.mean(place) - 0.5 * expected);
+            nats += gain * window.count() as f64 / (noise * noise);
+        }
+        nats
+    }
+
     /// Whether a wrong reading explains a window: it moves the sensor next to the boundary by a part of its band, by no
     /// more than is possible, and what is left of all mean residuals lies within their bands.
     fn explains(&self, new: &NewWindow, tuning: &Tuning) -> bool {
@@ -120,6 +149,7 @@ impl Boundary {
 pub(super) struct NewWindow<'w> {
     pub window: &'w Window,
     pub bands: &'w [SensorBand],
+    pub sensors: &'w [DiagnosedSensor],
     /// The number of panes of a window, and the share of it that is new.
     pub panes: u32,
     pub share: f64,
@@ -215,7 +245,9 @@ pub(super) struct Doubt {
     candidate: Option<f64>,
     /// The largest change of the reading from u₀ since the deviation began, SI.
     moved: f64,
-    /// Whether the sensor has fallen by (4).
+    /// The sum of (5) since the deviation began, nats.
+    shared: f64,
+    /// Whether the sensor has fallen by (4) and (5).
     has_fallen: bool,
     /// The mean of the reading over about the last window, SI.
     recent: Option<f64>,
@@ -224,7 +256,8 @@ pub(super) struct Doubt {
 impl Doubt {
     /// Whether a session can have stored these numbers.
     pub(crate) fn fits(&self) -> bool {
-        let readings = [self.right, self.candidate, self.recent, Some(self.moved)];
+        let readings =
+            [self.right, self.candidate, self.recent, Some(self.moved), Some(self.shared)];
         readings.iter().flatten().all(|reading| reading.is_finite())
             && [&self.since, &self.healthy, &self.waiting, &self.filling]
                 .iter()
@@ -241,17 +274,18 @@ impl Doubt {
         let (mean, band) = (window.mean(sensor), bands[sensor].half_width);
         let is_moving = self.follow(boundary, new);
         let is_explained = boundary.explains(new, tuning);
-        self.explain(is_explained, panes);
+        self.explain(is_explained, panes, is_moving);
         if mean.abs() <= band {
             (self.deviating, self.since) = (0, Sums::default());
-            (self.moved, self.has_fallen) = (0.0, false);
+            (self.moved, self.shared, self.has_fallen) = (0.0, 0.0, false);
             let is_right = mean.abs() <= tuning.least_boundary_move * band;
             let forgotten = period_s / tuning.healthy_slope_memory_s;
             return self.take_healthy(&sums, panes, forgotten, is_right.then_some(reading));
         }
         (self.waiting, self.filling, self.filled) = (Sums::default(), Sums::default(), 0);
         self.candidate = None;
-        self.fall(boundary, new);
+        self.shared += share * boundary.shared_nats(new);
+        self.fall(boundary, new, tuning);
         if is_moving {
             self.deviating = 0;
         }
@@ -272,16 +306,17 @@ impl Doubt {
         (distance * effect).abs() > new.bands[sensor as usize].half_width
     }
 
-    /// Equation (4). A reading that moved and came back counts as moved, because windows still hold what it did.
-    fn fall(&mut self, boundary: &Boundary, new: &NewWindow) {
+    /// Equations (4) and (5). A reading that moved and came back counts as moved, because windows still hold what it did.
+    fn fall(&mut self, boundary: &Boundary, new: &NewWindow, tuning: &Tuning) {
         let Some(right) = self.right else { return };
         let (sensor, effect) = (boundary.sensor, boundary.effect().unwrap_or_default());
         self.moved = self.moved.max((new.reading - right).abs());
         let mean = new.window.mean(sensor as usize);
         let by_reading = (self.moved * Boundary::moves(new.window, sensor, effect)).abs();
         let is_lower = mean * effect < 0.0;
-        self.has_fallen =
-            is_lower && mean.abs() - by_reading > new.bands[sensor as usize].half_width;
+        self.has_fallen = is_lower
+            && mean.abs() - by_reading > new.bands[sensor as usize].half_width
+            && self.shared > tuning.clip_nats;
     }
 
     /// Whether the sensor has fallen while the reading stayed where it was right, equation (4).
@@ -296,10 +331,11 @@ impl Doubt {
 
     /// An explanation of windows without the onset holds until a whole window has nothing of it: noise lifts one sensor
     /// or another out of its band now and then. An explanation of a window with the onset holds for this window alone,
-    /// because the mean of any larger deviation passes through the explained ones.
-    fn explain(&mut self, is_explained: bool, panes: u32) {
+    /// because the mean of any larger deviation passes through the explained ones, unless the reading moves meanwhile:
+    /// then it is the reading that deviates.
+    fn explain(&mut self, is_explained: bool, panes: u32, is_moving: bool) {
         self.explained = match is_explained {
-            true if self.deviating >= panes => panes,
+            true if is_moving || self.deviating >= panes => panes,
             true => 1,
             false => self.explained.saturating_sub(1),
         };
@@ -367,6 +403,18 @@ mod tests {
         (0..2).map(band).collect()
     }
 
+    const SENSOR: DiagnosedSensor = DiagnosedSensor {
+        name: alloc::string::String::new(),
+        quantity: crate::features::Quantity::Other,
+        actuator: None,
+        scale: 1.0,
+        noise: NOISE,
+        is_noisy: true,
+        follows: Vec::new(),
+        spread: None,
+    };
+    static SENSORS: [DiagnosedSensor; 2] = [SENSOR; 2];
+
     /// The deviation of uniform noise 0.005 wide.
     const NOISE: f64 = 0.00144;
 
@@ -398,8 +446,8 @@ mod tests {
 
     /// A window of some panes, of which a fifth is new, beside a reading that stays.
     fn new<'w>(window: &'w Window, bands: &'w [SensorBand], panes: u32) -> NewWindow<'w> {
-        let (share, period_s) = (0.2, 0.01);
-        NewWindow { window, bands, panes, share, period_s, reading: 6e5, possible: None }
+        let (share, period_s, sensors) = (0.2, 0.01, SENSORS.as_slice());
+        NewWindow { window, bands, sensors, panes, share, period_s, reading: 6e5, possible: None }
     }
 
     /// The doubt after some seconds, with windows that begin 0.1 s apart.
@@ -553,6 +601,18 @@ mod tests {
         assert!(after(|_| 0.0, -0.04).has_fallen());
         assert!(!after(|_| 0.0, 0.04).has_fallen(), "a line rises when other consumers move");
         assert!(!after(|_| 0.0, -0.015).has_fallen(), "a fall within the band is none");
+    }
+
+    /// The transducer of the return pressure reads low, and the other sensor stays where it was.
+    #[test]
+    fn a_fall_that_no_other_sensor_shares_is_no_leak() {
+        let mut doubt = Doubt::default();
+        for pane in 0..30 {
+            let low = if pane >= 20 { -0.04 } else { 0.0 };
+            let (window, bands) = (window(10 * pane, |_| 0.001, |_| [low, 0.0]), bands());
+            doubt.take(&BOUNDARY(), &new(&window, &bands, 5), &Tuning::default());
+            assert!(!doubt.has_fallen());
+        }
     }
 
     /// One unit of the reading moves the residual by 1e-7.

@@ -126,14 +126,15 @@ impl Evidence {
         inputs: &[f64],
     ) {
         let length = &diagnoser.lengths[place];
-        let bands = &length.panel.bands;
+        let (bands, sensors) = (&length.panel.bands, &diagnoser.sensors);
         let (panes, period_s) = (length.span.panes, diagnoser.period_s);
         for (number, boundary) in diagnoser.boundaries.iter().enumerate() {
             let has_agreed = self.any_alike(place, number, Doubt::has_agreed);
             let range = &diagnoser.environment.inputs[boundary.input as usize];
             let possible = (!has_agreed).then_some([range.least, range.largest]);
             let reading = inputs[boundary.input as usize];
-            let new = NewWindow { window, bands, panes, share, period_s, reading, possible };
+            let new =
+                NewWindow { window, bands, sensors, panes, share, period_s, reading, possible };
             let own = &mut self.lengths[place];
             own.state.doubts[number].take(boundary, &new, &own.tuning);
         }

@@ -499,6 +499,26 @@ mod tests {
     }
 
     #[test]
+    fn a_sensor_that_is_much_quieter_than_declared_gets_the_declared_noise() {
+        let mut noisy = diagnoser();
+        for sensor in &mut noisy.sensors {
+            (sensor.noise, sensor.is_noisy) = (0.01, true);
+        }
+        let mut guard = Guard::new(&noisy);
+        for k in 0..10 {
+            let own = if k % 2 == 0 { 0.51 } else { 0.49 };
+            let (inputs, measured) = ([50.0 + f64::from(k), 5.0], [0.4, own]);
+            let received =
+                Received { inputs: &inputs, measured: &measured, twin: &[0.5; 2], sample: 7 };
+            guard.admit(&noisy, received, |_| false);
+            // Five differences show the noise.
+            assert_eq!(guard.measured[0] == 0.4, k < 5, "{k}");
+            assert_eq!(guard.measured[1], own, "it has its own noise");
+        }
+        assert!((guard.measured[0] - 0.4).abs() < 0.06);
+    }
+
+    #[test]
     fn a_sensor_is_lost_after_a_row_without_values_and_back_after_a_row_with() {
         let is_lost_after = |samples: &[bool]| {
             let mut guard = Guard::new(&diagnoser());
