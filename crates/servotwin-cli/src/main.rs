@@ -207,7 +207,7 @@ const TIPS: [(&str, &str); 13] = [
     ("flights", "study --suite flights"),
     ("explain", "run"),
     ("results", "report --markdown"),
-    ("predict", "watch --model FOLDER/model.json"),
+    ("predict", "watch --model FOLDER/diagnoser-of-TARGET.json"),
     ("faults", "describe --faults"),
     ("components", "catalog"),
     ("schema", "tools schema"),

@@ -9,10 +9,8 @@ use super::counts::{Irregularity, WatchCounts};
 use super::map::{LARGEST_RATE_HZ, Map};
 use super::sequencer::Stamped;
 use super::watchdog::WatchEvent;
+use servotwin::beside::{self, Comparisons, InputMistake, PANES, Panes, SensorColumn, Spread};
 use servotwin::fit;
-use servotwin::live::beside::{
-    self, Comparisons, InputMistake, PANES, Panes, SensorColumn, Spread,
-};
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::units::{self, NamedUnit};

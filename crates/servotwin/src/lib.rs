@@ -73,6 +73,7 @@
 //! crate lead to the same types.
 //! The book in the folder `docs` explains the methods; five short programs stand in the folder `examples`.
 
+pub mod beside;
 pub mod fit;
 pub mod flight;
 pub mod job;

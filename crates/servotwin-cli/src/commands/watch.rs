@@ -36,8 +36,8 @@ use std::time::Duration;
 /// a map file, columns are found by their names. A file is read faster than real time; a stream is read until it ends
 /// or until Ctrl-C.
 ///
-/// With the model of a study of recordings (--model FOLDER/model.json), the windows of a log are answered for without a
-/// twin.
+/// With a diagnoser of a study of recordings (--model FOLDER/diagnoser-of-TARGET.json), the windows of a log are answered
+/// for without a twin.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// A log (.csv, .parquet, .jsonl; .mcap and .mf4 if the program has the features of these names), - for lines

@@ -251,10 +251,10 @@ fn lists_its_results(out: &str) {
     assert!(rates > 50, "{rates}");
     let evaluation = std::fs::read_to_string(format!("{out}/evaluation.json")).unwrap();
     let evaluation: serde_json::Value = serde_json::from_str(&evaluation).unwrap();
-    let detected = &evaluation["subjects"][1]["evaluation"]["detection"]["detected"];
+    let detected = &evaluation["subjects"][1]["evaluation"]["in_band"]["visible"];
     let cell = format!("), {} of {} |", detected["count"], detected["of"]);
     assert!(page.contains(&format!(
-        "| fault detected | {:.2} %",
+        "| visible at any time | {:.2} %",
         100.0 * detected["share"].as_f64().unwrap()
     )));
     assert!(page.contains(&cell), "{cell}");

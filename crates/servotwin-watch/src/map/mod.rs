@@ -13,8 +13,8 @@ pub(crate) use times::other_raster;
 
 use super::sequencer::{SequencerRules, Stamped};
 use super::source::{LogRow, SourceError, Wanted};
+use servotwin::beside::InputMistake;
 use servotwin::format::Key;
-use servotwin::live::beside::InputMistake;
 use servotwin::system::System;
 use servotwin::units::NamedUnit;
 use servotwin_io::files;

@@ -4,7 +4,7 @@
 use super::record::{FitRecord, RecordError, smooth};
 use super::suspects::Cause;
 use super::{Fit, FitError};
-use crate::live::beside::{Comparisons, InputMistake, Panes, SensorColumn};
+use crate::beside::{Comparisons, InputMistake, Panes, SensorColumn};
 use crate::recording::with_suffix;
 use crate::study::Study;
 use crate::system::System;

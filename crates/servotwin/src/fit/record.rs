@@ -12,7 +12,7 @@
 //! more than a twentieth of their difference. The interpolation is fourth order for smooth signals and does not
 //! overshoot at a step.
 
-use crate::live::beside::InputMistake;
+use crate::beside::InputMistake;
 use crate::moment;
 use crate::recording::{self, with_suffix};
 use crate::sanitize;

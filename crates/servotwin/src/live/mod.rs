@@ -1,15 +1,13 @@
-//! The hybrid twin in operation: a twin and a running diagnosis beside an actuator.
+//! The hybrid twin in operation: a twin and a running diagnosis with an actuator.
 //!
-//! - [`runtime`]: a twin and a diagnosis beside an actuator, one call per sample
+//! - [`runtime`]: both, one call per sample
 //! - `monitor`: the same by names
 //! - [`watcher`]: the runtime on a log or a live stream
 //! - [`observer`]: who is told what it found, in names
 //! - [`closed_loop`]: a plant with the runtime, and a flight control computer that reacts
 //! - [`cost`]: what a fault and the reaction to it cost in fluid, time and authority
 //! - [`tracking`]: the error of the controlled quantity, the force fight, the first report of a fault
-//! - [`beside`]: a sensor beside its twin
 
-pub mod beside;
 pub mod closed_loop;
 pub mod cost;
 pub(crate) mod monitor;

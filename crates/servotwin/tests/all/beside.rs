@@ -1,6 +1,6 @@
 //! Mistakes of columns that show beside the twin.
 
-use servotwin::live::beside::{Comparisons, SensorColumn};
+use servotwin::beside::{Comparisons, SensorColumn};
 use servotwin::system::{Sensor, System};
 use servotwin::units::{self, ATMOSPHERE_PA, NamedUnit};
 use servotwin_model::spec::Unit;
