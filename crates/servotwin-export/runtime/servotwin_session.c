@@ -664,14 +664,12 @@ static bool is_comparable(const servotwin_session *session, int32_t actuator)
     return holds;
 }
 
-/* Whether the sensor next to a return line has fallen in windows that are beyond the baseline or not, as those of a
- * length are. */
-static bool has_fallen(const servotwin_session *session, int32_t length, int32_t boundary)
+/* Whether the sensor next to a return line has fallen in windows that no baseline corrects. */
+static bool has_fallen(const servotwin_session *session, int32_t boundary)
 {
     bool holds = false;
-    for (int32_t other = 0; other < SERVOTWIN_LENGTHS; other++) {
-        const bool is_alike = servotwin_lengths[other].is_corrected == servotwin_lengths[length].is_corrected;
-        holds = holds || (is_alike && session->doubts[other][boundary].has_fallen);
+    for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
+        holds = holds || (!servotwin_lengths[length].is_corrected && session->doubts[length][boundary].has_fallen);
     }
     return holds && servotwin_boundaries[boundary].is_return;
 }
@@ -685,7 +683,7 @@ static int32_t doubtful_input(const servotwin_session *session, int32_t actuator
             const servotwin_boundary *known = &servotwin_boundaries[boundary];
             if ((input == SERVOTWIN_NONE) && (servotwin_sensors[known->sensor].actuator == actuator)
                 && servotwin_is_doubtful(&session->doubts[length][boundary], boundary)
-                && !has_fallen(session, length, boundary)) {
+                && !has_fallen(session, boundary)) {
                 input = known->input;
             }
         }

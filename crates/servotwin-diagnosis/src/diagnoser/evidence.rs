@@ -148,6 +148,13 @@ impl Evidence {
         alike.map(|length| &length.state.doubts[boundary]).any(holds)
     }
 
+    /// Whether the sensor next to a boundary has fallen in windows that no baseline corrects. A line that falls below its
+    /// baseline may have been raised before by other consumers.
+    fn has_fallen(&self, boundary: usize) -> bool {
+        let plain = self.lengths.iter().filter(|length| !length.is_corrected);
+        plain.map(|length| &length.state.doubts[boundary]).any(Doubt::has_fallen)
+    }
+
     pub(super) fn clear(&mut self) {
         self.lengths.iter_mut().for_each(LengthEvidence::clear);
     }
@@ -172,7 +179,7 @@ impl Evidence {
             sensor.actuator == Some(actuator as u32)
                 && doubt.is_explained()
                 && doubt.remains(sensor.noise, &diagnoser.tuning)
-                && !(boundary.is_return && self.any_alike(place, number, Doubt::has_fallen))
+                && !(boundary.is_return && self.has_fallen(number))
         };
         let places = 0..self.lengths.len();
         places
