@@ -49,8 +49,8 @@
 //! is the logarithm of a likelihood ratio. Summed over the new samples since the deviation began, it must exceed what one
 //! window may count ([`Tuning::clip_nats`]), because trees and (5) see the same noise.
 //! The maximum in (4) is that since the deviation began. Only a fall next to a return line counts, in windows that no
-//! baseline corrects: the reservoir holds its
-//! pressure from below, so no other consumer can lower it. A supply falls whenever others draw from it.
+//! baseline corrects: the reservoir holds its pressure from below, so no other consumer can lower it. A supply falls
+//! whenever others draw from it.
 
 use alloc::vec::Vec;
 use serde::{Deserialize, Serialize};

@@ -282,6 +282,7 @@ struct FlownParts<'f> {
 impl<'f> FlownParts<'f> {
     fn new(job: &Job<'f>, suite: &'f Suite, scenario: Scenario) -> Result<Self, JobError> {
         let Job { study, folder, .. } = *job;
+        let watching = watching(suite, &Arc::new(diagnoser(folder, scenario)?))?;
         let empty = FlownSuite::new(folder, study, suite, scenario)?;
         let mut mark = part::model_mark(study);
         empty.origin().into_iter().for_each(|(key, value)| _ = mark.add(key).add(&value));
@@ -289,7 +290,7 @@ impl<'f> FlownParts<'f> {
         Ok(FlownParts {
             place: (study, suite, scenario),
             workers: job.crew.workers,
-            watching: watching(suite, &Arc::new(diagnoser(folder, scenario)?))?,
+            watching,
             empty,
             files: PartFiles::new(folder.path(), stem, mark, parts),
         })
