@@ -164,9 +164,8 @@ static void fall(
         const servotwin_real change = known->own_change * window->inverse[known->sensor];
         const servotwin_real product = doubt->moved * change;
         const servotwin_real left = SERVOTWIN_ABS(mean) - SERVOTWIN_ABS(product);
-        const servotwin_real direction = mean * known->own_change;
-        doubt->has_fallen = (direction < 0.0) && (left > band)
-            && (doubt->shared > servotwin_tuning.clip_nats);
+        const bool is_lower = (mean < 0.0) != (known->own_change < 0.0);
+        doubt->has_fallen = is_lower && (left > band) && (doubt->shared > servotwin_tuning.clip_nats);
     }
 }
 

@@ -314,7 +314,7 @@ impl Doubt {
         self.moved = self.moved.max((new.reading - right).abs());
         let mean = new.window.mean(sensor as usize);
         let by_reading = (self.moved * Boundary::moves(new.window, sensor, effect)).abs();
-        let is_lower = mean * effect < 0.0;
+        let is_lower = (mean < 0.0) != (effect < 0.0);
         self.has_fallen = is_lower
             && mean.abs() - by_reading > new.bands[sensor as usize].half_width
             && self.shared > tuning.clip_nats;
@@ -323,6 +323,11 @@ impl Doubt {
     /// Whether the sensor has fallen while the reading stayed where it was right, equation (4).
     pub(crate) fn has_fallen(&self) -> bool {
         self.has_fallen
+    }
+
+    /// The sum of (5), nats.
+    pub(crate) fn shared_nats(&self) -> f64 {
+        self.shared
     }
 
     /// Whether the sensor has agreed with the twin for some windows.

@@ -424,6 +424,11 @@ impl Session {
         self.evidence.lengths[length].doubt(boundary).has_fallen()
     }
 
+    /// The evidence of a length that the other sensors of the actuator share the fall of the one next to a boundary, nats.
+    pub fn shared_fall_nats(&self, length: usize, boundary: usize) -> f64 {
+        self.evidence.lengths[length].doubt(boundary).shared_nats()
+    }
+
     /// The largest share of a deviation that an actuator has in common with another one, in the window of a length.
     pub fn common_mode(&self, length: usize, actuator: usize) -> f64 {
         let bands = &self.diagnoser.lengths[length].panel.bands;

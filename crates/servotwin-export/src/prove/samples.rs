@@ -1,7 +1,8 @@
 //! Random samples for the whole chain. They need not be flights: they must lead through all of the code.
 //!
 //! Every few seconds another disturbance begins: none, an offset or a wrong gain of a sensor, a wrong boundary reading
-//! that moves or stays, or a leak behind it, offsets of all sensors of an actuator, or noise. Now and then values are missing, wild or frozen.
+//! that moves or stays, or a leak behind it, offsets of all sensors of an actuator, noise, or less noise than declared. Now
+//! and then values are missing, wild or frozen.
 
 use crate::tables::center;
 use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser};
@@ -34,6 +35,8 @@ struct Disturbance {
     offset: f64,
     slope: f64,
     noise: f64,
+    /// The part of its declared noise that it lacks.
+    lacks: f64,
 }
 
 /// The size of a disturbance with its sign, in parts of scale.
@@ -116,9 +119,9 @@ impl<'d> Samples<'d> {
                 self.goals[place] = self.random.unit();
             }
             self.signals[place] += 0.1 * (self.goals[place] - self.signals[place]);
-            let Disturbance { offset, slope, noise } = self.disturbances[place];
-            let noise =
-                (noise + sensor.noise) * 2.0 * (self.random.unit() + self.random.unit() - 1.0);
+            let Disturbance { offset, slope, noise, lacks } = self.disturbances[place];
+            let noise = noise + (1.0 - lacks) * sensor.noise;
+            let noise = noise * 2.0 * (self.random.unit() + self.random.unit() - 1.0);
             let signal = self.signals[place];
             self.sample.twin[place] = sensor.scale * signal;
             self.sample.measured[place] = sensor.scale * (signal + offset + slope * signal + noise);
@@ -133,7 +136,7 @@ impl<'d> Samples<'d> {
         self.moved.fill(0.0);
         let sensors = self.diagnoser.sensors.len();
         let (sensor, size) = (self.random.index(sensors), draw_size(&mut self.random));
-        match self.random.index(6) {
+        match self.random.index(7) {
             0 => {}
             1 => self.disturbances[sensor].offset = size,
             2 => self.disturbances[sensor].slope = size,
@@ -146,7 +149,11 @@ impl<'d> Samples<'d> {
                     self.disturbances[place].offset = draw_size(&mut self.random);
                 }
             }
-            _ => self.disturbances[sensor].noise = size.abs(),
+            5 => self.disturbances[sensor].noise = size.abs(),
+            _ => {
+                let lacks = self.random.between(0.3, 1.0);
+                self.disturbances.iter_mut().for_each(|own| own.lacks = lacks);
+            }
         }
     }
 
@@ -168,7 +175,8 @@ impl<'d> Samples<'d> {
         }
         for &(sensor, effect) in &boundary.effects {
             let part = size * effect / own;
-            let disturbance = Disturbance { offset: part, slope: slope * part, noise: 0.0 };
+            let disturbance =
+                Disturbance { offset: part, slope: slope * part, ..Disturbance::default() };
             self.disturbances[sensor as usize] = disturbance;
         }
     }
