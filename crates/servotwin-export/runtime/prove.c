@@ -73,7 +73,7 @@ double prove_novelty(int32_t length, int32_t known, const double *row)
 /* The numbers that prove_push writes: of the outcome, and of each length. */
 #define OUTCOME_INTEGERS 18
 #define OUTCOME_NUMBERS 3
-#define LENGTH_NUMBERS (1 + (2 * SERVOTWIN_HYPOTHESES) + (2 * SERVOTWIN_ACTUATORS) + (4 * SERVOTWIN_BOUNDARIES))
+#define LENGTH_NUMBERS (1 + (2 * SERVOTWIN_HYPOTHESES) + (2 * SERVOTWIN_ACTUATORS) + (6 * SERVOTWIN_BOUNDARIES))
 
 uint64_t prove_session_size(void);
 uint64_t prove_session_size(void)
@@ -131,10 +131,12 @@ void prove_push(servotwin_session *session, const double *inputs, const double *
         }
         for (int32_t boundary = 0; boundary < SERVOTWIN_BOUNDARIES; boundary++) {
             const servotwin_doubt *doubt = &session->doubts[length][boundary];
-            rest[4 * boundary] = servotwin_boundary_evidence(doubt, boundary);
-            rest[(4 * boundary) + 1] = (doubt->explained > 0U) ? 1.0 : 0.0;
-            rest[(4 * boundary) + 2] = doubt->has_fallen ? 1.0 : 0.0;
-            rest[(4 * boundary) + 3] = doubt->shared;
+            rest[6 * boundary] = servotwin_boundary_evidence(doubt, boundary);
+            rest[(6 * boundary) + 1] = (doubt->explained > 0U) ? 1.0 : 0.0;
+            rest[(6 * boundary) + 2] = doubt->has_fallen ? 1.0 : 0.0;
+            rest[(6 * boundary) + 3] = doubt->fallen;
+            rest[(6 * boundary) + 4] = doubt->shared;
+            rest[(6 * boundary) + 5] = doubt->value;
         }
         next = &next[LENGTH_NUMBERS];
     }

@@ -31,7 +31,9 @@ void servotwin_doubt_clear(servotwin_doubt *doubt)
     doubt->candidate = 0.0;
     doubt->moved = 0.0;
     doubt->shared = 0.0;
+    doubt->fallen = 0.0;
     doubt->has_fallen = false;
+    doubt->value = 0.0;
     doubt->has_recent = false;
     doubt->recent = 0.0;
     sums_clear(&doubt->since);
@@ -68,8 +70,8 @@ static servotwin_real band_of(int32_t length, int32_t sensor)
 /* Whether one wrong reading moves the sensor next to it enough, and leaves all other mean residuals within theirs. A
  * reading beside which the sensor never agreed with the twin may be wrong within the range of its input. */
 static bool explains(
-    const servotwin_boundary *boundary, int32_t length, const servotwin_window *window, servotwin_real reading,
-    bool has_agreed)
+    servotwin_doubt *doubt, const servotwin_boundary *boundary, int32_t length, const servotwin_window *window,
+    servotwin_real reading, bool has_agreed)
 {
     const servotwin_input *input = &servotwin_inputs[boundary->input];
     servotwin_real along = 0.0;
@@ -90,8 +92,8 @@ static bool explains(
     const servotwin_real error = SERVOTWIN_ABS(own);
     const servotwin_real moved = error * window->inverse[boundary->sensor];
     const servotwin_real least = servotwin_tuning.least_boundary_move * band_of(length, boundary->sensor);
-    const servotwin_real value = reading + wrong_by;
-    const bool is_within = !has_agreed && (value >= input->least) && (value <= input->largest);
+    doubt->value = reading + wrong_by;
+    const bool is_within = !has_agreed && (doubt->value >= input->least) && (doubt->value <= input->largest);
     bool holds = (moved > least) && (is_within || (error <= servotwin_tuning.largest_boundary_error));
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
@@ -163,9 +165,9 @@ static void fall(
         const servotwin_real mean = window->mean[known->sensor];
         const servotwin_real change = known->own_change * window->inverse[known->sensor];
         const servotwin_real product = doubt->moved * change;
-        const servotwin_real left = SERVOTWIN_ABS(mean) - SERVOTWIN_ABS(product);
+        doubt->fallen = SERVOTWIN_ABS(mean) - SERVOTWIN_ABS(product);
         const bool is_lower = (mean < 0.0) != (known->own_change < 0.0);
-        doubt->has_fallen = is_lower && (left > band) && (doubt->shared > servotwin_tuning.clip_nats);
+        doubt->has_fallen = is_lower && (doubt->fallen > band) && (doubt->shared > servotwin_tuning.clip_nats);
     }
 }
 
@@ -209,7 +211,7 @@ void servotwin_doubt_take(
     fresh.moments[1] = fresh.samples * covariance;
     fresh.moments[2] = fresh.samples * servotwin_covariance(window, twin, twin);
     const bool is_moving = follow(doubt, known, length, window, reading);
-    if (explains(known, length, window, reading, has_agreed)) {
+    if (explains(doubt, known, length, window, reading, has_agreed)) {
         doubt->explained = (is_moving || (doubt->deviating >= panes)) ? panes : 1U;
     } else if (doubt->explained > 0U) {
         doubt->explained--;
@@ -242,6 +244,7 @@ void servotwin_doubt_take(
         doubt->deviating = 0U;
         doubt->moved = 0.0;
         doubt->shared = 0.0;
+        doubt->fallen = 0.0;
         doubt->has_fallen = false;
         sums_clear(&doubt->since);
         take_healthy(doubt, &fresh, panes, reading, size <= least);

@@ -35,7 +35,9 @@ typedef struct {
     servotwin_real candidate; /* the reading beside the newest healthy window, which may hold an onset */
     servotwin_real moved; /* largest change of the reading since the deviation began, SI */
     servotwin_real shared; /* evidence that other sensors share its fall, nats */
+    servotwin_real fallen; /* how far beyond what the reading explains, in parts of scale */
     bool has_fallen; /* by more than the reading moved */
+    servotwin_real value; /* the true value if the reading is wrong, SI */
     bool has_recent;
     servotwin_real recent; /* mean of the reading over about the last window, SI */
 } servotwin_doubt;

@@ -198,8 +198,10 @@ class Player {
     const [from, to] = this.window(), times = this.columns[0];
     const found = [times.findIndex((time) => time >= from), times.findLastIndex((time) => time <= to)];
     const [first, end] = [Math.max(0, found[0] - 1), Math.min(times.length, found[1] + 2)];
-    this.width = $("plots").clientWidth || 600;
-    const width = this.isPaper ? 680 : this.width;
+    const wide = $("plots").clientWidth || 600;
+    isNew ||= this.width !== wide;
+    this.width = wide;
+    const width = this.isPaper ? 680 : wide;
     if (isNew) colors.clear();
     if (isNew || performance.now() - this.explainedMs > 1000) this.explainedMs = 0;
     for (const panel of this.panels) {

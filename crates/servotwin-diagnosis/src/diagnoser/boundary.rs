@@ -119,8 +119,9 @@ impl Boundary {
     }
 
     /// Whether a wrong reading explains a window: it moves the sensor next to the boundary by a part of its band, by no
-    /// more than is possible, and what is left of all mean residuals lies within their bands.
-    fn explains(&self, new: &NewWindow, tuning: &Tuning) -> bool {
+    /// more than is possible, and what is left of all mean residuals lies within their bands. Returns also the true value, SI,
+    /// if it does.
+    fn explains(&self, new: &NewWindow, tuning: &Tuning) -> (bool, f64) {
         let NewWindow { window, bands, reading, possible, .. } = *new;
         let half_width = |sensor: u32| bands[sensor as usize].half_width.max(1e-12);
         let (mut along, mut of) = (0.0, 0.0);
@@ -130,6 +131,7 @@ impl Boundary {
             of += weighed * weighed;
         }
         let wrong_by = along / of;
+        let value = reading + wrong_by;
         let is_left_in_band = |&(sensor, effect): &(u32, f64)| {
             let expected = wrong_by * Self::moves(window, sensor, effect);
             (window.mean(sensor as usize) - expected).abs() <= half_width(sensor)
@@ -137,11 +139,11 @@ impl Boundary {
         let error = (wrong_by * self.effect().unwrap_or_default()).abs();
         let moved = error * window.inverse_spread(self.sensor as usize);
         let is_possible = error <= tuning.largest_boundary_error
-            || possible
-                .is_some_and(|[least, largest]| (least..=largest).contains(&(reading + wrong_by)));
-        moved > tuning.least_boundary_move * half_width(self.sensor)
+            || possible.is_some_and(|[least, largest]| (least..=largest).contains(&value));
+        let explains = moved > tuning.least_boundary_move * half_width(self.sensor)
             && is_possible
-            && self.effects.iter().all(is_left_in_band)
+            && self.effects.iter().all(is_left_in_band);
+        (explains, value)
     }
 }
 
@@ -248,8 +250,11 @@ pub(super) struct Doubt {
     moved: f64,
     /// The sum of (5) since the deviation began, nats.
     shared: f64,
-    /// Whether the sensor has fallen by (4) and (5).
+    /// The left side of (4), in parts of scale, and whether the sensor has fallen by (4) and (5).
+    fallen: f64,
     has_fallen: bool,
+    /// What the true value is if a wrong reading explains the newest window, SI.
+    value: f64,
     /// The mean of the reading over about the last window, SI.
     recent: Option<f64>,
 }
@@ -257,9 +262,9 @@ pub(super) struct Doubt {
 impl Doubt {
     /// Whether a session can have stored these numbers.
     pub(crate) fn fits(&self) -> bool {
-        let readings =
-            [self.right, self.candidate, self.recent, Some(self.moved), Some(self.shared)];
-        readings.iter().flatten().all(|reading| reading.is_finite())
+        let optional = [self.right, self.candidate, self.recent];
+        let own = self.numbers().into_iter().chain([self.moved]);
+        optional.into_iter().flatten().chain(own).all(|reading| reading.is_finite())
             && [&self.since, &self.healthy, &self.waiting, &self.filling]
                 .iter()
                 .all(|sums| sums.fits())
@@ -274,11 +279,12 @@ impl Doubt {
         let sums = Sums::of(window, sensor, share);
         let (mean, band) = (window.mean(sensor), bands[sensor].half_width);
         let is_moving = self.follow(boundary, new);
-        let is_explained = boundary.explains(new, tuning);
+        let (is_explained, value) = boundary.explains(new, tuning);
+        self.value = value;
         self.explain(is_explained, panes, is_moving);
         if mean.abs() <= band {
             (self.deviating, self.since) = (0, Sums::default());
-            (self.moved, self.shared, self.has_fallen) = (0.0, 0.0, false);
+            (self.moved, self.shared, self.fallen, self.has_fallen) = (0.0, 0.0, 0.0, false);
             let is_right = mean.abs() <= tuning.least_boundary_move * band;
             let forgotten = period_s / tuning.healthy_slope_memory_s;
             return self.take_healthy(&sums, panes, forgotten, is_right.then_some(reading));
@@ -315,8 +321,9 @@ impl Doubt {
         let mean = new.window.mean(sensor as usize);
         let by_reading = (self.moved * Boundary::moves(new.window, sensor, effect)).abs();
         let is_lower = (mean < 0.0) != (effect < 0.0);
+        self.fallen = mean.abs() - by_reading;
         self.has_fallen = is_lower
-            && mean.abs() - by_reading > new.bands[sensor as usize].half_width
+            && self.fallen > new.bands[sensor as usize].half_width
             && self.shared > tuning.clip_nats;
     }
 
@@ -325,9 +332,9 @@ impl Doubt {
         self.has_fallen
     }
 
-    /// The sum of (5), nats.
-    pub(crate) fn shared_nats(&self) -> f64 {
-        self.shared
+    /// The left side of (4), in parts of scale, the sum of (5), nats, and the true value of a wrong reading, SI.
+    pub(crate) fn numbers(&self) -> [f64; 3] {
+        [self.fallen, self.shared, self.value]
     }
 
     /// Whether the sensor has agreed with the twin for some windows.
@@ -577,7 +584,7 @@ mod tests {
     fn a_wrong_reading_moves_all_sensors_in_its_direction_by_no_more_than_transducers_err() {
         let explains = |residual: [f64; 2]| {
             let window = window(0, |_| 0.0, |_| residual);
-            BOUNDARY().explains(&new(&window, &bands(), 5), &Tuning::default())
+            BOUNDARY().explains(&new(&window, &bands(), 5), &Tuning::default()).0
         };
         assert!(explains([-0.04, -0.02]));
         assert!(explains([0.04, 0.02]));
@@ -660,7 +667,7 @@ mod tests {
         let explains = |possible| {
             let bands = bands();
             let new = NewWindow { possible, ..new(&low, &bands, 5) };
-            BOUNDARY().explains(&new, &Tuning::default())
+            BOUNDARY().explains(&new, &Tuning::default()).0
         };
         assert!(!explains(None), "no transducer errs by 8 % of its scale");
         assert!(!explains(Some([0.0, 9e5])), "a pressure below zero is none");

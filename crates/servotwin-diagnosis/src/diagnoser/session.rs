@@ -424,9 +424,11 @@ impl Session {
         self.evidence.lengths[length].doubt(boundary).has_fallen()
     }
 
-    /// The evidence of a length that the other sensors of the actuator share the fall of the one next to a boundary, nats.
-    pub fn shared_fall_nats(&self, length: usize, boundary: usize) -> f64 {
-        self.evidence.lengths[length].doubt(boundary).shared_nats()
+    /// By how much the sensor next to a boundary has fallen beyond its reading in the windows of a length, in parts of scale;
+    /// the evidence that the other sensors of the actuator share the fall, nats; and the true value if the reading is wrong,
+    /// SI.
+    pub fn boundary_numbers(&self, length: usize, boundary: usize) -> [f64; 3] {
+        self.evidence.lengths[length].doubt(boundary).numbers()
     }
 
     /// The largest share of a deviation that an actuator has in common with another one, in the window of a length.

@@ -175,7 +175,7 @@ fn push(session: &mut Session, sample: &Sample, said: &mut SessionAnswer) {
             said.numbers.push(if is_explained { 1.0 } else { 0.0 });
             let has_fallen = session.has_boundary_sensor_fallen(length, boundary);
             said.numbers.push(if has_fallen { 1.0 } else { 0.0 });
-            said.numbers.push(session.shared_fall_nats(length, boundary));
+            said.numbers.extend(session.boundary_numbers(length, boundary));
         }
     }
 }
