@@ -160,9 +160,11 @@ def test_another_study_and_wrong_choices_are_refused(study, tmp_path):
         run(servotwin.Study.parse(STUDY.replace('"tiny"', '"other"')), share="1/2")
     assert raised.value.file == str(tmp_path)
     wrong = [{"share": share} for share in ("0/2", "3/2", "x")]
-    for options in [*wrong, {"scenarios": []}, {"scenarios": ["nois"]}, {"scenarios": ["fitted"]}]:
+    for options in [*wrong, {"scenarios": []}, {"scenarios": ["nois"]}]:
         with pytest.raises(servotwin.InputError):
             run(**options)
+    with pytest.raises(servotwin.StageError, match=r"the study lacks \[fitted\]"):
+        run(scenarios=["fitted"])
     with pytest.raises(servotwin.StageError, match="there is no suite 'judges'; there are records, flights"):
         run(suites=["judges"])
     with pytest.raises(servotwin.StageError, match="diagnoser-noise.json: no such file"):
@@ -191,5 +193,5 @@ def test_reports_show_themselves(results):
 
 def test_a_bar_of_tqdm_shows_progress(study, tmp_path, capsys):
     servotwin.run_suites(study, tmp_path, ["records"], scenarios=["ideal"])
-    assert "cases" in capsys.readouterr().err
+    assert "simulating ideal" in capsys.readouterr().err
     assert np.isfinite(len(servotwin.data_set(tmp_path, "ideal")))
