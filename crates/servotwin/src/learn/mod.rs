@@ -10,7 +10,7 @@
 //!
 //! Of records, [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
 //! and the committee under every protocol, the seed paper's trees, all classifiers, what may stay not isolated, and
-//! flips. It also examines the [`Hierarchy`] that [`train`] returns. The same data sets, settings and seeds give the same
+//! flips. It also examines the [`Hierarchy`] that [`train()`] returns. The same data sets, settings and seeds give the same
 //! bytes, on any number of threads.
 
 pub mod bands;
