@@ -9,7 +9,7 @@ use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser};
 use servotwin_diagnosis::random::Random;
 
 /// Longest disturbance, in samples.
-const LONGEST: usize = 3000;
+const LONGEST: usize = 1500;
 
 /// The sizes of disturbances, in parts of scale: 1/1000 to 1/2, evenly on a logarithmic scale.
 const SMALLEST_SIZE: f64 = -3.0;
@@ -136,12 +136,12 @@ impl<'d> Samples<'d> {
         self.moved.fill(0.0);
         let sensors = self.diagnoser.sensors.len();
         let (sensor, size) = (self.random.index(sensors), draw_size(&mut self.random));
-        match self.random.index(7) {
+        match self.random.index(8) {
             0 => {}
             1 => self.disturbances[sensor].offset = size,
             2 => self.disturbances[sensor].slope = size,
-            3 => self.disturb_boundary(size),
-            4 => {
+            3 | 4 => self.disturb_boundary(size),
+            5 => {
                 let of = self.diagnoser.sensors[sensor].actuator;
                 let own = |(_, other): &(usize, &DiagnosedSensor)| other.actuator == of;
                 let places = self.diagnoser.sensors.iter().enumerate().filter(own);
@@ -149,7 +149,7 @@ impl<'d> Samples<'d> {
                     self.disturbances[place].offset = draw_size(&mut self.random);
                 }
             }
-            5 => self.disturbances[sensor].noise = size.abs(),
+            6 => self.disturbances[sensor].noise = size.abs(),
             _ => {
                 let lacks = self.random.between(0.3, 1.0);
                 self.disturbances.iter_mut().for_each(|own| own.lacks = lacks);
