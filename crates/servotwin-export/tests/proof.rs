@@ -312,7 +312,7 @@ fn the_start_test_of_a_twin_knows_the_answer_of_a_run() {
 fn assert_finds_mistakes(count: usize, seed: u64) {
     let diagnoser = demanding();
     let files = c::files(&diagnoser).unwrap();
-    let plan = Plan { samples: 20_000, ..Plan::new(&diagnoser, &files) };
+    let plan = Plan { samples: SAMPLES, ..Plan::new(&diagnoser, &files) };
     assert_eq!(mistakes::not_found(&plan, (count, seed), None), []);
 }
 
