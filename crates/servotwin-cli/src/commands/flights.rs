@@ -5,10 +5,10 @@ use super::progress::with_crew;
 use crate::Global;
 use crate::failure::Failure;
 use servotwin::flight::unseen_faults::UnseenFaultOutcome;
-use servotwin::job::flights::{self, FlightResults};
+use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
-use servotwin::job::{Folder, Job, JobError, manifest};
+use servotwin::job::{Folder, Job, manifest};
 use servotwin::measure::flights::FlightMetrics;
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{FLIGHTS, RECORDS};
@@ -33,7 +33,7 @@ pub(super) fn sealed(
         Job { crew: *crew, ..Job::new(study, &folder) }.fly_sealed(scenarios, &record)
     })?;
     manifest::write(&folder, study)?;
-    let mut document = of_results(&folder, &sealed.results, study, &[])?;
+    let mut document = described(&folder, &sealed.results, study, &[])?;
     document.verdict = Some(Verdict::neutral(sealed.in_words(None)));
     document.text(format!("Recorded in {}.", record.path().display()));
     document.data("opening", &sealed.opening);
@@ -41,34 +41,25 @@ pub(super) fn sealed(
     Ok(document)
 }
 
-/// Describes the results of the named suites for readers; the report has the details.
+/// Describes the results of the named suites for readers, or without a name of those that are always flown; the report has the
+/// details.
 pub(super) fn described(
-    folder: &Folder,
-    study: &Study,
-    suites: &[String],
-) -> Result<Document, Failure> {
-    let results = flights::results(folder)?.ok_or(JobError::NoFlights)?;
-    // Without a name, those that are always flown.
-    let is_named = |name: &&String| *name != FLIGHTS && *name != RECORDS;
-    let named: Vec<String> = suites.iter().filter(is_named).cloned().collect();
-    of_results(folder, &results, study, &named)
-}
-
-fn of_results(
     folder: &Folder,
     results: &FlightResults,
     study: &Study,
-    suites: &[String],
+    names: &[String],
 ) -> Result<Document, Failure> {
+    let is_named = |name: &&String| *name != FLIGHTS && *name != RECORDS;
+    let suites: Vec<&String> = names.iter().filter(is_named).collect();
     let words = Vocabulary::of(study);
     let is_shown = |metrics: &&FlightMetrics| match suites.is_empty() {
         true => metrics.group.missing.is_empty(),
-        false => suites.contains(&metrics.group.suite),
+        false => suites.contains(&&metrics.group.suite),
     };
     let shown: Vec<&FlightMetrics> = results.suites.iter().filter(is_shown).collect();
     let run = words.run();
     let flown: u64 = shown.iter().map(|metrics| metrics.flights).sum();
-    let named = |flown: &&FlownSuite| suites.contains(&flown.suite);
+    let named = |flown: &&FlownSuite| suites.contains(&&flown.suite);
     let all_healthy = outcomes::healthy(folder)?;
     let healthy_runs: Vec<&FlownSuite> = all_healthy.iter().filter(named).collect();
     let verdict = match healthy_runs.first().filter(|_| shown.is_empty()) {
@@ -82,7 +73,7 @@ fn of_results(
         let lines = lines.filter_map(|(scenario, own)| own.without_steady_state(scenario));
         lines.for_each(|line| _ = document.note(line));
     }
-    for metrics in results.unseen.iter().filter(|metrics| suites.contains(&metrics.suite)) {
+    for metrics in results.unseen.iter().filter(|metrics| suites.contains(&&metrics.suite)) {
         let mut section = Document::section("", metrics.scenario.as_str());
         for set in &metrics.sets {
             section.text(challenge_line(set, &words));

@@ -64,7 +64,7 @@ pub(crate) struct Options {
     /// Learns nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv
     /// in the output folder, before the first flight. Writes `flights-sealed.json`.
     #[arg(long, conflicts_with = "suite")]
-    pub(super) sealed: bool,
+    sealed: bool,
 }
 
 impl Run for Options {
@@ -162,15 +162,12 @@ pub(super) fn suites(
             None => suite,
         });
     }
-    let flies = names.iter().any(|name| name != RECORDS);
-    if flies {
+    if names.iter().any(|name| name != RECORDS) {
         options.flown(study)?;
     }
     let wanted = |scenario| options.wants(study, scenario);
     let named = options.scenario.as_deref().and_then(Scenario::named);
-    if let Some(scenario) = named.filter(|scenario| !scenario.is_possible(study)) {
-        return Err(RunError::no_section(scenario, study).into());
-    }
+    named.map_or(Ok(()), |scenario| RunError::check(scenario, study))?;
     let job = Job { changed: &changed, ..job };
     if options.share.is_some() || changed.iter().any(|suite| suite.purpose == Purpose::Train) {
         let _hold = folder.join_study(study)?;
@@ -182,10 +179,10 @@ pub(super) fn suites(
     let _hold = options.study.keep(study, global)?;
     let done =
         with_crew(threads, global, |crew| Job { crew: *crew, ..job }.run_suites(names, wanted));
-    let records = done.map_err(Failure::on_the_way)?;
-    let mut document = match flies {
-        true => flights::described(&folder, study, names)?,
-        false => Document::new("records", records::verdict(&folder, &records)),
+    let (records, flown) = done.map_err(Failure::on_the_way)?;
+    let mut document = match &flown {
+        Some(results) => flights::described(&folder, results, study, names)?,
+        None => Document::new("records", records::verdict(&folder, &records)),
     };
     records::describe(&mut document, study, &records);
     Ok(document)

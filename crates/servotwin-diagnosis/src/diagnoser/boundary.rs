@@ -332,9 +332,11 @@ impl Doubt {
         self.has_fallen
     }
 
-    /// The left side of (4), in parts of scale, the sum of (5), nats, and the true value of a wrong reading, SI.
-    pub(crate) fn numbers(&self) -> [f64; 3] {
-        [self.fallen, self.shared, self.value]
+    /// What a session tells of it, see [`Session::boundary_numbers`](super::session::Session::boundary_numbers).
+    pub(crate) fn numbers(&self) -> [f64; 5] {
+        let flag = |holds: bool| if holds { 1.0 } else { 0.0 };
+        let [is_explained, has_fallen] = [flag(self.is_explained()), flag(self.has_fallen)];
+        [is_explained, has_fallen, self.fallen, self.shared, self.value]
     }
 
     /// Whether the sensor has agreed with the twin for some windows.

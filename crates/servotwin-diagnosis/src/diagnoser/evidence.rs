@@ -129,7 +129,7 @@ impl Evidence {
         let (bands, sensors) = (&length.panel.bands, &diagnoser.sensors);
         let (panes, period_s) = (length.span.panes, diagnoser.period_s);
         for (number, boundary) in diagnoser.boundaries.iter().enumerate() {
-            let has_agreed = self.any_alike(place, number, Doubt::has_agreed);
+            let has_agreed = self.has_agreed(place, number);
             let range = &diagnoser.environment.inputs[boundary.input as usize];
             let possible = (!has_agreed).then_some([range.least, range.largest]);
             let reading = inputs[boundary.input as usize];
@@ -140,12 +140,12 @@ impl Evidence {
         }
     }
 
-    /// Whether something holds for a boundary in windows of any length that are corrected by the baseline or not, as
-    /// those of this one are. A short window sees sooner what holds for all of them.
-    fn any_alike(&self, place: usize, boundary: usize, holds: impl Fn(&Doubt) -> bool) -> bool {
+    /// Whether the sensor next to a boundary has agreed with the twin in windows of any length that are corrected by the
+    /// baseline or not, as those of this one are. A short window sees sooner what holds for all of them.
+    fn has_agreed(&self, place: usize, boundary: usize) -> bool {
         let own = self.lengths[place].is_corrected;
         let alike = self.lengths.iter().filter(|length| length.is_corrected == own);
-        alike.map(|length| &length.state.doubts[boundary]).any(holds)
+        alike.map(|length| &length.state.doubts[boundary]).any(Doubt::has_agreed)
     }
 
     /// Whether the sensor next to a boundary has fallen in windows that no baseline corrects. A line that falls below its

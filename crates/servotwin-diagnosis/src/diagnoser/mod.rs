@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::baseline;
 use crate::error::{Error, require, require_sound};
-use crate::features::{self, Quantity, Sensors};
+use crate::features::{self, Quantity, Sensor, Sensors};
 use crate::hierarchy::Names;
 use crate::panel::Panel;
 use crate::sliding::WindowSpan;
@@ -82,6 +82,20 @@ pub struct DiagnosedSensor {
 }
 
 impl DiagnosedSensor {
+    /// A sensor as features see it, with the scale of its residual; the spread of healthy residuals does not grow.
+    pub fn new(seen: Sensor, scale: f64) -> Self {
+        DiagnosedSensor {
+            name: seen.name,
+            quantity: seen.quantity,
+            actuator: seen.actuator.map(|unit| unit as u32),
+            scale,
+            noise: seen.noise,
+            is_noisy: seen.is_noisy,
+            follows: seen.follows.into_iter().map(|(sensor, by)| (sensor as u32, by)).collect(),
+            spread: None,
+        }
+    }
+
     /// What its residual is divided by, in words: its scale, and its spread if that grows.
     pub fn residual_divisor(&self) -> &'static str {
         if self.spread.is_some() { "scale and spread" } else { "scale" }

@@ -414,20 +414,10 @@ impl Session {
         doubt.evidence_nats(self.diagnoser.sensors[sensor].noise, &self.diagnoser.tuning)
     }
 
-    /// Whether a wrong reading of a boundary explains the present windows of a length.
-    pub fn is_boundary_explained(&self, length: usize, boundary: usize) -> bool {
-        self.evidence.lengths[length].doubt(boundary).is_explained()
-    }
-
-    /// Whether the sensor next to a boundary has fallen in the windows of a length, beside a reading that stayed.
-    pub fn has_boundary_sensor_fallen(&self, length: usize, boundary: usize) -> bool {
-        self.evidence.lengths[length].doubt(boundary).has_fallen()
-    }
-
-    /// By how much the sensor next to a boundary has fallen beyond its reading in the windows of a length, in parts of scale;
-    /// the evidence that the other sensors of the actuator share the fall, nats; and the true value if the reading is wrong,
-    /// SI.
-    pub fn boundary_numbers(&self, length: usize, boundary: usize) -> [f64; 3] {
+    /// What the windows of a length say of a boundary: whether a wrong reading explains them; whether the sensor next to it
+    /// has fallen beside a reading that stayed (0 or 1 each); by how much it fell beyond its reading, in parts of scale; the
+    /// evidence that the other sensors of the actuator share the fall, nats; and the true value of a wrong reading, SI.
+    pub fn boundary_numbers(&self, length: usize, boundary: usize) -> [f64; 5] {
         self.evidence.lengths[length].doubt(boundary).numbers()
     }
 

@@ -170,11 +170,7 @@ fn push(session: &mut Session, sample: &Sample, said: &mut SessionAnswer) {
         }
         let boundaries = 0..session.diagnoser().boundaries.len();
         for boundary in boundaries {
-            let is_explained = session.is_boundary_explained(length, boundary);
             said.numbers.push(session.boundary_evidence_nats(length, boundary));
-            said.numbers.push(if is_explained { 1.0 } else { 0.0 });
-            let has_fallen = session.has_boundary_sensor_fallen(length, boundary);
-            said.numbers.push(if has_fallen { 1.0 } else { 0.0 });
             said.numbers.extend(session.boundary_numbers(length, boundary));
         }
     }

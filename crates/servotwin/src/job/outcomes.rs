@@ -7,7 +7,7 @@ use crate::flight::watched::{self, Flown, Truth, Watching};
 use crate::learn::DataSet;
 use crate::manifest::{sha256, sha256_of_text};
 use crate::measure::flights::HealthyMetrics;
-use crate::measure::outcome::{self, RunOutcome};
+use crate::measure::outcome::{self, RunOutcome, Word};
 use crate::parallel::Workers;
 use crate::run::compute::{Kept, Round, Take, compute};
 use crate::run::fitted_twins::CalibrationRecords;
@@ -18,7 +18,7 @@ use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table::{self, Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
-use servotwin_diagnosis::panel::Panel;
+use servotwin_diagnosis::panel::{Panel, PanelVerdict};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::slice::from_ref;
@@ -133,6 +133,7 @@ impl FlownSuite {
             .map(|run| Truth::planned(study, &run).run)
             .collect();
         let (names, mut scratch) = (data.examples.names(), panel.scratch());
+        let shutdowns = data.commands(&study.shutdowns());
         let mut views = vec![vec![0.0; data.features.len()]; data.examples.views()];
         for row in data.rows_where(Purpose::Test, |_| true) {
             let own = &data.rows[row];
@@ -141,8 +142,12 @@ impl FlownSuite {
             }
             let verdict = panel.diagnose(&own.largest, &views, &mut scratch);
             let verdict = verdict.map_err(|error| JobError::Evaluation(error.into()))?;
-            let outcome = &mut outcomes[own.variant];
-            outcome.answer(own.is_detected(), verdict, names, &study.shutdowns());
+            let seen = std::mem::take(&mut outcomes[own.variant]).seen(own.is_detected());
+            outcomes[own.variant] = match verdict {
+                PanelVerdict::Healthy => seen,
+                PanelVerdict::NotIsolated(_) => RunOutcome { word: Word::Detected, ..seen },
+                PanelVerdict::Isolated(said) => seen.answered(&said, names, &shutdowns),
+            };
         }
         let basis = Basis { diagnoser_sha256, ..Basis::of_texts(study) };
         let (name, runs) = (suite.name.clone(), in_words(&suite));

@@ -101,9 +101,7 @@ impl<'r> StudyRun<'r> {
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let Job { study, folder, .. } = self.job;
         let named = self.only.or(self.fitted.then_some(Scenario::Fitted));
-        if let Some(scenario) = named.filter(|scenario| !scenario.is_possible(study)) {
-            return Err(RunError::no_section(scenario, study).into());
-        }
+        named.map_or(Ok(()), |scenario| RunError::check(scenario, study))?;
         let Kept { hold, dropped } = folder.keep_study(study, self.replace)?;
         if dropped > 0 {
             (self.observer)(&StudyEvent::Removed { files: dropped });

@@ -1,7 +1,8 @@
 //! Parts of any suites as tasks, which machines compute in any order into one folder, or into folders of their own that are
 //! copied together.
 
-use super::{Job, JobError, data_card, flights, manifest, outcomes};
+use super::flights::{self, FlightResults};
+use super::{Job, JobError, data_card, manifest, outcomes};
 use crate::flight::watched;
 use crate::learn::training_windows;
 use crate::records::{RecordsOutcome, RunError, calibration_file, runs, title};
@@ -217,7 +218,8 @@ impl<'j> Job<'j> {
     }
 
     /// Runs suites and joins their parts: data sets of records, outcomes of judged flights, and their counts. [`FLIGHTS`]
-    /// trains the diagnosers; other suites are flown with those that are there. Returns what was counted of records.
+    /// trains the diagnosers; other suites are flown with those that are there. Returns what was counted of records, and of
+    /// flights if any were flown.
     ///
     /// # Errors
     /// As [`Job::tasks`], [`Job::run`] and [`Job::learn`].
@@ -225,7 +227,7 @@ impl<'j> Job<'j> {
         &self,
         suites: &[String],
         scenarios: impl Fn(Scenario) -> bool,
-    ) -> Result<Vec<RecordsOutcome>, JobError> {
+    ) -> Result<(Vec<RecordsOutcome>, Option<FlightResults>), JobError> {
         self.complete(suites, scenarios, true)
     }
 
@@ -246,10 +248,10 @@ impl<'j> Job<'j> {
         suites: &[String],
         scenarios: impl Fn(Scenario) -> bool,
         learns: bool,
-    ) -> Result<Vec<RecordsOutcome>, JobError> {
+    ) -> Result<(Vec<RecordsOutcome>, Option<FlightResults>), JobError> {
         let Job { study, folder, .. } = *self;
         let flown: Vec<Scenario> = self.flown(&scenarios).collect();
-        let (mut judged, mut simulated) = (vec![], vec![]);
+        let (mut judged, mut simulated, mut results) = (vec![], vec![], None);
         for name in suites {
             match name.as_str() {
                 RECORDS => {
@@ -258,7 +260,7 @@ impl<'j> Job<'j> {
                     }
                     data_card::write(folder, study)?;
                 }
-                FLIGHTS if learns => drop(self.fly_all(&flown)?),
+                FLIGHTS if learns => results = Some(self.fly_all(&flown)?),
                 FLIGHTS => judged.extend(study.suites().filter(|suite| flights::is_usual(suite))),
                 name => match self.suite(name)? {
                     suite if suite.purpose == Purpose::Test => judged.push(suite),
@@ -267,10 +269,10 @@ impl<'j> Job<'j> {
             }
         }
         if !judged.is_empty() {
-            self.fly_suites(&judged, &flown)?;
+            results = Some(self.fly_suites(&judged, &flown)?);
         }
         manifest::write(folder, study)?;
-        Ok(simulated)
+        Ok((simulated, results))
     }
 
     /// The purposes and scenarios of records that are simulated together.
@@ -279,12 +281,11 @@ impl<'j> Job<'j> {
         wanted: impl Fn(Scenario) -> bool,
     ) -> Result<Vec<(Purpose, Vec<Scenario>)>, JobError> {
         let all = runs(self.study, &wanted);
-        match Scenario::ALL.into_iter().find(|&scenario| wanted(scenario)) {
-            // The study lacks a section that the scenario needs.
-            Some(scenario) if all.is_empty() => {
-                Err(RunError::no_section(scenario, self.study).into())
-            }
-            _ => Ok(all),
+        if all.is_empty()
+            && let Some(scenario) = Scenario::ALL.into_iter().find(|&scenario| wanted(scenario))
+        {
+            RunError::check(scenario, self.study)?;
         }
+        Ok(all)
     }
 }

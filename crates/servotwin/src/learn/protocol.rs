@@ -15,7 +15,7 @@
 use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{RowOutcome, Scope, ask, first_error, run};
-use crate::measure::outcome::{FirstAction, RunOutcome};
+use crate::measure::outcome::RunOutcome;
 use crate::measure::{Answers, Measure, OF_BANDS, OF_HEALTHY, OF_RECORDS, OF_SOME_RECORDS, Rates};
 use crate::parallel::Workers;
 use crate::study::Purpose;
@@ -402,45 +402,29 @@ impl Counting<'_> {
     fn unanswered(&self, row: usize) -> RunOutcome {
         let (own, names) = (&self.data.rows[row], self.data.examples.names());
         let truth = self.data.examples.labels()[row];
-        let class = names.details.get(truth.detail as usize);
-        let record = RunOutcome { number: row as u64, is_finished: true, ..RunOutcome::default() };
+        let record = RunOutcome { number: row as u64, ..RunOutcome::default() };
         if own.is_healthy {
-            return RunOutcome { visible_by_chance: u64::from(own.is_detected()), ..record };
+            return record.seen(own.is_detected());
         }
-        RunOutcome {
+        let class = names.details.get(truth.detail as usize);
+        let record = RunOutcome {
+            at_fault: names.actuators[truth.actuator as usize].clone(),
+            action: names.actions[truth.action as usize].clone(),
             class: class.filter(|_| self.names_class).cloned().unwrap_or_default(),
             intensity: own.own_intensity,
             onset_s: Some(0.0),
             needs_shutdown: self.shutdowns.contains(&truth.action),
-            visible_s: own.is_detected().then_some(0.0),
             ..record
-        }
+        };
+        record.seen(own.is_detected())
     }
 
     /// The outcome of a record with what is said of it. An answer that does not count is none.
     fn outcome(&self, RowOutcome { row, said, is_decided, .. }: &RowOutcome) -> RunOutcome {
         let unanswered = self.unanswered(*row);
-        let truth = self.data.examples.labels()[*row];
-        let names = self.data.examples.names();
-        let Some(actuator) = said.actuator.filter(|_| *is_decided) else { return unanswered };
-        let is_own = actuator == truth.actuator;
-        let is_off = said.action.is_some_and(|action| self.shutdowns.contains(&action));
-        if !unanswered.is_fault() {
-            let early_shutdowns = u64::from(is_off);
-            return RunOutcome { early_alarms: 1, early_shutdowns, ..unanswered };
-        }
-        RunOutcome {
-            first: match is_own {
-                true if said.action == Some(truth.action) => FirstAction::Right,
-                true => FirstAction::OtherAction,
-                false => FirstAction::OtherActuator,
-            },
-            first_class: said
-                .detail
-                .map_or_else(String::new, |class| names.details[class as usize].clone()),
-            shutdown_at_fault: is_own && is_off,
-            shutdown_healthy: !is_own && is_off,
-            ..unanswered
+        match is_decided {
+            true => unanswered.answered(said, self.data.examples.names(), self.shutdowns),
+            false => unanswered,
         }
     }
 

@@ -14,8 +14,9 @@ use servotwin_diagnosis::diagnoser::environment::{InputChecks, InputRange};
 use servotwin_diagnosis::diagnoser::tuning::{
     BASELINE_CORRECTED, WITH_TOLERANCES_COST, WRONG_ACTUATOR_COST,
 };
-use servotwin_diagnosis::diagnoser::{self, Diagnoser, Length, Novelty, Scatter, Tuning};
-use servotwin_diagnosis::features::Sensor;
+use servotwin_diagnosis::diagnoser::{
+    self, DiagnosedSensor, Diagnoser, Length, Novelty, Scatter, Tuning,
+};
 use servotwin_diagnosis::hierarchy::Names;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::sliding::WindowSpan;
@@ -320,19 +321,9 @@ fn length(
 }
 
 /// The first `count` measured sensors, as the features of a scenario see them.
-fn diagnosed(study: &Study, scenario: Scenario, count: usize) -> Vec<diagnoser::DiagnosedSensor> {
+fn diagnosed(study: &Study, scenario: Scenario, count: usize) -> Vec<DiagnosedSensor> {
     let sensors = study.sensors_in(scenario).0.into_iter().zip(study.scales());
-    let sensor = |(seen, scale): (Sensor, f64)| diagnoser::DiagnosedSensor {
-        name: seen.name,
-        quantity: seen.quantity,
-        actuator: seen.actuator.map(|unit| unit as u32),
-        scale,
-        noise: seen.noise,
-        is_noisy: seen.is_noisy,
-        follows: seen.follows.into_iter().map(|(other, weight)| (other as u32, weight)).collect(),
-        spread: None,
-    };
-    sensors.take(count).map(sensor).collect()
+    sensors.take(count).map(|(seen, scale)| DiagnosedSensor::new(seen, scale)).collect()
 }
 
 /// The least and largest value of an input before any is known.

@@ -5,8 +5,7 @@ use crate::records::columns::DIMENSIONLESS;
 use crate::table::{Column, Table, TableError, Values};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use servotwin_diagnosis::hierarchy::Names;
-use servotwin_diagnosis::panel::PanelVerdict;
+use servotwin_diagnosis::hierarchy::{Diagnosis, Names};
 
 /// The first action that was raised after the onset.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -201,44 +200,47 @@ impl RunOutcome {
         self.first == FirstAction::Right && self.first_class == self.class
     }
 
-    /// Adds the answer to a record, which comes at its end.
-    pub(crate) fn answer(
-        &mut self,
-        is_visible: bool,
-        verdict: PanelVerdict,
-        names: &Names,
-        shutdowns: &[String],
-    ) {
-        (self.is_finished, self.word) = (true, Word::Healthy);
-        let (is_fault, end_s) = (self.is_fault(), Some(self.duration_s));
-        self.visible_s = end_s.filter(|_| is_fault && is_visible);
-        self.visible_by_chance = u64::from(!is_fault && is_visible);
-        let said = match verdict {
-            PanelVerdict::Healthy => return,
-            PanelVerdict::NotIsolated(_) => None,
-            PanelVerdict::Isolated(said) => said.actuator.zip(said.action).zip(Some(said.detail)),
+    /// A record that has ended, as one window that left its bands or not.
+    pub(crate) fn seen(self, is_visible: bool) -> Self {
+        let is_fault = self.is_fault();
+        RunOutcome {
+            is_finished: true,
+            visible_s: (is_fault && is_visible).then_some(self.duration_s),
+            visible_by_chance: u64::from(!is_fault && is_visible),
+            ..self
+        }
+    }
+
+    /// A record with what trees or committee say at its end. `shutdowns` are the actions that switch off.
+    pub(crate) fn answered(self, said: &Diagnosis, names: &Names, shutdowns: &[u32]) -> Self {
+        let Some(actuator) = said.actuator else { return self };
+        let is_off = said.action.is_some_and(|action| shutdowns.contains(&action));
+        if !self.is_fault() {
+            let (early_shutdowns, word) = (u64::from(is_off), Word::Detected);
+            return RunOutcome { early_alarms: 1, early_shutdowns, word, ..self };
+        }
+        let name = |of: &[String], place: Option<u32>| {
+            place.map_or_else(String::new, |place| of[place as usize].clone())
         };
-        self.word = Word::Detected;
-        let name = |of: &[String], place: u32| of[place as usize].clone();
-        if let Some(((actuator, action), detail)) = said {
-            let [named, action] = [name(&names.actuators, actuator), name(&names.actions, action)];
-            let is_off = shutdowns.contains(&action);
-            if !is_fault {
-                (self.early_alarms, self.early_shutdowns) = (1, u64::from(is_off));
-                return;
-            }
-            let is_own = named == self.at_fault;
-            self.word = if is_own { Word::Actuator } else { Word::Detected };
-            self.first = match is_own {
-                true if action == self.action => FirstAction::Right,
-                true => FirstAction::OtherAction,
-                false => FirstAction::OtherActuator,
-            };
-            self.first_action_s = end_s;
-            self.right_action_s = end_s.filter(|_| self.first == FirstAction::Right);
-            self.first_class = detail.map_or_else(String::new, |d| name(&names.details, d));
-            (self.first_actuator, self.first_action) = (named, action);
-            (self.shutdown_at_fault, self.shutdown_healthy) = (is_own && is_off, !is_own && is_off);
+        let first_actuator = name(&names.actuators, Some(actuator));
+        let first_action = name(&names.actions, said.action);
+        let is_own = first_actuator == self.at_fault;
+        let first = match is_own {
+            true if first_action == self.action => FirstAction::Right,
+            true => FirstAction::OtherAction,
+            false => FirstAction::OtherActuator,
+        };
+        RunOutcome {
+            word: if is_own { Word::Actuator } else { Word::Detected },
+            first,
+            first_action_s: Some(self.duration_s),
+            right_action_s: (first == FirstAction::Right).then_some(self.duration_s),
+            first_class: name(&names.details, said.detail),
+            first_actuator,
+            first_action,
+            shutdown_at_fault: is_own && is_off,
+            shutdown_healthy: !is_own && is_off,
+            ..self
         }
     }
 

@@ -14,7 +14,6 @@ use servotwin_diagnosis::diagnoser::{
     Recorded, Tuning,
 };
 use servotwin_diagnosis::error::{Error, require_sound};
-use servotwin_diagnosis::features::Sensor;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
 use servotwin_diagnosis::sliding::WindowSpan;
@@ -43,19 +42,10 @@ impl RecordingStudy {
             sensor.scale.or(learned).unwrap_or(1.0)
         });
         let scales: Vec<f64> = scales.collect();
-        let sensor = |(seen, &scale): (Sensor, &f64)| DiagnosedSensor {
-            name: seen.name,
-            quantity: seen.quantity,
-            actuator: seen.actuator.map(|unit| unit as u32),
-            scale,
-            noise: seen.noise,
-            is_noisy: seen.is_noisy,
-            follows: vec![],
-            spread: None,
-        };
         // Every part of a window has all sensors.
-        let sensors: Vec<DiagnosedSensor> =
-            self.sensors().0.into_iter().zip(scales.iter().cycle()).map(sensor).collect();
+        let sensors = self.sensors().0.into_iter().zip(scales.iter().cycle());
+        let sensors = sensors.map(|(seen, &scale)| DiagnosedSensor::new(seen, scale));
+        let sensors: Vec<DiagnosedSensor> = sensors.collect();
         let band = |own: &DiagnosedSensor| SensorBand { sensor: own.name.clone(), half_width: 0.0 };
         let bands = sensors.iter().map(band).collect();
         let span = WindowSpan { pane_samples: self.part_rows() as u32, panes: 1 };

@@ -43,9 +43,7 @@ impl Campaign<'_> {
         if runs == 0 {
             return Err(RunError::NoVariants);
         }
-        if let Some(&scenario) = self.scenarios.iter().find(|s| !s.is_possible(self.study)) {
-            return Err(RunError::no_section(scenario, self.study));
-        }
+        self.scenarios.iter().try_for_each(|&scenario| RunError::check(scenario, self.study))?;
         let model = part::model_mark(self.study);
         let faulty = plan::faulty(self.study, &suite);
         let all = part::parts(self.study, &suite);

@@ -49,8 +49,19 @@ impl From<TomlError> for RunError {
 }
 
 impl RunError {
+    /// Checks that a study has the sections that a scenario needs.
+    ///
+    /// # Errors
+    /// [`RunError::NoSection`].
+    pub fn check(scenario: Scenario, study: &Study) -> Result<(), Self> {
+        match scenario.is_possible(study) {
+            true => Ok(()),
+            false => Err(RunError::no_section(scenario, study)),
+        }
+    }
+
     /// The error for a study that lacks sections needed by a scenario.
-    pub fn no_section(scenario: Scenario, study: &Study) -> Self {
+    pub(super) fn no_section(scenario: Scenario, study: &Study) -> Self {
         RunError::NoSection { scenario, lacks: scenario.lacks(study) }
     }
 }
