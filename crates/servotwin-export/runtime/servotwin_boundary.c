@@ -67,6 +67,12 @@ static servotwin_real band_of(int32_t length, int32_t sensor)
     return (band > LEAST_BAND) ? band : LEAST_BAND;
 }
 
+/* What a reading that is wrong by one unit moves the sensor of its i-th effect by. */
+static servotwin_real moves(const servotwin_boundary *boundary, int32_t i, const servotwin_window *window)
+{
+    return boundary->changes[i] * window->inverse[boundary->sensors[i]];
+}
+
 /* Whether one wrong reading moves the sensor next to it enough, and leaves all other mean residuals within theirs. A
  * reading beside which the sensor never agreed with the twin may be wrong within the range of its input. */
 static bool explains(
@@ -79,8 +85,7 @@ static bool explains(
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
         const servotwin_real band = band_of(length, sensor);
-        const servotwin_real change = boundary->changes[i] * window->inverse[sensor];
-        const servotwin_real weighed = change / band;
+        const servotwin_real weighed = moves(boundary, i, window) / band;
         const servotwin_real product = weighed * window->mean[sensor];
         const servotwin_real part = product / band;
         const servotwin_real square = weighed * weighed;
@@ -97,8 +102,7 @@ static bool explains(
     bool holds = (moved > least) && (is_within || (error <= servotwin_tuning.largest_boundary_error));
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
-        const servotwin_real change = boundary->changes[i] * window->inverse[sensor];
-        const servotwin_real expected = wrong_by * change;
+        const servotwin_real expected = wrong_by * moves(boundary, i, window);
         const servotwin_real left = window->mean[sensor] - expected;
         holds = holds && (SERVOTWIN_ABS(left) <= band_of(length, sensor));
     }
@@ -130,15 +134,14 @@ static void take_healthy(
 /* Evidence that the other sensors of the actuator share the fall of the sensor next to the boundary, nats. */
 static servotwin_real shared_nats(const servotwin_boundary *boundary, const servotwin_window *window)
 {
-    const servotwin_real moves = boundary->own_change * window->inverse[boundary->sensor];
-    const servotwin_real fallen = window->mean[boundary->sensor] / moves;
+    const servotwin_real change = boundary->own_change * window->inverse[boundary->sensor];
+    const servotwin_real fallen = window->mean[boundary->sensor] / change;
     servotwin_real nats = 0.0;
     for (int32_t i = 0; i < boundary->effects; i++) {
         const int32_t sensor = boundary->sensors[i];
         const servotwin_real noise = servotwin_sensors[sensor].noise * window->inverse[sensor];
         if ((sensor != boundary->sensor) && (noise > 0.0)) {
-            const servotwin_real change = boundary->changes[i] * window->inverse[sensor];
-            const servotwin_real expected = fallen * change;
+            const servotwin_real expected = fallen * moves(boundary, i, window);
             const servotwin_real half = 0.5 * expected;
             const servotwin_real left = window->mean[sensor] - half;
             const servotwin_real gain = expected * left;

@@ -10,6 +10,7 @@ mod rig;
 mod toy;
 
 use servotwin_diagnosis::diagnoser::{Boundary, Diagnoser};
+use servotwin_diagnosis::spread::Spread;
 use servotwin_export::c;
 use servotwin_export::prove::{Build, Plan, ProofEvidence, prove};
 use servotwin_export::{ExportedTwin, SourceFile};
@@ -212,11 +213,12 @@ fn gcc_has_no_warning_for_one_actuator() {
     assert!(proven.iter().all(ProofEvidence::holds), "{proven:#?}");
 }
 
-/// A diagnoser that uses everything: windows beyond a baseline, a boundary, scales, and a temperature.
+/// A diagnoser that uses everything: windows beyond a baseline, a boundary, scales, spreads, and a temperature.
 fn demanding() -> Arc<Diagnoser> {
     let mut diagnoser = toy::with_baseline();
     for (place, sensor) in diagnoser.sensors.iter_mut().enumerate() {
         sensor.scale = 0.7 + 0.2 * place as f64;
+        sensor.spread = sensor.spread.or(Some(Spread { spool: 1, growth: 0.5 }));
     }
     diagnoser.boundaries = vec![Boundary {
         input: 0,

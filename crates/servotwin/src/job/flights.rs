@@ -259,6 +259,7 @@ impl Job<'_> {
     /// As [`Job::learn`] and [`Job::fly_suites`].
     pub fn fly_all(&self, scenarios: &[Scenario]) -> Result<FlightResults, JobError> {
         let suites: Vec<&Suite> = self.study.suites().filter(|suite| is_usual(suite)).collect();
+        let mut counted = None;
         for (place, &scenario) in scenarios.iter().enumerate() {
             let part = |share: f64| (place as f64 + share) / scenarios.len() as f64;
             let learning = |what: &str, share: f64| {
@@ -266,9 +267,9 @@ impl Job<'_> {
             };
             self.told(&learning).learn(scenario)?;
             let flying = |what: &str, share: f64| self.tell(what, part(0.4 + 0.6 * share));
-            self.told(&flying).fly_suites(&suites, &[scenario])?;
+            counted = Some(self.told(&flying).fly_suites(&suites, &[scenario])?);
         }
-        self.count()
+        counted.map_or_else(|| self.count(), Ok)
     }
 
     /// Flies suites in those of the scenarios that they have, with the stored diagnosers, and writes the results.
