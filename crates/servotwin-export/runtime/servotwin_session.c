@@ -17,8 +17,9 @@
 /* A sensor is quiet if its variance is below the declared one by this factor. */
 #define QUIET 4.0
 
-/* The largest square of a difference that counts, in parts of its mean by the declared noise. */
+/* The largest square of a difference that counts, in parts of its mean by the declared noise, and how many show it. */
 #define LARGEST_DIFFERENCE 4.0
+#define HEARD 100U
 
 /* Panes of the start test after its first full window. */
 #define KNOWN_PANES 3
@@ -513,7 +514,6 @@ static servotwin_real with_noise(const servotwin_session *session, int32_t senso
 /* Takes a measurement into the noise of a sensor, by the difference of successive residuals. */
 static void hear(servotwin_session *session, int32_t sensor, bool is_there, servotwin_real residual)
 {
-    const uint32_t remembered = servotwin_tuning.until_back_samples;
     if (is_there && session->has_last[sensor]) {
         const servotwin_real noise = servotwin_sensors[sensor].stand_in_noise;
         const servotwin_real difference = residual - session->last_residual[sensor];
@@ -524,7 +524,7 @@ static void hear(servotwin_session *session, int32_t sensor, bool is_there, serv
         if (half > largest) {
             half = largest;
         }
-        if (session->differences[sensor] < remembered) {
+        if (session->differences[sensor] < HEARD) {
             session->differences[sensor]++;
         }
         const servotwin_real change = half - session->variance[sensor];
@@ -541,7 +541,7 @@ static bool is_quiet(const servotwin_session *session, int32_t sensor)
     const servotwin_real noise = servotwin_sensors[sensor].stand_in_noise;
     const servotwin_real declared = noise * noise;
     const servotwin_real own = QUIET * session->variance[sensor];
-    return (session->differences[sensor] >= servotwin_tuning.until_back_samples) && (own < declared);
+    return (session->differences[sensor] >= HEARD) && (own < declared);
 }
 
 /* Counts the lost sensors. When one comes back, windows without it are cleared. */

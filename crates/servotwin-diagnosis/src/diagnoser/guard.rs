@@ -29,9 +29,12 @@ use crate::random::Random;
 /// Upper limit of residuals and twin signals, in parts of scale; larger ones are no measurements.
 const PLAUSIBLE: f64 = 1e6;
 
-/// A sensor is quiet if its variance is below the declared one by this factor: half of the declared deviation. Healthy
-/// sensors never are, because 100 differences give their variance to a fifth.
+/// A sensor is quiet if its variance is below the declared one by this factor: half of the declared deviation.
 const QUIET: f64 = 4.0;
+
+/// The number of differences of successive residuals that show the noise of a sensor. They give the variance to a fifth, so
+/// healthy sensors are never quiet.
+const HEARD: u64 = 100;
 
 /// The largest square of a difference that counts, in parts of its mean by the declared noise: a residual that jumps says
 /// nothing about noise.
@@ -288,7 +291,7 @@ impl Guard {
             }
             let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
             let residual = is_there.then(|| (value - expected) / sensor.scale);
-            state.hear(residual, noise, self.until_back);
+            state.hear(residual, noise);
             self.stands_in[place] = is_masked || state.is_lost;
             let of_noise = || {
                 let mut random = Random::stream(place as u64, sample + 1);
@@ -296,7 +299,7 @@ impl Guard {
             };
             self.measured[place] = if self.stands_in[place] {
                 expected + of_noise()
-            } else if state.is_quiet(noise, self.until_back) {
+            } else if state.is_quiet(noise) {
                 value + of_noise()
             } else {
                 value
@@ -348,7 +351,7 @@ impl Guard {
     pub(super) fn restore(&mut self, state: &GuardState) -> Result<(), Error> {
         let is_possible = |sensor: &SensorState| {
             sensor.against < if sensor.is_lost { self.until_back } else { self.until_lost }
-                && sensor.differences <= self.until_back
+                && sensor.differences <= HEARD
                 && sensor.variance >= 0.0
                 && sensor.last.unwrap_or_default().abs() <= PLAUSIBLE
                 && sensor.variance.is_finite()
@@ -374,21 +377,21 @@ impl SensorState {
         }
     }
 
-    /// Takes a residual, in parts of scale, into the noise of the last `remembered` differences; `None` for no
-    /// measurement. `noise` is the declared deviation.
-    fn hear(&mut self, residual: Option<f64>, noise: f64, remembered: u64) {
+    /// Takes a residual, in parts of scale, into the noise of the last differences; `None` for no measurement.
+    /// `noise` is the declared deviation.
+    fn hear(&mut self, residual: Option<f64>, noise: f64) {
         if let Some((last, new)) = self.last.zip(residual) {
             let difference = new - last;
             let half = (0.5 * difference * difference).min(LARGEST_DIFFERENCE * noise * noise);
-            self.differences = (self.differences + 1).min(remembered);
+            self.differences = (self.differences + 1).min(HEARD);
             self.variance += (half - self.variance) / self.differences as f64;
         }
         self.last = residual;
     }
 
     /// Whether the sensor is much quieter than declared.
-    fn is_quiet(&self, noise: f64, remembered: u64) -> bool {
-        self.differences >= remembered && QUIET * self.variance < noise * noise
+    fn is_quiet(&self, noise: f64) -> bool {
+        self.differences >= HEARD && QUIET * self.variance < noise * noise
     }
 }
 
@@ -504,15 +507,17 @@ mod tests {
         for sensor in &mut noisy.sensors {
             (sensor.noise, sensor.is_noisy) = (0.01, true);
         }
+        // Also where nothing settles, as in a test on the ground.
+        noisy.tuning.settle_s = 0.0;
         let mut guard = Guard::new(&noisy);
-        for k in 0..10 {
+        for k in 0..110 {
             let own = if k % 2 == 0 { 0.51 } else { 0.49 };
-            let (inputs, measured) = ([50.0 + f64::from(k), 5.0], [0.4, own]);
+            let (inputs, measured) = ([50.0 + f64::from(k % 10), 5.0], [0.4, own]);
             let received =
                 Received { inputs: &inputs, measured: &measured, twin: &[0.5; 2], sample: 7 };
             guard.admit(&noisy, received, |_| false);
-            // Five differences show the noise.
-            assert_eq!(guard.measured[0] == 0.4, k < 5, "{k}");
+            // A hundred differences show the noise.
+            assert_eq!(guard.measured[0] == 0.4, k < 100, "{k}");
             assert_eq!(guard.measured[1], own, "it has its own noise");
         }
         assert!((guard.measured[0] - 0.4).abs() < 0.06);
