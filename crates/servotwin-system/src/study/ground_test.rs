@@ -5,12 +5,13 @@
 //!
 //! The tests of a study are a study of their own ([`Study::on_ground`]), with the same system, sensors, classes and
 //! specimens. The test's command stands for those of `[flights]`, the first test for the calibration flight of
-//! `[fitted]`, and `ground_test.suites` for `[suites]`. Faults are present from the start.
+//! `[fitted]`, and `ground_test.suites` for `[suites]`. Faults are present from the start. `ground_test.sensors` adds what
+//! logs of flights lack and a test bench has, such as the current that the computer itself puts out.
 
 use super::keys::FLIGHT_S;
 use super::other_plant::DrawText;
 use super::reader::Reader;
-use super::{Study, flights, suites};
+use super::{SensorText, Study, flights, suites};
 use crate::format::{At, Names, section};
 use crate::system::System;
 use crate::toml_text::TomlError;
@@ -24,6 +25,8 @@ section! {
         may inputs: flights::Ranges, "ranges of inputs, drawn for each environment";
         may unit_inputs: flights::Ranges, "ranges of inputs that every channel has";
         may unit_parameters: flights::Ranges, "ranges of parameters that every channel has";
+        may sensors: Names<SensorText>,
+            "sensors that only the test reads, or that follow others in it";
         may wear: Vec<At<DrawText>>,
             "ranges from which every test draws what differs from the first test of its actuator";
         may suites: Names<suites::NamedText>, "how many tests there are, and what for";
@@ -51,7 +54,10 @@ impl super::Text {
             },
             ..flights
         };
+        let mut sensors = self.sensors;
+        sensors.extend(test.sensors);
         super::Text {
+            sensors,
             suites: test.suites,
             flights: self.flights.map(|own| At::new(of_tests(own.value), at.clone())),
             on_ground: true,
@@ -77,7 +83,7 @@ impl Reader<'_> {
                 let mistakes = RefCell::new(self.mistakes.take());
                 let Reader { path, source, system, .. } = *self;
                 let reader = Reader { path, source, text: &text, system, mistakes };
-                let _ = reader.flown();
+                let _ = (reader.sensors().ok(), reader.flown().ok());
                 self.mistakes.replace(reader.mistakes.into_inner());
             }
             _ => {}
@@ -127,6 +133,9 @@ mod tests {
         assert_eq!((flights.duration_s, &flights.windows_s[..]), (20.0, &[20.0][..]));
         assert_eq!(flights.draws, in_flight.draws, "the specimens are the same");
         assert!(!flights.wear.is_empty() && in_flight.wear.is_empty());
+        let seen =
+            |of: &Study| of.sensors.0.iter().filter(|own| own.name.starts_with("u_")).count();
+        assert_eq!((seen(&test), seen(&study)), (2, 0), "only the test reads the currents");
         // The stored text is that of the tests.
         let again = Study::parse(&test.text, "study.toml").unwrap();
         assert_eq!(again.flights.as_ref().unwrap().windows_s, flights.windows_s);
@@ -162,6 +171,7 @@ mod tests {
         for (right, wrong, said) in [
             ("inputs.air_speed = [0, 0]", "inputs.air_sped = [0, 0]", "air_sped"),
             ("inputs.air_speed = [0, 0]", "inputs.air_speed = [0, 9000]", "air_speed"),
+            ("sensors.u_1 =", "sensors.u_9 =", "u_9"),
             ("amplitude=9deg,frequency=0.4Hz", "amplitude=900deg,frequency=0.4Hz", "command"),
             (
                 "\"cylinder.viscous_friction_n_s_m\"], times",
