@@ -108,7 +108,7 @@ def test_a_worker_that_is_killed_is_replaced_by_others(study, whole, tmp_path):
     assert_same(tmp_path, whole)
 
 
-def test_a_campaign_goes_on_with_a_new_scheduler(study, whole, tmp_path):
+def test_a_suite_goes_on_with_a_new_scheduler(study, whole, tmp_path):
     class Enough(Exception):
         pass
 

@@ -1,4 +1,4 @@
-//! The measured results of a study on one page: safety, detection and isolation of the campaign's variants, and the
+//! The measured results of a study on one page: safety, detection and isolation of records, and the
 //! figures of merit of the flights. Each has its count and interval.
 //!
 //! The page contains nothing that depends on the machine, so the same study gives the same page everywhere.
