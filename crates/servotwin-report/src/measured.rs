@@ -195,13 +195,9 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
         }
     }
     for isolation in &evaluation.isolation {
-        let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, rate);
-        push("fault isolated", Some(isolation.decided));
-        let action = words.action();
-        push(&format!("{action} right, of isolated"), Some(isolation.right_of_decided));
-        push(&format!("{action} right or not isolated"), Some(isolation.right_or_not_isolated));
-        for measure in lines::SAFETY {
-            push(&words.measure(measure), isolation.rates.counted(measure));
+        for measure in measure::OF_ISOLATED.into_iter().chain(lines::SAFETY) {
+            let rate = isolation.rates.counted(measure);
+            push(&words.measure(measure), BOTH, &isolation.title, rate);
         }
     }
     rates
@@ -268,7 +264,7 @@ fn of_flights(
             });
         }
     };
-    for measure in measure::ALL {
+    for measure in measure::OF_FLIGHTS {
         let [sentence, faults] = words.describe_measure(measure, &[metrics.limit_s]);
         push(sentence, &faults, Some(metrics.rates.of(measure)));
     }

@@ -384,7 +384,7 @@ fn all_measures(results: &FlightResults, words: &Vocabulary) -> Table {
     let scenarios = suites.iter().map(|metrics| metrics.title());
     let mut grid = Table::headed(left.into_iter().chain(scenarios));
     let mut last = String::new();
-    for measure in measure::ALL {
+    for measure in measure::OF_FLIGHTS {
         let rates: Vec<Rate> = suites.iter().map(|metrics| metrics.rates.of(measure)).collect();
         if rates.iter().all(|rate| rate.of == 0) {
             continue;

@@ -348,7 +348,8 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fil
     let all = protocol.iter().flat_map(|protocol| &protocol.confused).enumerate();
     let own: Vec<_> = all.filter(|(_, confused)| confused.kind == subject.kind).collect();
     let in_words = |(_, confused): &(usize, &Confused)| {
-        let share = format!("{:.1} % of its tests", 100.0 * confused.share);
+        let share =
+            format!("{:.1} % of its tests", 100.0 * confused.count as f64 / confused.of as f64);
         match confused.question {
             _ if confused.taken_for == HEALTHY => format!("no fault at all ({share})"),
             Question::Actuator => format!("{} ({share})", confused.taken_for),

@@ -2,7 +2,7 @@
 
 use servotwin::learn::committee::evidence_quantile;
 use servotwin::learn::data_set::DataRow;
-use servotwin::learn::protocol::{Holding, Protocol};
+use servotwin::learn::protocol::{Holding, Protocol, ProtocolResult};
 use servotwin::learn::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings};
 use servotwin::learn::{bands, evaluate, model_file, train};
 use servotwin::measure::{self, Rates};
@@ -516,16 +516,18 @@ fn a_kind_that_was_not_trained_may_stay_not_isolated() {
     let unknown = evaluation.isolation(Protocol::KindLeftOut).unwrap();
     let known = evaluation.isolation(Protocol::NewCommand).unwrap();
     for isolation in [unknown, known] {
-        let wrong = isolation.decided.count - isolation.right_of_decided.count;
-        let either = isolation.right_or_not_isolated;
+        let [decided, right, either] =
+            measure::OF_ISOLATED.map(|measure| isolation.rates.of(measure));
+        let wrong = decided.count - right.count;
         assert_eq!(either.count + wrong, either.of);
-        assert_eq!(isolation.right_of_decided.of, isolation.decided.count);
-        let of_kinds: u64 = isolation.wrong_kinds.iter().map(|(_, rate)| rate.count).sum();
+        assert_eq!(right.of, decided.count);
+        let of_kinds: u64 = isolation.wrong_kinds().iter().map(|(_, [wrong, _])| wrong).sum();
         assert_eq!(of_kinds, wrong);
     }
     // Every kind moves the residuals in a direction of its own, so a kind that is left out resembles no other.
-    assert!(share(Some(unknown.decided)) < 0.1, "{:?}", unknown.decided);
+    let decided = |of: &ProtocolResult| share(of.rates.counted(&measure::ISOLATED));
+    assert!(decided(unknown) < 0.1, "{:?}", unknown.rates);
     assert_eq!(unknown.rates.of(&measure::WRONG_SHUTDOWN).count, 0);
-    assert!(share(Some(known.right_or_not_isolated)) > 0.99);
-    assert!(share(Some(known.decided)) > 0.9);
+    assert!(share(known.rates.counted(&measure::RIGHT_OR_NOT_ISOLATED)) > 0.99);
+    assert!(decided(known) > 0.9);
 }
