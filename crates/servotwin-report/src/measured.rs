@@ -18,6 +18,7 @@ use servotwin::learn::metrics::Rate;
 use servotwin::learn::protocol::Protocol;
 use servotwin::measure;
 use servotwin::measure::flights::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
+use servotwin::measure::unseen::{SHUTDOWN_HEALTHY, SHUTDOWN_MISINFORMED};
 use servotwin::study::Study;
 use servotwin::study::suites::OTHER_STRUCTURE;
 use servotwin_view::document::{Document, Table, Value};
@@ -47,11 +48,6 @@ struct MeasuredRate {
     protocol: String,
     /// The share with its count and 95 % interval.
     rate: Rate,
-}
-
-/// A share of independent cases, or `None` for no cases.
-fn counted(count: u64, of: u64) -> Option<Rate> {
-    (of > 0).then(|| Rate::new(count, of))
 }
 
 impl Measured<'_> {
@@ -270,16 +266,12 @@ fn of_flights(
     }
     let (unit, off) = (words.unit(), words.switched_off());
     let Some(unseen) = unseen.filter(|_| words.has_off()) else { return rates };
-    let (count, of) = unseen.shutdowns_healthy();
-    push(format!("healthy {unit} {off}"), "faults unknown to training", counted(count, of));
-    for outcome in &unseen.outcomes {
-        let count = outcome.shutdowns_behind_wrong_sensor;
-        let measure = format!("healthy {unit} {off}: {}", outcome.title);
-        push(
-            measure,
-            "boundary sensors that mislead the twin",
-            count.and_then(|count| counted(count, outcome.flights)),
-        );
+    let healthy = unseen.rates.counted(&SHUTDOWN_HEALTHY);
+    push(format!("healthy {unit} {off}"), "faults unknown to training", healthy);
+    for fault in &unseen.faults {
+        let measure = format!("healthy {unit} {off}: {}", fault.title);
+        let rate = fault.rates.counted(&SHUTDOWN_MISINFORMED);
+        push(measure, SHUTDOWN_MISINFORMED.of.words, rate);
     }
     rates
 }

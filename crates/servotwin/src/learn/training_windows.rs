@@ -292,7 +292,8 @@ impl<'f> TrainingFlights<'f> {
         design.spreads.iter().for_each(|spread| {
             mark.add(&spread.map(|Spread { spool, growth }| (u64::from(spool), growth)));
         });
-        let files = PartFiles::new(folder, stem(suite, scenario), mark, part::parts(study, suite));
+        let parts = part::parts(study, suite, plan::all(study, suite));
+        let files = PartFiles::new(folder, stem(suite, scenario), mark, parts);
         TrainingFlights { design, suite, workers, bands, files }
     }
 

@@ -4,9 +4,11 @@
 //! - this module: the measures, in one list. A measure is the share of some outcomes in which something happened; every
 //!   file, table and page that gives such a share counts it here. A new measure is one entry.
 //! - [`flights`]: the measures of a suite of flights, with latencies and false alarms
+//! - [`unseen`]: those of faults that training does not contain
 
 pub mod flights;
 pub mod outcome;
+pub mod unseen;
 
 use crate::study::Study;
 use flights::STRONG;
@@ -329,7 +331,7 @@ pub const OF_ISOLATED: [&Measure; 3] = [&ISOLATED, &RIGHT_OF_ISOLATED, &RIGHT_OR
 
 /// All measures.
 pub fn all() -> impl Iterator<Item = &'static Measure> {
-    OF_FLIGHTS.iter().copied().chain(OF_ISOLATED)
+    OF_FLIGHTS.iter().copied().chain(OF_ISOLATED).chain(unseen::all())
 }
 
 /// What bands alone show of records.

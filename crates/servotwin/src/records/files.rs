@@ -25,7 +25,7 @@ pub(super) fn of(
     scenarios.iter().try_for_each(|&scenario| RunError::check(scenario, study))?;
     let model = part::model_mark(study);
     let faulty = plan::faulty(study, suite);
-    let all = part::parts(study, suite);
+    let all = part::parts(study, suite, plan::all(study, suite));
     let of = |&scenario: &Scenario| {
         let count = if scenario.has_noise() { runs } else { faulty };
         let own = |part: &Vec<usize>| part.iter().copied().filter(|&n| n < count).collect();
@@ -52,7 +52,7 @@ fn fingerprint(
     mark.add(&study.seed);
     mark.add(&study.realism.as_ref().filter(|_| scenario.has_noise()));
     mark.add(&study.calibration.as_ref().filter(|_| scenario == Scenario::Fitted));
-    for run in (0..runs).map(|number| plan::run(study, suite, number)) {
+    for run in plan::all(study, suite).take(runs) {
         let fault = run.fault.map_or("healthy", |f| study.faults[f].id.as_str());
         mark.add(&run.environment).add(fault).add(&run.intensity);
     }
