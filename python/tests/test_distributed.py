@@ -162,7 +162,7 @@ def test_a_storage_that_fails_one_write_in_ten_gives_the_same_bytes(tmp_path, mo
     assert contents(tmp_path / "out") == written
 
 
-def test_a_campaign_into_a_storage_that_fails_one_write_in_ten(study, whole, tmp_path, monkeypatch):
+def test_a_suite_into_a_storage_that_fails_one_write_in_ten(study, whole, tmp_path, monkeypatch):
     import flaky
 
     notes, out = tmp_path / "notes", tmp_path / "out"
