@@ -1,4 +1,4 @@
-"""Memory of a campaign's parts, of the merge and of a campaign in one go, by the number of variants.
+"""Memory of the parts of records, of the merge and of all records in one go, by the number of variants.
 
     python python/benchmarks/memory.py [variants ...]
 

@@ -104,7 +104,7 @@ def data_set(out: Path, scenario: str = "noise", *, training: bool = False) -> _
     Parameters
     ----------
     out : path
-        The folder of a campaign.
+        The output folder.
     scenario : str
         The scenario: "ideal", "noise", "fitted" or "realistic".
     training : bool

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union
 
-if TYPE_CHECKING:  # a campaign needs no numpy, whose start and threads take as long as 3 s of simulation
+if TYPE_CHECKING:  # a suite needs no numpy, whose start and threads take as long as 3 s of simulation
     import numpy as np
     import numpy.typing as npt
 

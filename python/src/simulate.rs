@@ -21,7 +21,7 @@ type Mapping<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
 pub struct Steps<'a> {
     /// The method's name.
     pub method: &'a str,
-    /// The allowed error of a step; the campaign's without.
+    /// The allowed error of a step; that of runs without.
     pub tolerance: Option<f64>,
     /// A fixed step instead of error control, s.
     pub step_s: Option<f64>,

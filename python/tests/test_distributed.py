@@ -108,7 +108,7 @@ def test_a_worker_that_is_killed_is_replaced_by_others(study, whole, tmp_path):
     assert_same(tmp_path, whole)
 
 
-def test_a_campaign_goes_on_with_a_new_scheduler(study, whole, tmp_path):
+def test_a_suite_goes_on_with_a_new_scheduler(study, whole, tmp_path):
     class Enough(Exception):
         pass
 
@@ -162,7 +162,7 @@ def test_a_storage_that_fails_one_write_in_ten_gives_the_same_bytes(tmp_path, mo
     assert contents(tmp_path / "out") == written
 
 
-def test_a_campaign_into_a_storage_that_fails_one_write_in_ten(study, whole, tmp_path, monkeypatch):
+def test_a_suite_into_a_storage_that_fails_one_write_in_ten(study, whole, tmp_path, monkeypatch):
     import flaky
 
     notes, out = tmp_path / "notes", tmp_path / "out"

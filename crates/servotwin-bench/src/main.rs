@@ -26,7 +26,7 @@ use std::time::Instant;
 pub struct Task<'a> {
     /// The aileron.
     pub program: &'a Program,
-    /// Its step in machine code, as campaigns have it.
+    /// Its step in machine code, as runs have it.
     pub compiled: &'a Compiled,
     /// One per external input; only the command moves.
     pub inputs: Vec<&'a Piecewise>,
@@ -181,7 +181,7 @@ struct Judged {
 
 fn judge(task: &Task) -> Judged {
     let (exact, _) = ours(task, SolverSettings::reference());
-    let (work, statistics) = ours(task, SolverSettings::campaign());
+    let (work, statistics) = ours(task, SolverSettings::of_runs());
     let errors = task.errors(&work.runs, &exact.runs);
     Judged { exact: exact.runs, errors, seconds: work.seconds, statistics }
 }
@@ -237,7 +237,7 @@ fn peer(
     wanted: f64,
     solve: impl Fn(&Task, f64) -> Work,
 ) {
-    let our_seconds = || ours(task, SolverSettings::campaign()).0.seconds;
+    let our_seconds = || ours(task, SolverSettings::of_runs()).0.seconds;
     let mut before = our_seconds();
     for tolerance in [1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 5e-8, 2e-8, 1e-8] {
         let work = solve(task, tolerance);
@@ -272,7 +272,7 @@ fn report(
     (seconds, errors, total): (f64, Vec<f64>, Statistics),
 ) {
     let count = faults.len() as f64;
-    println!("campaign {:?}", SolverSettings::campaign());
+    println!("runs {:?}", SolverSettings::of_runs());
     println!("  {seconds:.2} s, {:.2} ms per simulated second", 1e3 * seconds / count / duration_s);
     println!("  {total:?}");
     let mut order: Vec<usize> = (0..errors.len()).collect();

@@ -199,8 +199,7 @@ impl Command {
 }
 
 /// Words that people try as commands, and what does it.
-const TIPS: [(&str, &str); 13] = [
-    ("campaign", "study --suite records"),
+const TIPS: [(&str, &str); 12] = [
     ("merge", "study --suite records"),
     ("train", "study"),
     ("evaluate", "study"),

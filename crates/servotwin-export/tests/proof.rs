@@ -180,7 +180,7 @@ fn a_flag_of_one_file_of_the_diagnosis_is_refused_or_changes_nothing() {
 #[ignore = "slow: ./check --all"]
 fn a_flag_of_one_file_of_the_twin_is_refused_or_changes_nothing() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let twin = twin(&program, SolverSettings::campaign());
+    let twin = twin(&program, SolverSettings::of_runs());
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let plan = Plan { variants: 1, twin: Some(&twin), ..Plan::new(&diagnoser, &files) };
     assert_eq!(not_refused(&plan, &["gcc", "clang"], &OF_TWIN, &UNSAFE), [""; 0]);
@@ -203,7 +203,7 @@ fn every_header_refuses_unsafe_arithmetic_and_can_be_called_from_cpp() {
 fn gcc_has_no_warning_for_one_actuator() {
     let diagnoser = toy::train::<{ toy::sensors_of(1) }>(1);
     let program = rig::actuator();
-    let twin = twin(&program, SolverSettings::campaign());
+    let twin = twin(&program, SolverSettings::of_runs());
     let sensors = vec![0; diagnoser.sensors.len()];
     let twin = ExportedTwin { sensors, ..twin };
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
@@ -267,8 +267,8 @@ fn twin(program: &Program, settings: SolverSettings) -> ExportedTwin<'_> {
 #[ignore = "slow: ./check --all"]
 fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let reference = SolverSettings { method: Method::Rodas5P, ..SolverSettings::campaign() };
-    for settings in [SolverSettings::campaign(), SolverSettings::real_time(), reference] {
+    let reference = SolverSettings { method: Method::Rodas5P, ..SolverSettings::of_runs() };
+    for settings in [SolverSettings::of_runs(), SolverSettings::real_time(), reference] {
         let twin = twin(&program, settings);
         let files = c::files_with_twin(&diagnoser, &twin).unwrap();
         let plan =
@@ -283,7 +283,7 @@ fn a_twin_with_a_clock_and_faults_is_the_same_with_any_control_of_its_steps() {
 #[ignore = "slow: ./check --all"]
 fn mistakes_in_a_twin_are_found() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let twin = twin(&program, SolverSettings::campaign());
+    let twin = twin(&program, SolverSettings::of_runs());
     let files = c::files_with_twin(&diagnoser, &twin).unwrap();
     let (diagnoser, files) = (&diagnoser, files.as_slice());
     let plan = Plan { twin: Some(&twin), variants: 2, ..Plan::new(diagnoser, files) };
@@ -299,8 +299,7 @@ fn mistakes_in_a_twin_are_found() {
 #[test]
 fn the_start_test_of_a_twin_knows_the_answer_of_a_run() {
     let (program, diagnoser) = (rig::actuator(), toy::diagnoser());
-    let files =
-        c::files_with_twin(&diagnoser, &twin(&program, SolverSettings::campaign())).unwrap();
+    let files = c::files_with_twin(&diagnoser, &twin(&program, SolverSettings::of_runs())).unwrap();
     let answers = files
         .iter()
         .flat_map(|file| file.text.lines())

@@ -18,6 +18,8 @@
 //! Folds of whole groups are held out in turn. A group is what new rows do not share with the training rows: a command
 //! where new commands are judged, one variant where all commands are known. The scatter comes from all training rows, so
 //! a held-out row takes part in the metric. With many rows for each feature this matters little.
+//!
+//! The rows themselves are kept. A session, which cannot, asks for ranges of single features instead ([`crate::novelty`]).
 
 use alloc::vec;
 use alloc::vec::Vec;

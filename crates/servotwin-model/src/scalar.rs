@@ -5,7 +5,7 @@
 //! | type | use |
 //! |---|---|
 //! | `f64` | constants of a variant, single runs |
-//! | [`crate::lanes`] | campaigns: one variant per SIMD lane |
+//! | [`crate::lanes`] | ensembles: one variant per SIMD lane |
 //! | `crate::dual::Dual` | the exact Jacobian of the implicit solver |
 //! | [`crate::symbol::Symbol`] | the C source of the same equations |
 //!

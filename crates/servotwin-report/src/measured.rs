@@ -1,4 +1,4 @@
-//! The measured results of a study on one page: safety, detection and isolation of the campaign's variants, and the
+//! The measured results of a study on one page: safety, detection and isolation of records, and the
 //! figures of merit of the flights. Each has its count and interval.
 //!
 //! The page contains nothing that depends on the machine, so the same study gives the same page everywhere.
@@ -18,6 +18,7 @@ use servotwin::learn::metrics::Rate;
 use servotwin::learn::protocol::Protocol;
 use servotwin::measure;
 use servotwin::measure::flights::{ClassMetrics, FlightMetrics, HealthyMetrics, STRONG};
+use servotwin::measure::unseen::{SHUTDOWN_HEALTHY, SHUTDOWN_MISINFORMED};
 use servotwin::study::Study;
 use servotwin::study::suites::OTHER_STRUCTURE;
 use servotwin_view::document::{Document, Table, Value};
@@ -47,11 +48,6 @@ struct MeasuredRate {
     protocol: String,
     /// The share with its count and 95 % interval.
     rate: Rate,
-}
-
-/// A share of independent cases, or `None` for no cases.
-fn counted(count: u64, of: u64) -> Option<Rate> {
-    (of > 0).then(|| Rate::new(count, of))
 }
 
 impl Measured<'_> {
@@ -195,13 +191,9 @@ fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate>
         }
     }
     for isolation in &evaluation.isolation {
-        let mut push = |measure: &str, rate| push(measure, BOTH, &isolation.title, rate);
-        push("fault isolated", Some(isolation.decided));
-        let action = words.action();
-        push(&format!("{action} right, of isolated"), Some(isolation.right_of_decided));
-        push(&format!("{action} right or not isolated"), Some(isolation.right_or_not_isolated));
-        for measure in lines::SAFETY {
-            push(&words.measure(measure), isolation.rates.counted(measure));
+        for measure in measure::OF_ISOLATED.into_iter().chain(lines::SAFETY) {
+            let rate = isolation.rates.counted(measure);
+            push(&words.measure(measure), BOTH, &isolation.title, rate);
         }
     }
     rates
@@ -268,22 +260,18 @@ fn of_flights(
             });
         }
     };
-    for measure in measure::ALL {
+    for measure in measure::OF_FLIGHTS {
         let [sentence, faults] = words.describe_measure(measure, &[metrics.limit_s]);
         push(sentence, &faults, Some(metrics.rates.of(measure)));
     }
     let (unit, off) = (words.unit(), words.switched_off());
     let Some(unseen) = unseen.filter(|_| words.has_off()) else { return rates };
-    let (count, of) = unseen.shutdowns_healthy();
-    push(format!("healthy {unit} {off}"), "faults unknown to training", counted(count, of));
-    for outcome in &unseen.outcomes {
-        let count = outcome.shutdowns_behind_wrong_sensor;
-        let measure = format!("healthy {unit} {off}: {}", outcome.title);
-        push(
-            measure,
-            "boundary sensors that mislead the twin",
-            count.and_then(|count| counted(count, outcome.flights)),
-        );
+    let healthy = unseen.rates.counted(&SHUTDOWN_HEALTHY);
+    push(format!("healthy {unit} {off}"), "faults unknown to training", healthy);
+    for fault in &unseen.faults {
+        let measure = format!("healthy {unit} {off}: {}", fault.title);
+        let rate = fault.rates.counted(&SHUTDOWN_MISINFORMED);
+        push(measure, SHUTDOWN_MISINFORMED.of.words, rate);
     }
     rates
 }

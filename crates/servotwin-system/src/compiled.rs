@@ -96,7 +96,7 @@ impl Compiled {
         let asked_s =
             self.asked_s.load(Ordering::Relaxed).saturating_add(simulated_s.ceil() as u64);
         let is_worth = asked_s >= WORTH_S || policy() == Policy::Only;
-        method == SolverSettings::campaign().method && is_worth
+        method == SolverSettings::of_runs().method && is_worth
     }
 
     /// The functions if an earlier call has found them; never compiles.
@@ -114,7 +114,7 @@ impl Compiled {
         &self.loaded[place.expect("a level")]
     }
 
-    /// The functions for a program and a level, with the method of campaigns. The program must always be the same.
+    /// The functions for a program and a level, with the method of runs. The program must always be the same.
     /// `None` without a compiler.
     pub fn steps(&self, program: &Program, level: Level) -> Option<&CompiledSteps> {
         self.steps_unless(program, level, None)
@@ -229,7 +229,7 @@ impl Loaded {
         compiler: &str,
         patience: &Patience,
     ) -> Result<Self, Option<CompileProblem>> {
-        let text = c_source::write_step(program, SolverSettings::campaign().method).ok_or(None)?;
+        let text = c_source::write_step(program, SolverSettings::of_runs().method).ok_or(None)?;
         let levels: Vec<Level> = iter::successors(Some(level), |level| level.narrower()).collect();
         let entry = cache::CacheEntry::new(&text, compiler);
         let cached = || {
@@ -258,7 +258,7 @@ impl Loaded {
 
     /// Accepts the functions of the libraries if they belong to the program and give the bits of the lists.
     fn checked(program: &Program, levels: &[Level], libraries: Vec<Library>) -> Option<Self> {
-        let method = SolverSettings::campaign().method;
+        let method = SolverSettings::of_runs().method;
         let functions = levels.iter().zip(&libraries).map(|(level, library)| {
             // SAFETY: the functions of our own text, compiled for lanes of this level, which is available; the library
             // stays loaded as long as they exist.
@@ -489,7 +489,7 @@ fn first_moments(program: &Program, level: Level, steps: Option<&CompiledSteps>)
     let mut moments =
         Moments { waiting: (0..count).map(job).collect(), of_jobs: vec![Moment::default(); count] };
     let record: Vec<Slot> = program.observables().iter().map(|o| o.slot).collect();
-    run(program, steps, SolverSettings::campaign(), &record, level, &mut moments);
+    run(program, steps, SolverSettings::of_runs(), &record, level, &mut moments);
     moments.of_jobs
 }
 
@@ -607,7 +607,7 @@ mod tests {
     #[test]
     fn little_work_is_not_worth_it() {
         let compiled = Compiled::default();
-        let (program, method) = (System::default().program, SolverSettings::campaign().method);
+        let (program, method) = (System::default().program, SolverSettings::of_runs().method);
         assert!(compiled.when_worth(&program, method, Level::Portable, 1.0, None).is_none());
         assert!(compiled.loaded.iter().all(|loaded| loaded.get().is_none()));
     }

@@ -96,12 +96,12 @@ pub fn processors() -> usize {
 }
 
 impl<'p> Ensemble<'p> {
-    /// All processors, the widest lanes, campaign settings.
+    /// All processors, the widest lanes, the settings of runs.
     pub fn new(program: &'p Program) -> Self {
         Self {
             program,
             compiled: None,
-            settings: SolverSettings::campaign(),
+            settings: SolverSettings::of_runs(),
             level: Level::best(),
             threads: processors(),
             record: Vec::new(),

@@ -1,7 +1,7 @@
 //! System files, signals and studies of servotwin, and running their variants on all cores.
 //!
 //! This crate reads what files declare and simulates it.
-//! Campaigns, training, evaluation, flights and fits stand above it, in the crate `servotwin`, which re-exports every
+//! Suites, training, evaluation, flights and fits stand above it, in the crate `servotwin`, which re-exports every
 //! module here.
 //!
 //! | task | modules |

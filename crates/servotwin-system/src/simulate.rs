@@ -181,7 +181,7 @@ impl<'s> Simulation<'s> {
             record: vec![],
             duration_s: 5.0,
             sample_period_s: 0.01,
-            settings: SolverSettings::campaign(),
+            settings: SolverSettings::of_runs(),
             level: Level::best(),
             threads: processors(),
             noise_seed: None,
@@ -248,7 +248,7 @@ impl<'s> Simulation<'s> {
         self
     }
 
-    /// Sets the solver's method; the default is the campaign's.
+    /// Sets the solver's method; the default is that of runs.
     #[must_use]
     pub fn method(mut self, method: Method) -> Self {
         self.settings.method = method;

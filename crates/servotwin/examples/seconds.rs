@@ -1,8 +1,8 @@
-//! Processor time of a campaign's runs, for `peers/beside.sh`.
+//! Processor time of the runs of records, for `peers/beside.sh`.
 //!
 //! `seconds [STRIDE] [DURATION_S]` (defaults 1, 90): every `STRIDE`-th of the study's
 //! faults under its second command at full load, in one thread. What is sampled is
-//! what a campaign samples, and goes into a sum only. Prints the seconds, and those of compilers.
+//! what records sample, and goes into a sum only. Prints the seconds, and those of compilers.
 
 use servotwin::ensemble::{Sink, Variant};
 use servotwin::records;
@@ -33,7 +33,7 @@ fn main() {
     let study = Study::default();
     let case = study.cases.iter().find(|case| case.name == "S2/100").expect("a case of the study");
     let mut faults: Vec<_> = study.faults.iter().step_by(argument(1, 1.0) as usize).collect();
-    // As a campaign does: a few of them take a hundred times as long as the others.
+    // As records do: a few of them take a hundred times as long as the others.
     faults.sort_by(|a, b| b.at.intensity.total_cmp(&a.at.intensity));
     let mut ensemble = records::ensemble(&study);
     (ensemble.duration_s, ensemble.threads) = (argument(2, 90.0), 1);

@@ -175,7 +175,7 @@ pub(crate) fn twin_of<'s>(
     let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
     let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
     let settings =
-        if has_fixed_step { SolverSettings::real_time() } else { SolverSettings::campaign() };
+        if has_fixed_step { SolverSettings::real_time() } else { SolverSettings::of_runs() };
     let twin = twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)?;
     Ok(ExportedTwin { reactions: ExportedReaction::all(study, diagnoser), ..twin })
 }
@@ -185,7 +185,7 @@ fn twin_alone(study: &Study) -> Result<ExportedTwin<'_>, RuntimeError> {
     let network = study.system.network();
     let sensors = study.system.sensors.iter().map(|sensor| sensor.id.as_str());
     let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
-    twin(study, SolverSettings::campaign(), study.sample_period_s, ranges.collect(), sensors)
+    twin(study, SolverSettings::of_runs(), study.sample_period_s, ranges.collect(), sensors)
 }
 
 /// A twin of a study with these sensors, by id.

@@ -4,12 +4,15 @@ use super::StudyOptions;
 use super::progress::with_crew;
 use crate::Global;
 use crate::failure::Failure;
-use servotwin::flight::unseen_faults::UnseenFaultOutcome;
+use servotwin::flight::unseen_faults::UnseenFaultRates;
 use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::{self, FlownSuite};
 use servotwin::job::sealed::OpeningRecord;
 use servotwin::job::{Folder, Job, manifest};
 use servotwin::measure::flights::FlightMetrics;
+use servotwin::measure::unseen::{
+    EARLY_ALARM, NEVER_SHUT_DOWN, NO_RESPONSE, OTHER_RESPONSE, RIGHT_RESPONSE,
+};
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{FLIGHTS, RECORDS};
 use servotwin::study::{Scenario, Study};
@@ -130,21 +133,23 @@ fn fitted_plants(calibration: &CalibrationRecords) -> String {
 }
 
 /// Describes the flights of a challenge set in a line.
-fn challenge_line(set: &UnseenFaultOutcome, words: &Vocabulary) -> String {
-    let UnseenFaultOutcome { title, flights, right_action, other_action, .. } = set;
-    let [need, missed] = set.missed_shutdowns;
+fn challenge_line(set: &UnseenFaultRates, words: &Vocabulary) -> String {
+    let UnseenFaultRates { title, flights, failed, rates, wrong, .. } = set;
+    let [right, other, none] =
+        [RIGHT_RESPONSE, OTHER_RESPONSE, NO_RESPONSE].map(|measure| set.count(&measure));
+    let missed = rates.of(&NEVER_SHUT_DOWN);
     let wrong = match words.has_several() {
-        true => format!(", shutdowns of a healthy {} {}", words.unit(), set.wrong_shutdowns()),
+        true => format!(", shutdowns of a healthy {} {}", words.unit(), wrong.len()),
         false => String::new(),
     };
     let latency = set.latency.as_ref().map_or(String::new(), |latency| {
         format!("; right action after median {:.2} s, p95 {:.2} s", latency.median_s, latency.p95_s)
     });
     format!(
-        "challenge {title}: of {flights} flights ({} failed) {right_action} right action first, {other_action} other action \
-         first, {} no action; missed shutdowns {missed} of {need}{wrong}, false alarms before the onset {}{latency}",
-        set.failed,
-        set.without_action(),
-        set.false_alarms,
+        "challenge {title}: of {flights} flights ({failed} failed) {right} right action first, {other} other action first, \
+         {none} no action; missed shutdowns {} of {}{wrong}, false alarms before the onset {}{latency}",
+        missed.count,
+        missed.of,
+        set.count(&EARLY_ALARM),
     )
 }

@@ -29,7 +29,7 @@ pub(super) fn describe(document: &mut Document, study: &Study, records: &[Record
             failed.push(row![scenario.name(), *variant, reason]);
         }
     }
-    document.list("campaigns", records.iter().map(|outcome| line_of(study, outcome)));
+    document.list("records", records.iter().map(|outcome| line_of(study, outcome)));
     document.table("counts", counted);
     document.table("failed", failed);
 }

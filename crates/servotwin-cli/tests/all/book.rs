@@ -458,11 +458,11 @@ fn constants_table() -> String {
 /// All measures of runs, in the words of the built-in study.
 fn measures_table() -> String {
     let words = Vocabulary::of(&Study::default());
-    let row = |measure: &&Measure| {
+    let row = |measure: &Measure| {
         let [happened, runs] = words.describe_measure(measure, &[]);
         format!("| `{}` | {happened} | {runs} |\n", measure.name)
     };
-    let rows: String = measure::ALL.iter().map(row).collect();
+    let rows: String = measure::all().map(row).collect();
     format!("| name | what happened | in which runs |\n|---|---|---|\n{rows}")
 }
 

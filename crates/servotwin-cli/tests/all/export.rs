@@ -145,7 +145,7 @@ fn flight(study: &Study, diagnoser: &Diagnoser) -> Vec<(Vec<f64>, Vec<f64>)> {
     let (component, fault) = program.find_fault("actuator_1.leakage_a.leakage").unwrap();
     let leak = FaultAt { component, fault, intensity: 0.8 };
     let mut plant =
-        Twin::new(program, SolverSettings::campaign(), diagnoser.period_s, between(study));
+        Twin::new(program, SolverSettings::of_runs(), diagnoser.period_s, between(study));
     plant.load(&program.parameters(&[]));
     let mut samples = Vec::new();
     for k in 0..1200_usize {

@@ -65,13 +65,13 @@ fn whole() -> &'static Path {
     filled(&WHOLE, &["study", "--fitted", "--threads", "1"])
 }
 
-/// The campaigns of all scenarios but the fitted one.
-fn campaigns() -> &'static Path {
-    static CAMPAIGNS: Shared = Shared::new("study-campaigns");
-    filled(&CAMPAIGNS, &["study", "--suite", "records"])
+/// The records of all scenarios but the fitted one.
+fn all_records() -> &'static Path {
+    static RECORDS: Shared = Shared::new("study-records");
+    filled(&RECORDS, &["study", "--suite", "records"])
 }
 
-/// The campaign of the ideal scenario.
+/// The records of the ideal scenario.
 fn ideal() -> &'static Path {
     static IDEAL: Shared = Shared::new("study-ideal");
     filled(&IDEAL, &["study", "--suite", "records", "--scenario", "ideal"])
@@ -469,7 +469,7 @@ fn a_file_that_is_not_what_was_written_is_named_with_what_makes_it_anew() {
 }
 
 #[test]
-fn only_one_program_and_the_parts_of_one_campaign_work_in_a_folder() {
+fn only_one_program_and_the_parts_of_one_suite_work_in_a_folder() {
     let folder = Folder::new("held");
     let (study, out) = (write_study(&folder, CLASSES), copy_of(ideal(), &folder));
     let lock = Path::new(&out).join(servotwin::job::hold::NAME);
@@ -545,10 +545,10 @@ fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
 }
 
 #[test]
-fn parts_simulated_apart_are_joined_to_the_bytes_of_one_campaign() {
+fn parts_simulated_apart_are_joined_to_the_bytes_of_one_suite() {
     let folder = Folder::new("parts");
     let study = write_study(&folder, CLASSES);
-    let (whole, parts) = (copy_of(campaigns(), &folder), folder.file("parts"));
+    let (whole, parts) = (copy_of(all_records(), &folder), folder.file("parts"));
     let records = ["study", &study, "--suite", "records", "--out"];
     let share = |share| [&records[..], &[&parts, "--share", share]].concat();
     // Shares of two submissions, and a part that is damaged; the join simulates what is missing.

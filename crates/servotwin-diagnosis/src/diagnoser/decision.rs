@@ -34,7 +34,7 @@
 //! with T the length of the window. For likelihood ratios of independent windows, a CuSum with limit b crosses by
 //! chance within m windows with a probability of at most m e^−b. This local false-alarm probability matters for
 //! intermittent faults. Within an hour of windows of length T, false alarms then stay below the chosen rate. The
-//! committee's probabilities are no likelihoods of independent windows, so the rates are targets, and a campaign
+//! committee's probabilities are no likelihoods of independent windows, so the rates are targets, and a suite
 //! measures the actual ones.
 
 use alloc::vec;

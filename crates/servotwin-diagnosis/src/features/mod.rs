@@ -375,7 +375,7 @@ pub fn features(sensors: &Sensors) -> Vec<Feature> {
     ALL.iter().flat_map(|family| family.features(sensors)).collect()
 }
 
-/// Floor of means and deviations, in parts of scale: a campaign's solver resolves no smaller ones.
+/// Floor of means and deviations, in parts of scale: the solver of runs resolves no smaller ones.
 const FLOOR: f64 = 1e-4;
 
 /// A denominator must exceed this many standard errors to give a ratio.

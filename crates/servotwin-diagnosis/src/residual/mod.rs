@@ -7,7 +7,7 @@
 //!
 //! [`Window`] keeps the number of samples, the joint mean and joint covariance of all scaled residuals and twin
 //! signals, the largest |r'| and the first excursion. It uses fixed memory. Every feature is a function of these, so
-//! the campaign and the flight code share the same few lines. The update is Welford's, extended to the matrix of
+//! records and the flight code share the same few lines. The update is Welford's, extended to the matrix of
 //! co-moments. It loses no digits when a mean is large against its deviation. Consecutive windows merge into one
 //! (`Window::absorb`).
 

@@ -38,7 +38,7 @@ fn change(path: &Path, old: &str, new: &str) {
 fn every_change_of_a_folder_is_named() {
     let temporary = tempfile::tempdir().unwrap();
     let program = rig::actuator();
-    let twin = twin(&program, SolverSettings::campaign());
+    let twin = twin(&program, SolverSettings::of_runs());
     let (folder, file, twin) = exported(temporary.path(), &twin);
     let path = |name: &str| temporary.path().join("export").join(name);
     let whole = compared(&folder, &file, &twin);
@@ -87,7 +87,7 @@ fn every_change_of_a_folder_is_named() {
 fn an_export_that_cannot_be_read_or_keeps_a_certificate_is_not_replaced() {
     let temporary = tempfile::tempdir().unwrap();
     let program = rig::actuator();
-    let twin = twin(&program, SolverSettings::campaign());
+    let twin = twin(&program, SolverSettings::of_runs());
     let (folder, file, twin) = exported(temporary.path(), &twin);
     let path = |name: &str| temporary.path().join("export").join(name);
     let again = || {

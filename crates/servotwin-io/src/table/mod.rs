@@ -1,6 +1,6 @@
 //! Tables of named columns, and their file formats.
 //!
-//! A campaign, a data set and an evaluation are stored as [`Table`]s. A column's name ends with its physical unit
+//! Records, a data set and an evaluation are stored as [`Table`]s. A column's name ends with its physical unit
 //! (`pressure_a_pa`). The unit itself is a text beside it (`Pa`), which goes into the file if the format supports
 //! units.
 //!

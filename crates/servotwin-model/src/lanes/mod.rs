@@ -30,7 +30,7 @@ pub enum Level {
     Avx512,
 }
 
-/// Every level, from the slowest in campaigns to the fastest.
+/// Every level, from the slowest for runs to the fastest.
 pub const ALL: [Level; 4] = [Level::Single, Level::Portable, Level::Avx2, Level::Avx512];
 
 impl Level {

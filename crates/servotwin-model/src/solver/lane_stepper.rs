@@ -3,7 +3,7 @@
 //! A step has three parts. [`LaneStepper::begin`] evaluates every lane at its current time, with
 //! the Jacobian; samples can then be read. [`LaneStepper::attempt`] tries a step, and [`LaneStepper::conclude`]
 //! accepts it in the lanes whose error is small enough. One lane of `f64` is a twin that runs
-//! beside an actuator ([`super::Twin`]). Many lanes that a [`super::JobSource`] refills are a campaign
+//! beside an actuator ([`super::Twin`]). Many lanes that a [`super::JobSource`] refills are an ensemble
 //! ([`super::ensemble`]).
 
 use super::compiled_step::CompiledSteps;

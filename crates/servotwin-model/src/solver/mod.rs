@@ -16,7 +16,7 @@
 //!
 //! # One step on a page
 //!
-//! The arrays of one step and their lengths, for the system `valve_and_cylinder` and the method of campaigns. Every
+//! The arrays of one step and their lengths, for the system `valve_and_cylinder` and the method of runs. Every
 //! entry holds one number per lane.
 //!
 //! ```text
@@ -167,9 +167,10 @@ impl Canonical for SolverSettings {
 }
 
 impl SolverSettings {
-    /// For campaigns: keeps every state within 1e-4 of its scale (test `val_cvode_aileron_at_the_campaign_setting`),
+    /// For the runs of a study: keeps every state within 1e-4 of its scale (test
+    /// `val_cvode_aileron_at_the_settings_of_runs`),
     /// except where a valve oscillates forever.
-    pub fn campaign() -> Self {
+    pub fn of_runs() -> Self {
         Self {
             method: Method::Rodas4P2,
             control: Control::Adaptive {
@@ -372,7 +373,7 @@ mod tests {
 
     #[test]
     fn a_variant_is_the_same_alone_in_any_lane_and_at_any_level() {
-        let settings = SolverSettings { method: Method::Rodas4P2, ..SolverSettings::campaign() };
+        let settings = SolverSettings { method: Method::Rodas4P2, ..SolverSettings::of_runs() };
         let together = pressures(settings, Level::Portable, 11);
         for level in crate::lanes::ALL.into_iter().filter(|l| l.available()) {
             assert_eq!(pressures(settings, level, 11), together, "{}", level.name());

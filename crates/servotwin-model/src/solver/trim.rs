@@ -45,6 +45,6 @@ pub fn settle_counted(
     let job = Job { settle: true, duration_s: 0.0, ..job };
     let mut catch =
         Catch { job: Some(job), states: Vec::new(), outcome: Ok(Statistics::default()) };
-    run(program, None, SolverSettings::campaign(), &record, Level::best(), &mut catch);
+    run(program, None, SolverSettings::of_runs(), &record, Level::best(), &mut catch);
     catch.outcome.map(|statistics| (catch.states, statistics))
 }

@@ -1,14 +1,14 @@
 //! One variant that its user steps from sample to sample: the twin that runs beside an actuator.
 //!
 //! ```text
-//! let mut twin = Twin::new(&program, Settings::campaign(), 0.01, between);
+//! let mut twin = Twin::new(&program, Settings::of_runs(), 0.01, between);
 //! twin.load(&program.parameters(&[]));
 //! twin.settle(&inputs_at_rest)?;          // stands on sample 0
 //! loop { twin.step(&inputs)?; twin.value(slot); }
 //! ```
 //!
-//! A campaign runs the same code in its lanes, so a twin returns the bits of a
-//! campaign with the same inputs. After [`Twin::new`], [`Twin::step`] allocates
+//! Runs have the same code in their lanes, so a twin returns the bits of a
+//! run with the same inputs. After [`Twin::new`], [`Twin::step`] allocates
 //! nothing.
 
 use super::compiled_step::CompiledSteps;

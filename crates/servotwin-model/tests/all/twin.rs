@@ -1,4 +1,4 @@
-//! A twin stepped from sample to sample is a variant of a campaign, bit for bit.
+//! A twin stepped from sample to sample is a variant in a lane, bit for bit.
 
 use crate::{allocations, rig};
 use servotwin_model::lanes::Level;
@@ -57,7 +57,7 @@ impl<'a> JobSource<'a> for One<'a> {
     }
 }
 
-/// All observables at all samples, computed by a campaign.
+/// All observables at all samples, computed in a lane.
 fn by_ensemble(program: &Program, later: Option<(f64, &[FaultAt])>, level: Level) -> Vec<Vec<f64>> {
     let signals = signals();
     let parameters = program.parameters(&[]);
@@ -78,12 +78,12 @@ fn by_ensemble(program: &Program, later: Option<(f64, &[FaultAt])>, level: Level
         changes: later.into_iter().map(change).collect(),
     };
     let mut one = One { job: Some(job), samples: Vec::new() };
-    run(program, None, SolverSettings::campaign(), &record(program), level, &mut one);
+    run(program, None, SolverSettings::of_runs(), &record(program), level, &mut one);
     one.samples
 }
 
 fn settled(program: &Program) -> Twin<'_> {
-    let mut twin = Twin::new(program, SolverSettings::campaign(), PERIOD_S, BETWEEN.to_vec());
+    let mut twin = Twin::new(program, SolverSettings::of_runs(), PERIOD_S, BETWEEN.to_vec());
     let parameters = program.parameters(&[]);
     twin.load(&parameters);
     twin.settle(&inputs(0), &program.first_guess(&parameters)).unwrap();
@@ -95,7 +95,7 @@ fn values(twin: &Twin) -> Vec<f64> {
 }
 
 #[test]
-fn a_twin_gives_the_values_of_a_campaign_bit_for_bit() {
+fn a_twin_gives_the_values_of_a_lane_bit_for_bit() {
     let program = rig::actuator();
     let expected = by_ensemble(&program, None, Level::best());
     let mut twin = settled(&program);
@@ -110,7 +110,7 @@ fn a_twin_gives_the_values_of_a_campaign_bit_for_bit() {
 }
 
 #[test]
-fn a_fault_that_begins_on_the_way_is_the_same_for_twin_and_campaign() {
+fn a_fault_that_begins_on_the_way_is_the_same_for_twin_and_lane() {
     let program = rig::actuator();
     let (component, fault) = program.find_fault("leakage.leakage").unwrap();
     let faults = [FaultAt { component, fault, intensity: 1.0 }];
@@ -140,7 +140,7 @@ fn a_twin_goes_on_from_what_it_remembered() {
             twin.save(&mut snapshot);
         }
     }
-    let mut other = Twin::new(&program, SolverSettings::campaign(), PERIOD_S, BETWEEN.to_vec());
+    let mut other = Twin::new(&program, SolverSettings::of_runs(), PERIOD_S, BETWEEN.to_vec());
     other.load(&program.parameters(&[]));
     other.restore(&snapshot).unwrap();
     for k in 34..=SAMPLES {

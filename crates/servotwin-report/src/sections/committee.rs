@@ -5,10 +5,10 @@ use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, chosen, share, spoken, stacked};
 use servotwin::job::results::SubjectResult;
-use servotwin::learn::isolation::{Isolation, LEVEL};
+use servotwin::learn::isolation::LEVEL;
 use servotwin::learn::metrics::Rate;
-use servotwin::learn::protocol::ALL;
-use servotwin::measure;
+use servotwin::learn::protocol::{ALL, ProtocolResult};
+use servotwin::measure::{self, Measure};
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
@@ -113,41 +113,37 @@ const WRONG_KINDS: usize = 5;
 /// The kinds of fault that are decided wrongly, in words; `None` without any.
 fn wrong_kinds(
     result: &SubjectResult,
-    isolation: &Isolation,
+    isolation: &ProtocolResult,
     words: &Vocabulary,
 ) -> Option<String> {
+    let kinds = isolation.wrong_kinds();
     let named =
-        |(kind, rate): &(String, Rate)| format!("{} ({} of {})", spoken(kind), rate.count, rate.of);
-    let named: Vec<String> = isolation.wrong_kinds.iter().take(WRONG_KINDS).map(named).collect();
+        |(kind, [wrong, of]): &(&str, [u64; 2])| format!("{} ({wrong} of {of})", spoken(kind));
+    let named: Vec<String> = kinds.iter().take(WRONG_KINDS).map(named).collect();
     (!named.is_empty()).then(|| {
         format!(
             "Scenario {}, {}: some faults of {} kinds are decided wrongly, most often {}.",
             result.title,
             words.adapted(&isolation.title),
-            isolation.wrong_kinds.len(),
+            kinds.len(),
             named.join(", ")
         )
     })
 }
 
 fn heads(words: &Vocabulary) -> Vec<String> {
-    let titles = [
-        "scenario".to_owned(),
-        "held out".to_owned(),
-        "share decided".to_owned(),
-        format!("{} right, of decided", words.action()),
-        "right or not isolated".to_owned(),
-    ];
-    titles.into_iter().chain(lines::SAFETY.map(|measure| words.measure(measure))).collect()
+    let titles = ["scenario".to_owned(), "held out".to_owned()];
+    titles.into_iter().chain(measures().map(|measure| words.measure(measure))).collect()
 }
 
-fn row(result: &SubjectResult, isolation: &Isolation, words: &Vocabulary) -> Vec<String> {
-    let Isolation { title, decided, right_of_decided, right_or_not_isolated, rates, .. } =
-        isolation;
-    let safety = lines::SAFETY.map(|measure| rates.counted(measure));
-    let own = [decided, right_of_decided, right_or_not_isolated].map(|rate| Some(*rate));
-    let titles = [result.title.clone(), words.adapted(title)];
-    titles.into_iter().chain(own.into_iter().chain(safety).map(counted)).collect()
+fn measures() -> impl Iterator<Item = &'static Measure> {
+    measure::OF_ISOLATED.into_iter().chain(lines::SAFETY)
+}
+
+fn row(result: &SubjectResult, isolation: &ProtocolResult, words: &Vocabulary) -> Vec<String> {
+    let titles = [result.title.clone(), words.adapted(&isolation.title)];
+    let rates = measures().map(|measure| counted(isolation.rates.counted(measure)));
+    titles.into_iter().chain(rates).collect()
 }
 
 /// A share with its count below it.

@@ -11,6 +11,7 @@ use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::{FlownSuite, SuiteSize};
 use servotwin::learn::metrics::{Rate, poisson_mean};
 use servotwin::measure::flights::{FlightMetrics, Latency, STRONG};
+use servotwin::measure::unseen::{SHUTDOWN_HEALTHY, SHUTDOWN_MISINFORMED};
 use servotwin::measure::{self, Measure};
 use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{
@@ -353,11 +354,9 @@ impl SettingLimits<'_> {
         let unseen = self.results.unseen_in(&metrics.group.scenario).filter(|_| is_judged);
         let Some(unseen) = unseen else { return };
         let never_trained = format!("a healthy {unit} {off}, faults never trained on");
-        let (wrong, of) = unseen.shutdowns_healthy();
-        self.wrong(never_trained, Rate::new(wrong, of));
+        self.wrong(never_trained, unseen.rates.of(&SHUTDOWN_HEALTHY));
         let wrong_sensor = format!("a healthy {unit} {off} behind a wrong boundary sensor");
-        let (wrong, of) = unseen.shutdowns_behind_wrong_sensor();
-        self.wrong(wrong_sensor, Rate::new(wrong, of));
+        self.wrong(wrong_sensor, unseen.rates.of(&SHUTDOWN_MISINFORMED));
     }
 
     /// A limit on wrong shutdowns in runs.
@@ -384,7 +383,7 @@ fn all_measures(results: &FlightResults, words: &Vocabulary) -> Table {
     let scenarios = suites.iter().map(|metrics| metrics.title());
     let mut grid = Table::headed(left.into_iter().chain(scenarios));
     let mut last = String::new();
-    for measure in measure::ALL {
+    for measure in measure::OF_FLIGHTS {
         let rates: Vec<Rate> = suites.iter().map(|metrics| metrics.rates.of(measure)).collect();
         if rates.iter().all(|rate| rate.of == 0) {
             continue;

@@ -4,16 +4,15 @@ use super::flights::at_most;
 use crate::Material;
 use crate::vocabulary::Vocabulary;
 use crate::words::NONE;
-use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultOutcome, Words};
-use servotwin::learn::metrics::Rate;
+use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultRates};
 use servotwin::measure::outcome::Needed;
+use servotwin::measure::unseen;
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Document) {
     let suites = material.flights.map_or(&[][..], |results| &results.unseen);
-    let suites: Vec<&UnseenFaultMetrics> =
-        suites.iter().filter(|m| !m.outcomes.is_empty()).collect();
+    let suites: Vec<&UnseenFaultMetrics> = suites.iter().filter(|m| !m.faults.is_empty()).collect();
     if suites.is_empty() {
         return;
     }
@@ -36,7 +35,7 @@ pub fn write(material: &Material, page: &mut Document) {
                         metrics.scenario
                     )));
         }
-        let (wrong, of) = metrics.shutdowns_healthy();
+        let healthy = metrics.rates.of(&unseen::SHUTDOWN_HEALTHY);
         page.table("", table(metrics, words).captioned(format!(
                 "Scenario {}: {run}s by the most that was said in them (each counts once), in several \
                  environments{}.{}",
@@ -47,15 +46,17 @@ pub fn write(material: &Material, page: &mut Document) {
                 },
                 match words.has_off() {
                     true => format!(
-                        " A healthy {unit} was to be {} in {wrong} of {of} {run}s ({}).{}",
+                        " A healthy {unit} was to be {} in {} of {} {run}s ({}).{}",
                         words.switched_off(),
-                        at_most(Rate::new(wrong, of)),
+                        healthy.count,
+                        healthy.of,
+                        at_most(healthy),
                         behind_wrong_sensor(metrics, words)
                     ),
                     false => String::new(),
                 }
             )));
-        let told = metrics.outcomes.iter().filter(|outcome| !outcome.wrong.is_empty());
+        let told = metrics.faults.iter().filter(|fault| !fault.wrong.is_empty());
         let told: Vec<String> =
             told.map(|o| format!("{} ({})", words.adapted(&o.title), o.wrong.join("; "))).collect();
         if !told.is_empty() {
@@ -75,19 +76,21 @@ pub fn write(material: &Material, page: &mut Document) {
 
 /// How often a healthy actuator was switched off because its twin reads a wrong pressure; one sentence.
 fn behind_wrong_sensor(metrics: &UnseenFaultMetrics, words: &Vocabulary) -> String {
-    match metrics.shutdowns_behind_wrong_sensor() {
-        (_, 0) => String::new(),
-        (wrong, of) => format!(
-            " Healthy {} {} behind a wrong boundary sensor: {wrong} of {of} {}s.",
-            words.unit(),
-            words.switched_off(),
-            words.run()
-        ),
-    }
+    let Some(rate) = metrics.rates.counted(&unseen::SHUTDOWN_MISINFORMED) else {
+        return String::new();
+    };
+    format!(
+        " Healthy {} {} behind a wrong boundary sensor: {} of {} {}s.",
+        words.unit(),
+        words.switched_off(),
+        rate.count,
+        rate.of,
+        words.run()
+    )
 }
 
 /// One row for each challenge set.
-fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> Table {
+fn challenges(sets: &[UnseenFaultRates], words: &Vocabulary) -> Table {
     let columns = [
         format!("{}s", words.run()),
         "failed".into(),
@@ -101,29 +104,28 @@ fn challenges(sets: &[UnseenFaultOutcome], words: &Vocabulary) -> Table {
     ];
     let mut grid = Table::headed(["challenge set".to_owned()].into_iter().chain(columns));
     for set in sets {
-        let [need, missed] = set.missed_shutdowns;
-        let latency = set.latency.as_ref();
+        let missed = set.rates.counted(&unseen::NEVER_SHUT_DOWN);
+        let (latency, wrong) = (set.latency.as_ref(), set.wrong.len());
         let row = vec![
             set.title.clone(),
             set.flights.to_string(),
             set.failed.to_string(),
-            set.right_action.to_string(),
-            set.other_action.to_string(),
-            set.without_action().to_string(),
-            if need == 0 { NONE.into() } else { format!("{missed} of {need}") },
-            set.wrong_shutdowns().to_string(),
-            set.false_alarms.to_string(),
+            set.count(&unseen::RIGHT_RESPONSE).to_string(),
+            set.count(&unseen::OTHER_RESPONSE).to_string(),
+            set.count(&unseen::NO_RESPONSE).to_string(),
+            missed.map_or(NONE.into(), |own| format!("{} of {}", own.count, own.of)),
+            wrong.to_string(),
+            set.count(&unseen::EARLY_ALARM).to_string(),
             latency.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.p95_s)),
         ];
-        if set.wrong_shutdowns() > 0 { grid.push_strong(row) } else { grid.push(row) }
+        if wrong > 0 { grid.push_strong(row) } else { grid.push(row) }
     }
     grid
 }
 
 fn table(metrics: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> Table {
     let left = ["fault".to_owned(), format!("{}s", vocabulary.run())];
-    let words = Words::default().named();
-    let words = words.map(|(word, _)| vocabulary.said(word));
+    let words = unseen::ANSWERS.map(|answer| vocabulary.said(answer.sentence));
     let right = [
         "off: at fault".to_owned(),
         "off: healthy".to_owned(),
@@ -131,34 +133,34 @@ fn table(metrics: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> Table {
         "first word".to_owned(),
     ];
     let mut grid = Table::headed(left.into_iter().chain(words).chain(right));
-    for outcome in &metrics.outcomes {
-        let row = row(outcome, vocabulary);
-        let behind = outcome.shutdowns_behind_wrong_sensor.unwrap_or_default();
-        if outcome.shutdowns_healthy + behind > 0 { grid.push_strong(row) } else { grid.push(row) }
+    for fault in &metrics.faults {
+        let row = row(fault, vocabulary);
+        if fault.wrong.is_empty() { grid.push(row) } else { grid.push_strong(row) }
     }
     grid
 }
 
-fn row(outcome: &UnseenFaultOutcome, words: &Vocabulary) -> Vec<String> {
+fn row(fault: &UnseenFaultRates, words: &Vocabulary) -> Vec<String> {
     let count = |count: u64| if count == 0 { NONE.into() } else { count.to_string() };
-    let needed = match outcome.needed {
+    let needed = match fault.needed {
         Some(Needed::Shutdown) => format!("needed: a {}", words.off()),
         Some(Needed::NoShutdown) => format!("needed: anything but a {}", words.off()),
         Some(Needed::Any | Needed::ItsAction) => "needed: any command".into(),
         Some(Needed::Nothing) => "needed: no command".into(),
         None => String::new(),
     };
-    let small = match outcome.strengths.as_str() {
+    let small = match fault.strengths.as_str() {
         "" => needed,
         strengths => format!("{strengths}; {needed}"),
     };
     let mut row =
-        vec![format!("{}\n{small}", words.adapted(&outcome.title)), outcome.flights.to_string()];
-    row.extend(outcome.words.named().map(|(_, number)| count(number)));
-    row.push(count(outcome.shutdowns_at_fault));
-    row.push(outcome.shutdowns_healthy.to_string());
-    row.push(outcome.shutdowns_behind_wrong_sensor.map_or(NONE.into(), |count| count.to_string()));
-    let first = outcome.first_word.as_ref();
+        vec![format!("{}\n{small}", words.adapted(&fault.title)), fault.flights.to_string()];
+    row.extend(unseen::ANSWERS.map(|answer| count(fault.count(answer))));
+    row.push(count(fault.count(&unseen::SHUTDOWN_AT_FAULT)));
+    row.push(fault.count(&unseen::SHUTDOWN_HEALTHY).to_string());
+    let misinformed = fault.rates.counted(&unseen::SHUTDOWN_MISINFORMED);
+    row.push(misinformed.map_or(NONE.into(), |rate| rate.count.to_string()));
+    let first = fault.first_word.as_ref();
     row.push(first.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.longest_s)));
     row
 }

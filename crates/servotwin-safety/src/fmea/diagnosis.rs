@@ -1,4 +1,4 @@
-//! Cells about detection and isolation, from the campaign, the evaluation and flights.
+//! Cells about detection and isolation, from records, the evaluation and flights.
 
 use super::cell::{Filled, FmeaCell, rate_in_words, span_in_words};
 use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
@@ -19,7 +19,7 @@ const MAX_SENSORS: usize = 5;
 
 fn runs<'s>(sources: &'s FmeaSources, subject: &FmeaSubject) -> Result<&'s ResidualRuns, FmeaCell> {
     match (&sources.runs, subject.case) {
-        (_, None) => Err(not_in_study("not in the campaign")),
+        (_, None) => Err(not_in_study("not in the records")),
         (None, _) => Err(FmeaCell::missing("not simulated", NO_RESULTS)),
         (Some(runs), _) if runs.of(&subject.fault.id).is_empty() => Err(FmeaCell::missing(
             "not simulated",
@@ -213,7 +213,7 @@ pub(super) fn smallest(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     }
 }
 
-/// The least intensity from which on a residual of the campaign leaves its band.
+/// The least intensity from which on a residual of the records leaves its band.
 fn smallest_in_bands(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let (result, place) = evaluated(sources, subject)?;
     let least = result.evaluation.detection.least.iter().enumerate();
@@ -348,7 +348,8 @@ pub(super) fn confused_with(sources: &FmeaSources, subject: &FmeaSubject) -> Fil
     let all = protocol.iter().flat_map(|protocol| &protocol.confused).enumerate();
     let own: Vec<_> = all.filter(|(_, confused)| confused.kind == subject.kind).collect();
     let in_words = |(_, confused): &(usize, &Confused)| {
-        let share = format!("{:.1} % of its tests", 100.0 * confused.share);
+        let share =
+            format!("{:.1} % of its tests", 100.0 * confused.count as f64 / confused.of as f64);
         match confused.question {
             _ if confused.taken_for == HEALTHY => format!("no fault at all ({share})"),
             Question::Actuator => format!("{} ({share})", confused.taken_for),

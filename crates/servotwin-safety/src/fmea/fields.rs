@@ -16,7 +16,7 @@ pub struct FmeaSources<'s> {
     pub study: &'s Study,
     /// The output folder; `None` for a study without results.
     pub results: Option<&'s StudyResultsFolder>,
-    /// The runs of the campaign.
+    /// The records.
     pub runs: Option<ResidualRuns>,
     /// The closed-loop flights.
     pub flights: Option<FmeaFlights>,

@@ -1,7 +1,7 @@
 //! The artefact *FMEA*: one row per fault of the system, every cell with its evidence.
 //!
 //! - [`fields`]: the columns, and what fills them
-//! - `residuals`: runs of the campaign, by fault
+//! - `residuals`: records, by fault
 //! - `flights`: outcomes of closed-loop flights, with the diagnosis and without it
 //! - [`severity`]: the stated rule
 //! - [`mod@sheet`]: what people filled in, and how it survives
@@ -193,7 +193,7 @@ mod tests {
         let sources = FmeaSources { flights, tests, ..declared_sources(&study, None).unwrap() };
         let sheet = sheet(&sources, None).unwrap();
         for (field, text) in [
-            ("local_effect", "not in the campaign"),
+            ("local_effect", "not in the records"),
             ("effect_on_actuator", "does not differ from the healthy flight (intensities 0.5, 1)"),
             (
                 "detection_means",

@@ -1,4 +1,4 @@
-//! The residuals of every fault in the runs of a campaign.
+//! The residuals of every fault in records.
 
 use crate::error::SafetyError;
 use crate::results::{StudyResultsFolder, read_residual_columns};

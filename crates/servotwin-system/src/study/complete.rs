@@ -7,7 +7,7 @@ use super::suites::LEARN;
 use crate::toml_text::{Collector, Diagnostic, TomlError};
 
 impl Study {
-    /// Checks that the study has everything that its campaign and flights need.
+    /// Checks that the study has everything that its records and flights need.
     ///
     /// # Errors
     /// [`TomlError::Mistakes`] with everything that is missing, at its place.

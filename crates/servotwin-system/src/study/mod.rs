@@ -2,7 +2,7 @@
 //!
 //! A study file names a system, the commands and loads, the classes of Table 1
 //! of the seed paper with their faults, and how reality differs from the twin. The
-//! fault list ([`faults`]), the campaign (`servotwin::records`) and the data set follow from
+//! fault list ([`faults`]), the records (`servotwin::records`) and the data set follow from
 //! it.
 
 mod calibration;

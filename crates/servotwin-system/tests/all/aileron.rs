@@ -98,7 +98,7 @@ pub fn test() -> Test {
         inputs,
         faults: Vec::new(),
         overrides: Vec::new(),
-        settings: SolverSettings::campaign(),
+        settings: SolverSettings::of_runs(),
         duration_s: 1.0,
         period_s: 1e-3,
     }

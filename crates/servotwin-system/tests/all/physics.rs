@@ -747,7 +747,7 @@ fn twelve(
     level: Level,
     spoiled: &[usize],
 ) -> Vec<Result<Vec<Vec<f64>>, SolverFailure>> {
-    let base = move_there_and_back().settings(SolverSettings::campaign()).lasting(0.3, 1e-2);
+    let base = move_there_and_back().settings(SolverSettings::of_runs()).lasting(0.3, 1e-2);
     let mut ensemble = base.ensemble(&all_states());
     (ensemble.threads, ensemble.level) = (threads, level);
     let faults = faults_of(|c| c == "actuator_1.servo_valve");
@@ -833,7 +833,7 @@ fn the_work_of_a_run_is_what_it_was() {
             test().command(command).settings(settings).lasting(2.0, 0.01).run(&[ANGLE]).statistics;
         [statistics.steps, statistics.rejected, statistics.jacobians, statistics.evaluations]
     };
-    assert_eq!(work(SolverSettings::campaign()), [328, 11, 340, 1700]);
+    assert_eq!(work(SolverSettings::of_runs()), [328, 11, 340, 1700]);
     // Of one Jacobian: entries, products of the chain rule; of its factors: entries, updates.
     let (jacobian, lu) = (program().jacobian(), program().lu());
     let sizes = [jacobian.entries().len(), jacobian.products(), lu.slots(), lu.updates()];

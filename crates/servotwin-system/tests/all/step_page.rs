@@ -50,7 +50,7 @@ fn the_drawing_of_a_step_shows_the_lengths_of_the_arrays() {
         ("Jacobian entries", jacobian.entries().len()),
         ("update products", lu.updates()),
         ("factors", lu.slots()),
-        ("stages of the method", stages(SolverSettings::campaign().method)),
+        ("stages of the method", stages(SolverSettings::of_runs().method)),
         ("stages", most_stages * states),
         ("y_new", states),
     ]

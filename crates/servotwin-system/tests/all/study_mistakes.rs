@@ -106,7 +106,7 @@ fn spring(intensities: &str, rest: &str) -> Result<Study, TomlError> {
 }
 
 #[test]
-fn a_study_that_a_campaign_would_refuse_is_incomplete_and_says_where() {
+fn a_study_whose_records_would_be_refused_is_incomplete_and_says_where() {
     let classes =
         "classes = [{ detail = \"leak\", command = \"stop\", faults = [\"leakage_a.leakage\"] }]\n";
     let flights = |repeats: usize| {

@@ -95,8 +95,8 @@ fn val_cvode_aileron_at_the_reference_setting() {
 }
 
 #[test]
-fn val_cvode_aileron_at_the_campaign_setting() {
-    against_cvode(SolverSettings::campaign(), 0.01, 1e-4);
+fn val_cvode_aileron_at_the_settings_of_runs() {
+    against_cvode(SolverSettings::of_runs(), 0.01, 1e-4);
 }
 
 /// The command of `peers/radau_aileron.py`: its value and slope.

@@ -8,7 +8,7 @@
 //! - `knowledge`: covariance, trade-offs and unknowns that are not seen, as sentences
 //! - `finding`: what a solution says: an update or findings, and the verdict in one sentence
 //! - `suspects`: the faults that a finding resembles
-//! - `fleet`: many specimens with one calibration flight, for campaigns
+//! - `fleet`: many specimens with one calibration flight, for suites
 //! - [`intensity`]: the intensity of a fault, and the comparison of several faults
 //! - `onset`: when a fault began, if within the record
 //! - [`design`]: which flight determines the unknowns best
@@ -119,7 +119,7 @@ impl<'s> Fit<'s> {
             records,
             suspects: Vec::new(),
             onset_s: None,
-            solver: SolverSettings::campaign(),
+            solver: SolverSettings::of_runs(),
             threads: processors(),
             cancel: None,
             progress: &|| (),

@@ -10,7 +10,7 @@ use crate::parallel::Workers;
 use crate::records::columns::HEALTHY;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::other_plant::OtherPlants;
-use crate::run::{Observer, Run, RunError, Runner, part, plan};
+use crate::run::{Observer, Run, RunError, Runner, plan};
 use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
@@ -92,14 +92,12 @@ pub(crate) struct Flown {
 /// Receives what became of a run, given by its number, when it has ended.
 pub(crate) type Ended<'e> = &'e mut (dyn FnMut(usize, Flown) + Send);
 
-/// The numbers of the runs of each part of a suite.
-pub(crate) fn parts(study: &Study, suite: &Suite) -> Vec<Vec<usize>> {
-    if !suite.is_unseen {
-        return part::parts(study, suite);
+/// All runs of a suite, by number.
+pub(crate) fn runs(study: &Study, suite: &Suite) -> Vec<Run> {
+    match suite.is_unseen {
+        true => unseen_faults::runs(study, suite),
+        false => plan::all(study, suite).collect(),
     }
-    let all = 0..unseen_faults::count(study, suite);
-    let groups = all.map(|number| (vec![number], suite.duration_s));
-    part::parts_of(suite, groups, study.sample_period_s)
 }
 
 /// Flies runs of a suite in a scenario, given by their numbers and watched by some diagnoses.
@@ -495,6 +493,21 @@ impl OutOfBands {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::part;
+    use crate::study::suites::UNSEEN;
+
+    #[test]
+    fn parts_hold_every_run_with_an_unseen_fault_once() {
+        let study = Study::default();
+        let suite = study.suite(UNSEEN).unwrap();
+        let runs = runs(&study, suite);
+        let numbers = runs.iter().map(|run| run.number);
+        assert!(numbers.eq(0..runs.len()) && !runs.is_empty());
+        let parts = part::parts(&study, suite, runs.iter().copied());
+        let mut all = parts.concat();
+        all.sort_unstable();
+        assert!(parts.len() > 1 && all.into_iter().eq(0..runs.len()), "{}", parts.len());
+    }
 
     #[test]
     fn windows_in_a_row_are_enough_where_the_first_and_the_last_share_no_sample() {

@@ -22,7 +22,7 @@ pub enum JobError {
     /// The study stored in the folder has mistakes.
     #[error(transparent)]
     Study(Box<TomlError>),
-    /// A campaign, or an example of the report, cannot be simulated.
+    /// Records, flights, or an example of the report, cannot be simulated.
     #[error(transparent)]
     Run(#[from] RunError),
     /// There is no data set in the folder.
@@ -64,9 +64,9 @@ pub enum JobError {
     /// The record of sealed openings has a line that no opening wrote.
     #[error("{path}: line {line}: {reason}; the record only grows: restore it from the repository")]
     SealedRecord { path: PathBuf, line: usize, reason: String },
-    /// The folder for a part of a campaign belongs to another study.
+    /// The folder for a part of a suite belongs to another study.
     #[error(
-        "{folder}: another study lies here; a part of a campaign removes nothing: choose another folder"
+        "{folder}: another study lies here; a part of a suite removes nothing: choose another folder"
     )]
     OtherStudy { folder: PathBuf },
     /// The folder contains results of another study.

@@ -2,12 +2,12 @@
 //!
 //! | file | written by |
 //! |---|---|
-//! | `study.toml`, `system.toml` | campaign: the texts of the study and its system |
+//! | `study.toml`, `system.toml` | `keep_study`: the texts of the study and its system |
 //! | `parts/` | every suite: its runs, see `crate::run::part`, and what the flights to learn from need |
-//! | `dataset-<scenario>.parquet` | campaign: the operating cases of the evaluation |
-//! | `dataset-<scenario>-training.parquet` | campaign: the training commands |
-//! | `data-card.md` | campaign: what the data sets are, see [`super::data_card`] |
-//! | `calibration-fitted.parquet`, `…-training.parquet` | campaign: true and fitted parameters of the pool |
+//! | `dataset-<scenario>.parquet` | records: the operating cases of the evaluation |
+//! | `dataset-<scenario>-training.parquet` | records: the training commands |
+//! | `data-card.md` | records: what the data sets are, see [`super::data_card`] |
+//! | `calibration-fitted.parquet`, `…-training.parquet` | records: true and fitted parameters of the pool |
 //! | `records-<subject>.json` | train: the diagnoser of records, with the nine trees, committee and bands |
 //! | `diagnoser-<scenario>.json` | flights: everything that the diagnosis in operation needs |
 //! | `flights.json` | flights: figures of merit of the diagnosers |
@@ -249,7 +249,7 @@ impl Folder {
         })
     }
 
-    /// Like [`Folder::keep_study`], for a folder in which other parts of the campaign may be working. Removes no
+    /// Like [`Folder::keep_study`], for a folder in which other parts of its suites may be working. Removes no
     /// results.
     ///
     /// # Errors

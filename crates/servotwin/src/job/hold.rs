@@ -15,7 +15,7 @@ pub const NAME: &str = ".servotwin.lock";
 pub enum Among {
     /// None.
     Nobody,
-    /// Other parts of the same campaign. They remove no results and do not write the manifest.
+    /// Other parts of the same suites. They remove no results and do not write the manifest.
     Parts,
 }
 
@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn one_program_or_the_parts_of_a_campaign_hold_a_folder() {
+    fn one_program_or_the_parts_of_a_suite_hold_a_folder() {
         let folder = std::env::temp_dir().join(format!("servotwin-hold-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let try_as = |among| take(&folder, among);

@@ -159,7 +159,7 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
         inputs: hashes(folder, known.as_ref(), &[folder.study(), folder.system()])?,
         seed: study.seed,
         split_seed: Subject::Ideal.settings(study).holding.seed,
-        solver: in_words(&solver::SolverSettings::campaign()),
+        solver: in_words(&solver::SolverSettings::of_runs()),
         equations: format!("{:016x}", study.system.program.identity()),
         data_sets: data_sets
             .map(|(s, purpose)| data_set(folder, known.as_ref(), s, purpose))

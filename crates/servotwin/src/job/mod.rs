@@ -1,4 +1,4 @@
-//! The main job, stage by stage: campaign, training, evaluation. The crate `servotwin-report` presents the results.
+//! The main job, stage by stage: records, training, evaluation. The crate `servotwin-report` presents the results.
 //!
 //! Every stage reads the files of the previous stages from the output folder (`folder`), so that a user can
 //! change one thing and repeat the rest. A [`Subject`] of the diagnosis is a data set, with or
@@ -33,7 +33,7 @@ use crate::learn::flips::Moving;
 use crate::learn::train;
 use crate::learn::{self, Context, DataSet, model_file};
 use crate::parallel::{self, Workers};
-use crate::records::{Campaign, RunError, data_features};
+use crate::records::{Records, RunError, data_features};
 use crate::study::{Purpose, Scenario, Study, Suite};
 use crate::table;
 use outcomes::FlownSuite;
@@ -98,9 +98,11 @@ impl<'j> Job<'j> {
     }
 
     /// The records of a purpose in scenarios with the same plants.
-    fn campaign(&self, purpose: Purpose, scenarios: Vec<Scenario>) -> Campaign<'j> {
-        let campaign = Campaign::new(self.folder.path(), self.study, scenarios, purpose);
-        Campaign { workers: self.crew.workers, keep_traces: self.keep_traces, ..campaign }
+    fn records(&self, purpose: Purpose, scenarios: Vec<Scenario>) -> Result<Records<'j>, RunError> {
+        let (folder, workers) = (self.folder.path(), self.crew.workers);
+        let mut records = Records::new(folder, self.study, (purpose, scenarios), workers)?;
+        records.keep_traces = self.keep_traces;
+        Ok(records)
     }
 }
 
@@ -281,7 +283,8 @@ fn windows(
         return Ok(windows);
     }
     for purpose in study.purposes() {
-        let stored = Campaign::new(folder.path(), study, vec![subject.scenario()], purpose);
+        let scenarios = (purpose, vec![subject.scenario()]);
+        let stored = Records::new(folder.path(), study, scenarios, Workers::new(1))?;
         for rows in stored.windows()? {
             // A data set has no rows for failed variants.
             let ran = rows.into_iter().filter(|row| row.failure.is_empty());

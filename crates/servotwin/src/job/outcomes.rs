@@ -127,8 +127,7 @@ impl FlownSuite {
     ) -> Result<Self, JobError> {
         let (suite, scenario) = (study.records(Purpose::Test), subject.scenario());
         let diagnoser_sha256 = sha256(&folder.records(subject))?;
-        let mut outcomes: Vec<RunOutcome> = (0..plan::count(study, &suite))
-            .map(|number| plan::run(study, &suite, number))
+        let mut outcomes: Vec<RunOutcome> = plan::all(study, &suite)
             .filter(|run| scenario.has_noise() || !run.is_healthy())
             .map(|run| Truth::planned(study, &run).run)
             .collect();
@@ -291,7 +290,8 @@ impl<'f> FlownParts<'f> {
         let empty = FlownSuite::new(folder, study, suite, scenario)?;
         let mut mark = part::model_mark(study);
         empty.origin().into_iter().for_each(|(key, value)| _ = mark.add(key).add(&value));
-        let (stem, parts) = (stem(suite, scenario), watched::parts(study, suite));
+        let stem = stem(suite, scenario);
+        let parts = part::parts(study, suite, watched::runs(study, suite));
         Ok(FlownParts {
             place: (study, suite, scenario),
             workers: job.crew.workers,
@@ -399,9 +399,7 @@ impl Job<'_> {
         let none = || JobError::NoRun { name: name.to_string() };
         let Job { study, folder, crew, .. } = *self;
         let suite = study.suite(&name.suite).ok_or_else(none)?;
-        if suite.purpose != Purpose::Test
-            || !watched::parts(study, suite).iter().any(|part| part.contains(&name.number))
-        {
+        if suite.purpose != Purpose::Test || watched::runs(study, suite).len() <= name.number {
             return Err(none());
         }
         let watching = watching(suite, &Arc::new(diagnoser(folder, name.scenario)?))?;

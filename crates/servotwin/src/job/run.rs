@@ -1,4 +1,4 @@
-//! The whole main job in one call: campaigns, flights, training and evaluation.
+//! The whole main job in one call: records, flights, training and evaluation.
 //!
 //! ```no_run
 //! use servotwin::prelude::*;
@@ -144,7 +144,8 @@ impl<'r> StudyRun<'r> {
         for scenarios in groups {
             for purpose in study.purposes() {
                 stage += 1;
-                let records = self.stage([stage, of], |j| j.records(purpose, scenarios.clone()))?;
+                let records =
+                    self.stage([stage, of], |j| j.simulate_records(purpose, scenarios.clone()))?;
                 (self.observer)(&StudyEvent::Simulated(&records));
             }
             self.job.check()?;

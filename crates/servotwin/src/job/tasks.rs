@@ -91,15 +91,14 @@ impl<'j> Job<'j> {
     fn of_records(&self, scenarios: impl Fn(Scenario) -> bool) -> Result<Vec<Task>, JobError> {
         let mut tasks = vec![];
         for (purpose, scenarios) in self.records_in(scenarios)? {
-            let campaign = self.campaign(purpose, scenarios.clone());
-            let (prepared, suite) = (campaign.prepared()?, campaign.suite().name);
-            tasks.extend((0..prepared.part_count()).map(|part| Task {
-                suite: suite.clone(),
+            let records = self.records(purpose, scenarios.clone())?;
+            tasks.extend((0..records.part_count()).map(|part| Task {
+                suite: records.suite.name.clone(),
                 scenarios: scenarios.clone(),
                 part,
-                files: prepared.files_of(part),
-                runs: prepared.rows_of(part),
-                needs: campaign.calibration().into_iter().collect(),
+                files: records.files_of(part),
+                runs: records.rows_of(part),
+                needs: records.calibration().into_iter().collect(),
             }));
         }
         Ok(tasks)
@@ -131,7 +130,8 @@ impl<'j> Job<'j> {
             runs: runs.len(),
             needs: needs.clone(),
         };
-        watched::parts(self.study, suite).into_iter().enumerate().map(task).collect()
+        let parts = part::parts(self.study, suite, watched::runs(self.study, suite));
+        parts.into_iter().enumerate().map(task).collect()
     }
 
     /// Computes those files of tasks that are absent or unusable, in the order of the tasks. What they need that is not
@@ -164,8 +164,8 @@ impl<'j> Job<'j> {
     ) -> Result<(), JobError> {
         let mut of_records = Purpose::OF_RECORDS.into_iter();
         if let Some(purpose) = of_records.find(|&own| self.study.records(own).name == suite) {
-            let campaign = self.campaign(purpose, scenarios.to_vec());
-            campaign.run_parts(&campaign.prepared()?, parts, &self.rows_of(suite))?;
+            let records = self.records(purpose, scenarios.to_vec())?;
+            records.run_parts(parts, &self.rows_of(suite))?;
             return Ok(());
         }
         let suite = self.suite(suite)?;
@@ -189,7 +189,7 @@ impl<'j> Job<'j> {
         let path = folder.path().join(file);
         for purpose in Purpose::OF_RECORDS {
             if path == calibration_file(folder.path(), purpose) {
-                return Ok(self.campaign(purpose, vec![Scenario::Fitted]).calibrate()?);
+                return Ok(self.records(purpose, vec![Scenario::Fitted])?.calibrate()?);
             }
         }
         for scenario in flights::scenarios(study) {
@@ -208,13 +208,13 @@ impl<'j> Job<'j> {
     ///
     /// # Errors
     /// The study is empty, a twin cannot be simulated, or a file cannot be written.
-    pub(super) fn records(
+    pub(super) fn simulate_records(
         &self,
         purpose: Purpose,
         scenarios: Vec<Scenario>,
     ) -> Result<RecordsOutcome, JobError> {
         let what = format!("simulating {}", title(purpose, &scenarios));
-        Ok(self.campaign(purpose, scenarios).run(&self.rows_of(&what))?)
+        Ok(self.records(purpose, scenarios)?.run(&self.rows_of(&what))?)
     }
 
     /// Runs suites and joins their parts: data sets of records, outcomes of judged flights, and their counts. [`FLIGHTS`]
@@ -256,7 +256,7 @@ impl<'j> Job<'j> {
             match name.as_str() {
                 RECORDS => {
                     for (purpose, scenarios) in self.records_in(&scenarios)? {
-                        simulated.push(self.records(purpose, scenarios)?);
+                        simulated.push(self.simulate_records(purpose, scenarios)?);
                     }
                     data_card::write(folder, study)?;
                 }

@@ -60,7 +60,7 @@ pub(crate) fn boundaries(
 fn readings(study: &Study, inputs: &[Knot], slots: &[Slot]) -> Result<Vec<f64>, RuntimeError> {
     let program = &study.system.program;
     let between = runtime::between(study);
-    let mut twin = Twin::new(program, SolverSettings::campaign(), study.sample_period_s, between);
+    let mut twin = Twin::new(program, SolverSettings::of_runs(), study.sample_period_s, between);
     let parameters = program.parameters(&[]);
     twin.load(&parameters);
     twin.settle(inputs, &program.first_guess(&parameters))

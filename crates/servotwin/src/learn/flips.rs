@@ -3,6 +3,8 @@
 //! A window is uncertain due to the noise and quantization of its sensors and the solver's error
 //! ([`augmentation::disturbed`]). The judged windows are perturbed accordingly, their features recomputed, and the
 //! answers compared. A tree that asks for details below the sensors' uncertainty flips; a robust one does not.
+//!
+//! A flip compares two answers, right or wrong, and no answer with the truth. So flips are no measures of outcomes.
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;

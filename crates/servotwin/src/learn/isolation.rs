@@ -6,15 +6,12 @@
 
 use super::data_set::{DataRow, DataSet};
 use super::error::EvaluationError;
-use super::protocol::{self, Counting, Protocol};
-use super::run::{RowOutcome, is_right_action};
-use crate::measure::{OF_RECORDS, Rates};
+use super::protocol::{self, Protocol};
+use super::run::RowOutcome;
 use crate::parallel::{self, Workers};
-use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{Question, StagePlace};
 use servotwin_diagnosis::panel::agree;
 use servotwin_learning::explained::{self, ExplainedActions, Origins};
-use servotwin_learning::metrics::Rate;
 use servotwin_learning::splits::Split;
 
 pub use servotwin_learning::explained::LEVEL;
@@ -22,38 +19,19 @@ pub use servotwin_learning::explained::LEVEL;
 /// The protocols whose isolation is reported: kinds that were not trained, and known kinds under new commands.
 pub(crate) const PROTOCOLS: [Protocol; 2] = [Protocol::KindLeftOut, Protocol::NewCommand];
 
-/// The decisions under a protocol. The faults are the detected ones.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Isolation {
-    /// The protocol.
-    pub protocol: Protocol,
-    /// The display title.
-    pub title: String,
-    /// Faults that are decided.
-    pub decided: Rate,
-    /// Of the decided faults: actuator and action are right.
-    pub right_of_decided: Rate,
-    /// Of the detected faults: actuator and action are right, or the fault is not isolated.
-    pub right_or_not_isolated: Rate,
-    /// All measures. A shutdown is also missed if its fault is not isolated.
-    pub rates: Rates,
-    /// The kinds of fault that are decided wrongly, with the share of their faults, most faults first.
-    pub wrong_kinds: Vec<(String, Rate)>,
-}
-
-/// Decides the faults of a protocol's splits from the answers of trees and committee.
+/// Decides the faults of a protocol's splits from the answers of trees and committee: which of the committee's answers
+/// count.
 ///
 /// # Errors
 /// The training rows teach no resemblance.
-pub(crate) fn evaluate(
+pub(crate) fn decide(
     protocol: Protocol,
     data: &DataSet,
     pool: bool,
     splits: &[Split],
     [trees, committee]: [&[Vec<RowOutcome>]; 2],
-    shutdowns: &[u32],
     workers: Workers,
-) -> Result<Isolation, EvaluationError> {
+) -> Result<Vec<Vec<RowOutcome>>, EvaluationError> {
     let places: Vec<usize> = (0..splits.len()).collect();
     let decide = |&split: &usize| {
         let known = learn(data, pool, protocol, &splits[split].train)?;
@@ -66,22 +44,7 @@ pub(crate) fn evaluate(
         };
         Ok(trees[split].iter().zip(&committee[split]).map(fault).collect())
     };
-    let decided: Result<Vec<Vec<RowOutcome>>, EvaluationError> =
-        parallel::map(&places, workers, decide)?.into_iter().collect();
-    let decided = decided?;
-    let outcomes = decided.iter().flatten().collect();
-    let counted = Counting { data, outcomes, shutdowns, measures: OF_RECORDS, names_class: false };
-    let is_right = |outcome: &RowOutcome| is_right_action(data, outcome);
-    Ok(Isolation {
-        protocol,
-        title: protocol.title().into(),
-        decided: counted.rate(|_| true, |outcome| outcome.is_decided),
-        right_of_decided: counted.rate(|outcome| outcome.is_decided, is_right),
-        right_or_not_isolated: counted
-            .rate(|_| true, |outcome| !outcome.is_decided || is_right(outcome)),
-        rates: counted.rates(|_| true),
-        wrong_kinds: wrong_kinds(data, &counted.outcomes),
-    })
+    parallel::map(&places, workers, decide)?.into_iter().collect()
 }
 
 /// Learns the explained actions of every stage that decides the action, from the detected faults among the rows.
@@ -129,17 +92,4 @@ fn is_explained(
     let Some((place, known)) = stages.next() else { return false };
     data.examples.row_into(place.view(actuator), outcome.row, row);
     known.explains(row, action as usize)
-}
-
-fn wrong_kinds(data: &DataSet, outcomes: &[&RowOutcome]) -> Vec<(String, Rate)> {
-    let wrong = |kind: usize| {
-        let own = outcomes.iter().filter(|outcome| data.rows[outcome.row].kind as usize == kind);
-        let is_wrong =
-            |outcome: &&&RowOutcome| outcome.is_decided && !is_right_action(data, outcome);
-        (data.kinds[kind].clone(), Rate::of(&own.collect::<Vec<_>>(), is_wrong))
-    };
-    let mut kinds: Vec<(String, Rate)> = (0..data.kinds.len()).map(wrong).collect();
-    kinds.retain(|(_, rate)| rate.count > 0);
-    kinds.sort_by_key(|(_, rate)| core::cmp::Reverse(rate.count));
-    kinds
 }

@@ -40,8 +40,7 @@ use crate::parallel::Workers;
 use bands::Band;
 use baseline::RandomThirds;
 use flips::{Flips, Moving};
-use isolation::Isolation;
-use protocol::{Holding, Protocol, ProtocolResult, summary};
+use protocol::{Holding, Protocol, ProtocolResult, isolated, summary};
 use run::Scope;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ClassifierKind, Model};
@@ -164,8 +163,9 @@ pub struct Evaluation {
     pub baseline: Vec<ProtocolResult>,
     /// The seed paper's test of these trees, repeated.
     pub random_thirds: Vec<RandomThirds>,
-    /// What is decided if a fault may stay not isolated, where kinds are left out and under new commands.
-    pub isolation: Vec<Isolation>,
+    /// What trees and committee decide together if a fault may stay not isolated, where kinds are left out and under new
+    /// commands.
+    pub isolation: Vec<ProtocolResult>,
     /// Flips of the trees and of the committee.
     pub flips: Option<(Flips, Flips)>,
     /// Results of the classifier comparison.
@@ -183,7 +183,7 @@ impl Evaluation {
     }
 
     /// What is decided under a protocol if a fault may stay not isolated.
-    pub fn isolation(&self, protocol: Protocol) -> Option<&Isolation> {
+    pub fn isolation(&self, protocol: Protocol) -> Option<&ProtocolResult> {
         self.isolation.iter().find(|result| result.protocol == protocol)
     }
 
@@ -386,15 +386,9 @@ fn under_protocols(
         if isolation::PROTOCOLS.contains(&protocol) {
             let pool = run::settled(data, &settings.committee).pool;
             let voices = [&trees[..], &committee];
-            evaluation.isolation.push(isolation::evaluate(
-                protocol,
-                &of_committee,
-                pool,
-                &splits,
-                voices,
-                &shutdowns,
-                workers,
-            )?);
+            let data = &of_committee;
+            let decided = isolation::decide(protocol, data, pool, &splits, voices, workers)?;
+            evaluation.isolation.push(isolated(protocol, data, &decided, &shutdowns));
         }
     }
     Ok(())

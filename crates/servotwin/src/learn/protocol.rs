@@ -16,14 +16,16 @@ use super::data_set::{DataRow, DataSet, TrainingFilter};
 use super::error::EvaluationError;
 use super::run::{RowOutcome, Scope, ask, first_error, run};
 use crate::measure::outcome::RunOutcome;
-use crate::measure::{Answers, Measure, OF_BANDS, OF_HEALTHY, OF_RECORDS, OF_SOME_RECORDS, Rates};
+use crate::measure::{
+    Answers, Measure, OF_BANDS, OF_HEALTHY, OF_ISOLATION, OF_RECORDS, OF_SOME_RECORDS, Rates,
+};
 use crate::parallel::Workers;
 use crate::study::Purpose;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::hierarchy::{HEALTHY, Hierarchy, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
-use servotwin_learning::metrics::{Prediction, Rate, Score, Trial};
+use servotwin_learning::metrics::{Prediction, Score, Trial};
 use servotwin_learning::splits::{Split, grouped_k_fold, leave_one_group_out, random_thirds};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -225,8 +227,8 @@ pub struct Confused {
     pub taken_for: String,
     /// The number of such answers.
     pub count: u64,
-    /// Their share among all tests of the kind.
-    pub share: f64,
+    /// The number of all tests of the kind.
+    pub of: u64,
 }
 
 /// The result of a hierarchy under a protocol.
@@ -238,14 +240,15 @@ pub struct ProtocolResult {
     pub title: String,
     /// Number of splits.
     pub splits: usize,
-    /// Each stage separately: first over all actuators, then for each.
+    /// Each stage separately: first over all actuators, then for each. Empty where a fault may stay not isolated.
     pub stages: Vec<StageScore>,
     /// All measures. Those of all faults, also the undetected ones, are there unless the protocol tests faults
     /// repeatedly.
     pub rates: Rates,
     /// Errors by component.
     pub components: Vec<ComponentScore>,
-    /// Wrong answers by kind of fault, the most frequent first.
+    /// Wrong answers by kind of fault, the most frequent first. Where a fault may stay not isolated, those about actuator and
+    /// action that count.
     pub confused: Vec<Confused>,
 }
 
@@ -253,6 +256,18 @@ impl ProtocolResult {
     /// The score of the stage with this id.
     pub fn stage(&self, id: &str) -> Option<&Score> {
         self.stages.iter().find(|stage| stage.id == id).map(|stage| &stage.score)
+    }
+
+    /// The kinds of fault with wrong answers: their number and that of all tests of the kind, most answers first.
+    pub fn wrong_kinds(&self) -> Vec<(&str, [u64; 2])> {
+        let mut kinds: BTreeMap<&str, [u64; 2]> = BTreeMap::new();
+        for Confused { kind, count, of, .. } in &self.confused {
+            let [wrong, _] = kinds.get(kind.as_str()).copied().unwrap_or_default();
+            kinds.insert(kind, [wrong + count, *of]);
+        }
+        let mut kinds: Vec<_> = kinds.into_iter().collect();
+        kinds.sort_by_key(|(_, [wrong, _])| Reverse(*wrong));
+        kinds
     }
 }
 
@@ -300,6 +315,29 @@ pub(crate) fn summary(
         rates: counted.rates(|_| true),
         components: if full { counted.components() } else { vec![] },
         confused: if full { counted.confused() } else { vec![] },
+    }
+}
+
+/// Counts a protocol's result from what trees and committee decide together, where a fault may stay not isolated.
+pub(crate) fn isolated(
+    protocol: Protocol,
+    data: &DataSet,
+    outcomes: &[Vec<RowOutcome>],
+    shutdowns: &[u32],
+) -> ProtocolResult {
+    let decided = outcomes.iter().flatten().collect();
+    let measures = OF_ISOLATION;
+    let counted = Counting { data, outcomes: decided, shutdowns, measures, names_class: false };
+    let mut confused = counted.confused();
+    confused.retain(|confused| confused.question != Question::Detail);
+    ProtocolResult {
+        protocol,
+        title: protocol.title().into(),
+        splits: outcomes.len(),
+        stages: vec![],
+        rates: counted.rates(|_| true),
+        components: vec![],
+        confused,
     }
 }
 
@@ -365,17 +403,6 @@ pub(super) struct Counting<'a> {
 }
 
 impl Counting<'_> {
-    /// The share of some outcomes that meet a condition.
-    pub(super) fn rate(
-        &self,
-        among: impl Fn(&RowOutcome) -> bool,
-        holds: impl Fn(&RowOutcome) -> bool,
-    ) -> Rate {
-        let asked = self.outcomes.iter().filter(|outcome| among(outcome));
-        let trials = asked.map(|outcome| trial(self.data, outcome.row, holds(outcome)));
-        Rate::clustered(&trials.collect::<Vec<_>>())
-    }
-
     /// All measures of the rows that a choice selects.
     pub(super) fn rates(&self, choice: impl Fn(usize) -> bool) -> Rates {
         let asked = self.outcomes.iter().filter(|outcome| choice(outcome.row));
@@ -447,7 +474,8 @@ impl Counting<'_> {
         for outcome in &self.outcomes {
             let kind = self.data.rows[outcome.row].kind;
             tests[kind as usize] += 1;
-            let Some(question) = first_error(self.data, outcome) else { continue };
+            let error = first_error(self.data, outcome).filter(|_| outcome.is_decided);
+            let Some(question) = error else { continue };
             let said = match question {
                 Question::Actuator => outcome.said.actuator.map(|_| "another actuator"),
                 Question::Action => outcome.said.action.map(|said| &*names.actions[said as usize]),
@@ -461,7 +489,7 @@ impl Counting<'_> {
                 question,
                 taken_for: taken_for.to_owned(),
                 count,
-                share: count as f64 / tests[kind as usize] as f64,
+                of: tests[kind as usize],
             };
         let mut all: Vec<Confused> = counts.into_iter().map(confused).collect();
         // Equally frequent ones stay in the order of the kinds.

@@ -140,8 +140,3 @@ pub(crate) fn first_error(data: &DataSet, outcome: &RowOutcome) -> Option<Questi
         None
     }
 }
-
-/// Whether actuator and action are right; that is what the flight control computer acts on.
-pub(crate) fn is_right_action(data: &DataSet, outcome: &RowOutcome) -> bool {
-    matches!(first_error(data, outcome), None | Some(Question::Detail))
-}

@@ -6,7 +6,7 @@
 //! give only the windows that leave their bands (hard negatives): trees and committee are only asked about such
 //! windows, and there are a few hundred in all other healthy flights of a study, most of them in a few environments.
 //!
-//! The tables have the columns of a campaign's data set ([`crate::learn::DataSet`] reads them). Every environment
+//! The tables have the columns of a data set of records ([`crate::learn::DataSet`] reads them). Every environment
 //! counts as a separate command.
 
 use super::windows::WindowDesign;
@@ -292,7 +292,8 @@ impl<'f> TrainingFlights<'f> {
         design.spreads.iter().for_each(|spread| {
             mark.add(&spread.map(|Spread { spool, growth }| (u64::from(spool), growth)));
         });
-        let files = PartFiles::new(folder, stem(suite, scenario), mark, part::parts(study, suite));
+        let parts = part::parts(study, suite, plan::all(study, suite));
+        let files = PartFiles::new(folder, stem(suite, scenario), mark, parts);
         TrainingFlights { design, suite, workers, bands, files }
     }
 

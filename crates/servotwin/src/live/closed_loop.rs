@@ -173,7 +173,7 @@ impl<'f> ClosedLoopFlight<'f> {
         let noise = seed.stream(Stream::Sensors);
         let program = &study.system.program;
         let mut plant =
-            Twin::new(program, SolverSettings::campaign(), period_s, runtime::between(study));
+            Twin::new(program, SolverSettings::of_runs(), period_s, runtime::between(study));
         plant.load(&program.parameters_with(&overrides, &[]));
         Ok(ClosedLoopFlight {
             plan,

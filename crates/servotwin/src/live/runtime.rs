@@ -119,7 +119,7 @@ impl<'s> Runtime<'s> {
         let slots = slots(study, diagnoser.sensors.iter().map(|sensor| sensor.name.as_str()))?;
         let period_s = diagnoser.period_s;
         let session = Session::new(diagnoser)?;
-        let settings = SolverSettings::campaign();
+        let settings = SolverSettings::of_runs();
         let mut twin = Twin::new(program, settings, period_s, between(study));
         twin.load(&program.parameters_with(&overrides, &[]));
         Ok(Runtime {

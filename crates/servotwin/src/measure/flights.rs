@@ -3,7 +3,7 @@
 //! Every flight has an environment, a specimen and noise that were not used in training.
 
 use super::outcome::RunOutcome;
-use super::{ALL, Answers, Rates};
+use super::{Answers, OF_FLIGHTS, Rates};
 use crate::run::Profile;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::study::Study;
@@ -361,7 +361,7 @@ impl<'j> Judged<'j> {
     /// All measures of some flights. Faults of one kind at one intensity are correlated, and so are those of one kind.
     fn rates(&self, flights: &[&'j RunOutcome]) -> Rates {
         let answers = Answers::of(self.study);
-        Rates::count((ALL, self.limit_s), answers, flights, |row| {
+        Rates::count((OF_FLIGHTS, self.limit_s), answers, flights, |row| {
             let (kind, cluster) = self.clusters_of(row);
             row.is_fault().then_some((cluster, kind))
         })

@@ -4,9 +4,11 @@
 //! - this module: the measures, in one list. A measure is the share of some outcomes in which something happened; every
 //!   file, table and page that gives such a share counts it here. A new measure is one entry.
 //! - [`flights`]: the measures of a suite of flights, with latencies and false alarms
+//! - [`unseen`]: those of faults that training does not contain
 
 pub mod flights;
 pub mod outcome;
+pub mod unseen;
 
 use crate::study::Study;
 use flights::STRONG;
@@ -248,6 +250,33 @@ pub const SILENT: Measure = Measure {
     holds: |row, _| row.first == FirstAction::None,
 };
 
+/// The fault did not stay not isolated.
+pub const ISOLATED: Measure = Measure {
+    name: "isolated",
+    sentence: "fault isolated",
+    of: VISIBLE_FAULT,
+    holds: |row, _| row.first != FirstAction::None,
+};
+
+/// The right action for the right actuator, of the faults that were isolated.
+pub const RIGHT_OF_ISOLATED: Measure = Measure {
+    name: "right_of_isolated",
+    sentence: "{action} right, of isolated",
+    of: CountedRuns::new(
+        "all faults and intensities that become visible and are isolated, rightly or wrongly",
+        |row| is_visible(row) && row.first != FirstAction::None,
+    ),
+    holds: |row, _| row.first == FirstAction::Right,
+};
+
+/// The right action for the right actuator, or none.
+pub const RIGHT_OR_NOT_ISOLATED: Measure = Measure {
+    name: "right_or_not_isolated",
+    sentence: "{action} right or not isolated",
+    of: VISIBLE_FAULT,
+    holds: |row, _| matches!(row.first, FirstAction::Right | FirstAction::None),
+};
+
 /// Windows left their bands, although nothing was wrong.
 pub const VISIBLE_BY_CHANCE: Measure = Measure {
     name: "visible_by_chance",
@@ -272,8 +301,8 @@ pub const FALSE_SHUTDOWN: Measure = Measure {
     holds: |row, _| row.early_shutdowns > 0,
 };
 
-/// All measures, in the order of pages; those of the same runs stand together.
-pub const ALL: &[&Measure] = &[
+/// The measures of flights, in the order of pages; those of the same runs stand together.
+pub const OF_FLIGHTS: &[&Measure] = &[
     &RIGHT_ACTION_OF_ALL,
     &END_TO_END_OF_ALL,
     &WRONG_SHUTDOWN,
@@ -297,6 +326,14 @@ pub const ALL: &[&Measure] = &[
     &FALSE_SHUTDOWN,
 ];
 
+/// The measures of faults that may stay not isolated.
+pub const OF_ISOLATED: [&Measure; 3] = [&ISOLATED, &RIGHT_OF_ISOLATED, &RIGHT_OR_NOT_ISOLATED];
+
+/// All measures.
+pub fn all() -> impl Iterator<Item = &'static Measure> {
+    OF_FLIGHTS.iter().copied().chain(OF_ISOLATED).chain(unseen::all())
+}
+
 /// What bands alone show of records.
 pub(crate) const OF_BANDS: &[&Measure] = &[&VISIBLE, &VISIBLE_BY_CHANCE];
 
@@ -316,6 +353,20 @@ pub(crate) const OF_RECORDS: &[&Measure] = &[
     &NEEDLESS_SHUTDOWN,
     &RIGHT_ACTION,
     &END_TO_END,
+    &WRONG_ACTUATOR,
+];
+
+/// The measures of records in which a fault may stay not isolated.
+pub(crate) const OF_ISOLATION: &[&Measure] = &[
+    &ISOLATED,
+    &RIGHT_OF_ISOLATED,
+    &RIGHT_OR_NOT_ISOLATED,
+    &RIGHT_ACTION_OF_ALL,
+    &WRONG_SHUTDOWN,
+    &SHUTDOWN_MISSED_OF_ALL,
+    &SHUTDOWN_MISSED,
+    &NEEDLESS_SHUTDOWN,
+    &RIGHT_ACTION,
     &WRONG_ACTUATOR,
 ];
 
@@ -409,12 +460,12 @@ mod tests {
 
     #[test]
     fn every_measure_has_a_name_and_words_of_its_own() {
-        let names: BTreeSet<&str> = ALL.iter().map(|measure| measure.name).collect();
+        let names: BTreeSet<&str> = all().map(|measure| measure.name).collect();
         let words: BTreeSet<_> =
-            ALL.iter().map(|measure| (measure.of.words, measure.sentence)).collect();
-        assert_eq!([names.len(), words.len()], [ALL.len(); 2]);
-        let faults: BTreeSet<&str> = ALL.iter().map(|measure| measure.of.words).collect();
-        let groups = ALL.chunk_by(|one, next| one.of.words == next.of.words).count();
+            all().map(|measure| (measure.of.words, measure.sentence)).collect();
+        assert_eq!([names.len(), words.len()], [all().count(); 2]);
+        let faults: BTreeSet<&str> = OF_FLIGHTS.iter().map(|measure| measure.of.words).collect();
+        let groups = OF_FLIGHTS.chunk_by(|one, next| one.of.words == next.of.words).count();
         assert_eq!(groups, faults.len(), "same runs together");
     }
 
@@ -436,7 +487,8 @@ mod tests {
             row(Some(1.0), FirstAction::OtherAction),
         ];
         let answers = Answers::of(&Study::default());
-        let rates = Rates::count((ALL, 2.0), answers, &rows.iter().collect::<Vec<_>>(), |_| None);
+        let rates =
+            Rates::count((OF_FLIGHTS, 2.0), answers, &rows.iter().collect::<Vec<_>>(), |_| None);
         let counted = |measure: &Measure| [rates.of(measure).count, rates.of(measure).of];
         assert_eq!(counted(&RIGHT_ACTION_OF_ALL), [1, 4]);
         assert_eq!(counted(&SHUTDOWN_MISSED_OF_ALL), [3, 4]);

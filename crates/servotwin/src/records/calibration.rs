@@ -1,16 +1,17 @@
 //! The specimen pool of the scenario *fitted*, each specimen with the twin that was fitted to its calibration flight.
 //!
 //! `calibration-fitted.parquet` stores the results with the true values, in standard deviations of the tolerances. It
-//! is computed once: every part of a campaign that finds the file uses exactly its values.
+//! is computed once: every part of records that finds the file uses exactly its values.
 
 use super::columns::DIMENSIONLESS;
-use super::{Campaign, Plants, Scenario};
+use super::{Plants, Records, Scenario};
 use crate::fit::fleet::Specimen;
 use crate::fit::{Fit, Unknown};
 use crate::run::part;
 use crate::run::{Overrides, RunError, SpecimenDraw, calibration_of, fit_twins};
 use crate::study::{Purpose, Stream};
 use crate::table::{self, Column, Table, Values};
+use servotwin_model::solver::SolverSettings;
 use std::path::{Path, PathBuf};
 
 /// The path of the file with the specimens of a pool: true values, fitted values and standard errors.
@@ -57,11 +58,11 @@ pub fn calibrations(folder: &Path, purpose: Purpose) -> Result<Vec<Comparison>, 
     Ok(names.iter().enumerate().map(row).collect())
 }
 
-impl Campaign<'_> {
+impl Records<'_> {
     /// The name of the file that all parts read, so that not each part must fit the specimens; `None` if nothing is
     /// fitted.
     pub fn calibration(&self) -> Option<String> {
-        (self.plants() == Plants::Pool).then(|| calibration_name(self.purpose))
+        (self.plants() == Plants::Pool).then(|| calibration_name(self.suite.purpose))
     }
 
     /// Fits the specimens unless their file exists.
@@ -74,7 +75,7 @@ impl Campaign<'_> {
 
     /// The parameters of every specimen's twin, fitted to its calibration flight.
     pub(super) fn fitted_twins(&self) -> Result<Vec<Overrides>, RunError> {
-        let specimens = calibration_of(self.study)?.specimens(self.purpose);
+        let specimens = calibration_of(self.study)?.specimens(self.suite.purpose);
         if let Some(known) = self.known(specimens) {
             return Ok(known);
         }
@@ -89,13 +90,13 @@ impl Campaign<'_> {
 
     /// A specimen of the pool.
     pub(super) fn pooled(&self, number: usize) -> SpecimenDraw<'_> {
-        let seed = self.study.records(self.purpose).seed_of_fitted(number);
+        let seed = self.suite.seed_of_fitted(number);
         SpecimenDraw { study: self.study, scenario: Scenario::Fitted, seed }
     }
 
-    /// The parameters stored in this campaign's file for `specimens` specimens; `None` without a matching file.
+    /// The parameters stored in the file for `specimens` specimens; `None` without a matching file.
     fn known(&self, specimens: usize) -> Option<Vec<Overrides>> {
-        let table = table::read(calibration_file(&self.folder, self.purpose)).ok()?;
+        let table = table::read(calibration_file(&self.folder, self.suite.purpose)).ok()?;
         if table.metadata.get("fingerprint") != Some(&self.calibration_mark()) {
             return None;
         }
@@ -111,7 +112,7 @@ impl Campaign<'_> {
     fn calibration_mark(&self) -> String {
         let study = self.study;
         let mut mark = part::model_mark(study);
-        mark.add("calibration 1").add(self.purpose.suffix()).add(&self.solver);
+        mark.add("calibration 1").add(self.suite.purpose.suffix()).add(&SolverSettings::of_runs());
         mark.add(&study.sample_period_s).add(&study.seed);
         mark.add(&study.realism).add(&study.calibration);
         mark.to_string()
@@ -145,6 +146,6 @@ impl Campaign<'_> {
             sigmas("error_sigma", float(&|_, k| errors[k]), "Standard error of the fit"),
         ])?
         .with_metadata("fingerprint", self.calibration_mark());
-        Ok(table::write(calibration_file(&self.folder, self.purpose), &table)?)
+        Ok(table::write(calibration_file(&self.folder, self.suite.purpose), &table)?)
     }
 }

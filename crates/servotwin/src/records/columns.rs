@@ -1,4 +1,4 @@
-//! Columns that all training tables share, whether their rows are variants of a campaign or windows of flights.
+//! Columns that all training tables share, whether their rows are records or windows of flights.
 //!
 //! Every column has a description. Every column of numbers has a unit, [`DIMENSIONLESS`] if it is a count, an index or a
 //! ratio. Columns of text and of truth values have none.

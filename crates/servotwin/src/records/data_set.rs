@@ -1,4 +1,4 @@
-//! The data set of a campaign: labels, plant, recommended split, detection and features, one row per variant.
+//! The data set of records: labels, plant, recommended split, detection and features, one row per variant.
 //!
 //! The recommended split is the protocol *new command*: the training commands teach, the judged ones test. Beside it
 //! every row has a fold. All rows of a kind of fault at an intensity have the same fold, in every data set of a study, so
@@ -6,9 +6,9 @@
 
 use super::columns::{DIMENSIONLESS, Shown, fault_columns, feature_columns, largest_columns, seen};
 use super::effort::effort_columns;
-use super::{Campaign, PartRow, Scenario, SpecimenDraw, Study};
+use super::{PartRow, Records, Scenario, SpecimenDraw, Study};
 use crate::run::{Run, fitted_specimen, plan};
-use crate::study::{Plants, Purpose, Suite};
+use crate::study::{Plants, Purpose};
 use crate::table::{Column, Table, Values};
 use servotwin_diagnosis::features::{self, Feature};
 use servotwin_diagnosis::residual::Window;
@@ -47,15 +47,14 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
 
 /// The inputs for making a data set, some variants after the other.
 pub(super) struct Maker<'m> {
-    pub campaign: &'m Campaign<'m>,
+    pub records: &'m Records<'m>,
     pub scenario: Scenario,
-    pub suite: &'m Suite,
 }
 
 impl Maker<'_> {
     /// The data set of some variants with the given rows.
     pub(crate) fn table(&self, variants: &[usize], rows: &[PartRow]) -> Table {
-        let run = |&number: &usize| plan::run(self.campaign.study, self.suite, number);
+        let run = |&number: &usize| plan::run(self.records.study, &self.records.suite, number);
         let runs: Vec<Run> = variants.iter().map(run).collect();
         let mut columns = self.label_columns(&runs);
         columns.extend(self.plant_columns(&runs));
@@ -69,7 +68,7 @@ impl Maker<'_> {
     }
 
     fn detection_columns(&self, rows: &[PartRow]) -> Vec<Column> {
-        let study = self.campaign.study;
+        let study = self.records.study;
         let float = |f: &dyn Fn(&Window) -> f64| rows.iter().map(|row| f(&row.window)).collect();
         let flags = |f: &dyn Fn(&Window) -> bool| rows.iter().map(|row| f(&row.window)).collect();
         let period = study.sample_period_s;
@@ -90,7 +89,7 @@ impl Maker<'_> {
 
     /// Each feature, and if the units correspond, also as seen from the other units.
     fn feature_columns(&self, rows: &[PartRow]) -> Vec<Column> {
-        let study = self.campaign.study;
+        let study = self.records.study;
         let sensors = &study.sensors_in(self.scenario);
         let orders = sensors.rotations(study.units.len()).unwrap_or_default();
         let rows: Vec<_> = rows.iter().map(|row| seen(sensors, &orders, &row.window)).collect();
@@ -99,8 +98,8 @@ impl Maker<'_> {
     }
 
     fn label_columns(&self, runs: &[Run]) -> Vec<Column> {
-        let Campaign { study, purpose, .. } = *self.campaign;
-        let cases = study.cases_of(purpose);
+        let study = self.records.study;
+        let cases = study.cases_of(self.records.suite.purpose);
         let seed = study.seed as u32;
         let variants = runs.iter().map(|run| run.number as u32).collect();
         let of_case = |name: &str, of: &dyn Fn(usize) -> String, what: &str| {
@@ -132,13 +131,12 @@ impl Maker<'_> {
 
     /// The specimens of the plants, and their own parameters: every parameter with a tolerance.
     fn plant_columns(&self, runs: &[Run]) -> Vec<Column> {
-        let Campaign { study, .. } = *self.campaign;
+        let Records { study, suite, .. } = self.records;
         let specimen = |run: &Run| match self.scenario.plants() {
             Plants::Twin => 0,
             Plants::Specimens | Plants::Pool => self.specimen(run) as u32,
         };
-        let own =
-            |run: &Run| SpecimenDraw::of(study, self.suite, self.scenario, run).parameters(1.0);
+        let own = |run: &Run| SpecimenDraw::of(study, suite, self.scenario, run).parameters(1.0);
         let numbers: Vec<u32> = runs.iter().map(specimen).collect();
         let parameters: Vec<_> = runs.iter().map(own).collect();
         let mut columns = vec![whole("specimen", numbers, SPECIMEN)];
@@ -161,17 +159,18 @@ impl Maker<'_> {
 
     /// The number of a run's specimen: in the pool, or without one that of the run.
     fn specimen(&self, run: &Run) -> usize {
-        fitted_specimen(self.campaign.study, self.suite, self.scenario, run).unwrap_or(run.number)
+        fitted_specimen(self.records.study, &self.records.suite, self.scenario, run)
+            .unwrap_or(run.number)
     }
 
     fn split_columns(&self, runs: &[Run]) -> Vec<Column> {
-        let campaign = self.campaign;
-        let faults = campaign.study.faults.iter();
+        let Records { study, suite, .. } = self.records;
+        let faults = study.faults.iter();
         let kinds: BTreeSet<&str> = faults.map(|fault| fault.kind.as_str()).collect();
         let folds: Vec<u32> = runs.iter().map(|run| self.fold(run, &kinds) as u32).collect();
-        let has_training = !campaign.study.cases_of(Purpose::Train).is_empty();
+        let has_training = !study.cases_of(Purpose::Train).is_empty();
         let teaches = |fold: u32| match has_training {
-            true => campaign.purpose == Purpose::Train,
+            true => suite.purpose == Purpose::Train,
             false => fold as usize != TESTED_FOLD,
         };
         let split = |&fold: &u32| if teaches(fold) { "train" } else { "test" }.to_owned();
@@ -181,7 +180,7 @@ impl Maker<'_> {
 
     /// The fold of a run. Rows of one kind and intensity share it; healthy rows of one specimen do.
     fn fold(&self, run: &Run, kinds: &BTreeSet<&str>) -> usize {
-        let study = self.campaign.study;
+        let study = self.records.study;
         let Some(fault) = run.fault.map(|fault| &study.faults[fault]) else {
             return self.specimen(run) % FOLDS;
         };

@@ -2,35 +2,28 @@
 
 use super::data_set::Maker;
 use super::row::PartRow;
-use super::{Campaign, PreparedCampaign, RecordsOutcome, RunError, Scenario, Suite};
+use super::{Records, RecordsOutcome, RunError, Scenario};
 use crate::run::part::PartFiles;
 use crate::table::parquet::ParquetWriter;
 
 /// Least number of rows in one group of a data set; a group is held in memory until it is written.
 const GROUP_ROWS: usize = 16_000;
 
-impl Campaign<'_> {
-    /// The windows of all variants of a completed campaign, by scenario.
+impl Records<'_> {
+    /// The windows of all records, by scenario.
     ///
     /// # Errors
     /// [`RunError::Unfinished`] if parts are missing, or a file cannot be read.
     pub fn windows(&self) -> Result<Vec<Vec<PartRow>>, RunError> {
-        let prepared = self.done()?;
+        let is_incomplete = |files: &&PartFiles| !files.seem_complete() && files.missing_runs() > 0;
+        if let Some(files) = self.files.iter().find(is_incomplete) {
+            return Err(files.unfinished());
+        }
         let of = |files: &PartFiles| {
             let rows = (0..files.parts.len()).map(|part| self.rows(files, part));
             Ok(rows.collect::<Result<Vec<_>, RunError>>()?.into_iter().flatten().collect())
         };
-        prepared.files.iter().map(of).collect()
-    }
-
-    /// The plan of a campaign whose parts are complete.
-    fn done(&self) -> Result<PreparedCampaign, RunError> {
-        let prepared = self.prepared()?;
-        let is_incomplete = |files: &&PartFiles| !files.seem_complete() && files.missing_runs() > 0;
-        match prepared.files.iter().find(is_incomplete) {
-            Some(files) => Err(files.unfinished()),
-            None => Ok(prepared),
-        }
+        self.files.iter().map(of).collect()
     }
 
     /// The rows of a part.
@@ -42,25 +35,18 @@ impl Campaign<'_> {
         Ok(table.map_or(Ok(vec![]), |table| PartRow::from_table(self.study, &table))?)
     }
 
-    pub(super) fn write_data_sets(
-        &self,
-        prepared: &PreparedCampaign,
-        outcome: &mut RecordsOutcome,
-    ) -> Result<(), RunError> {
-        let of = self.scenarios.iter().zip(&prepared.files);
-        of.into_iter().try_for_each(|(&scenario, files)| {
-            self.write_data_set(&prepared.suite, (scenario, files), outcome)
-        })
+    pub(super) fn write_data_sets(&self, outcome: &mut RecordsOutcome) -> Result<(), RunError> {
+        let mut of = self.scenarios.iter().zip(&self.files);
+        of.try_for_each(|(&scenario, files)| self.write_data_set((scenario, files), outcome))
     }
 
     fn write_data_set(
         &self,
-        suite: &Suite,
         (scenario, files): (Scenario, &PartFiles),
         outcome: &mut RecordsOutcome,
     ) -> Result<(), RunError> {
-        let maker = Maker { campaign: self, scenario, suite };
-        let name = format!("dataset-{}{}.parquet", scenario.name(), self.purpose.suffix());
+        let maker = Maker { records: self, scenario };
+        let name = format!("dataset-{}{}.parquet", scenario.name(), self.suite.purpose.suffix());
         let mut writer: Option<ParquetWriter> = None;
         let mut in_group = 0;
         // Without any row there is a table without rows.
@@ -68,7 +54,7 @@ impl Campaign<'_> {
         let own = files.parts.iter().enumerate();
         let own = own.filter(|(part, variants)| !variants.is_empty() || is_empty && *part == 0);
         for (part, variants) in own {
-            if self.is_cancelled() {
+            if self.workers.is_cancelled() {
                 return Err(RunError::Cancelled);
             }
             let rows = self.rows(files, part)?;

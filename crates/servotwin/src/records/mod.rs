@@ -1,8 +1,8 @@
-//! The campaign: simulates every fault in every operating case on all cores, directly into windows.
+//! Records: simulates every fault in every operating case on all cores, directly into windows.
 //!
-//! Its variants are the runs of a suite ([`Study::records`]), which `crate::run::runner` simulates.
+//! They are the runs of a suite ([`Study::records`]), which `crate::run::runner` simulates.
 //!
-//! Variants are written in *parts* (`crate::run::part`). A resumed campaign skips existing parts. Every variant has the same
+//! Records are written in *parts* (`crate::run::part`). A resumed suite skips existing parts. Every record has the same
 //! bits whenever it runs, so the result has the same bytes. Parts are simulated in rounds and joined one after the other.
 //! Memory holds the twins of a round, its open lanes and unfinished parts; it does not grow with the number of variants,
 //! nor with the length of faulty runs.
@@ -14,8 +14,8 @@ mod calibration;
 pub mod columns;
 mod data_set;
 mod effort;
+mod files;
 mod join;
-mod prepared;
 mod row;
 mod runner;
 
@@ -24,38 +24,36 @@ pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
 pub use effort::VariantEffort;
-pub use prepared::PreparedCampaign;
 pub use row::PartRow;
 
 use crate::ensemble::Ensemble;
 use crate::files::create_folder;
 use crate::parallel::Workers;
 use crate::run::SpecimenDraw;
+use crate::run::part::PartFiles;
 use crate::study::{Plants, Purpose, Scenario, Study, Suite};
 use crate::table::{self, Column, Table, Values};
-use servotwin_model::solver::{SolverSettings, Statistics};
+use servotwin_model::solver::Statistics;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The settings of a campaign.
-pub struct Campaign<'s> {
+/// The records of a purpose in scenarios with the same plants: a suite, with the files of its parts.
+pub struct Records<'s> {
     /// The study to simulate.
     pub study: &'s Study,
-    /// Whether the diagnosis is judged on it or trained on it.
-    pub purpose: Purpose,
-    /// The scenarios, one of the groups of [`Scenario::groups`].
-    pub scenarios: Vec<Scenario>,
-    /// The solver's settings.
-    pub solver: SolverSettings,
-    /// The threads, and their cancellation.
-    pub workers: Workers<'s>,
-    /// The output folder.
-    pub folder: PathBuf,
+    /// The runs, one for each record. Without noise, healthy specimens equal the twin and are left out.
+    pub suite: Suite,
     /// Whether to store the time series as well.
     pub keep_traces: bool,
+    /// One of the groups of [`Scenario::groups`].
+    scenarios: Vec<Scenario>,
+    workers: Workers<'s>,
+    folder: PathBuf,
+    /// The files of each scenario.
+    files: Vec<PartFiles>,
 }
 
-/// The result of a campaign.
+/// What came of simulating records.
 #[derive(Clone, Debug)]
 pub struct RecordsOutcome {
     /// Whether the diagnosis is judged on it or trained on it.
@@ -92,7 +90,7 @@ impl RecordsOutcome {
     }
 }
 
-/// The campaigns of a study: training commands and judged cases for each group of scenarios.
+/// The records of a study: training commands and judged cases for each group of scenarios.
 pub(crate) fn runs(
     study: &Study,
     choice: impl Fn(Scenario) -> bool,
@@ -104,49 +102,41 @@ pub(crate) fn runs(
     groups.flat_map(of).collect()
 }
 
-impl<'s> Campaign<'s> {
-    /// The campaign of scenarios in a folder, with the default settings.
+impl<'s> Records<'s> {
+    /// Plans the records of a purpose in an output folder.
+    ///
+    /// # Errors
+    /// The study is empty, or lacks a section that a scenario needs.
     pub fn new(
         folder: &Path,
         study: &'s Study,
-        scenarios: Vec<Scenario>,
-        purpose: Purpose,
-    ) -> Self {
-        Campaign {
-            study,
-            purpose,
-            scenarios,
-            solver: SolverSettings::campaign(),
-            workers: Workers::new(1),
-            folder: folder.into(),
-            keep_traces: false,
+        (purpose, scenarios): (Purpose, Vec<Scenario>),
+        workers: Workers<'s>,
+    ) -> Result<Self, RunError> {
+        let mut suite = study.records(purpose);
+        if !scenarios.iter().any(|scenario| scenario.has_noise()) {
+            suite.healthy = 0;
         }
+        let files = files::of(folder, study, &suite, &scenarios)?;
+        let folder = folder.into();
+        Ok(Records { study, suite, keep_traces: false, scenarios, workers, folder, files })
     }
 }
 
-impl Campaign<'_> {
-    /// The suite of the runs, one for each row. Without noise, healthy specimens equal the twin and are left out.
-    pub fn suite(&self) -> Suite {
-        let mut suite = self.study.records(self.purpose);
-        if !self.scenarios.iter().any(|scenario| scenario.has_noise()) {
-            suite.healthy = 0;
-        }
-        suite
-    }
-
+impl Records<'_> {
     /// Simulates what is missing and writes the data sets. `progress` receives the number of rows done and their total.
     ///
     /// # Errors
-    /// A file cannot be written, the study is empty, the healthy system cannot be simulated, or
+    /// A file cannot be written, the healthy system cannot be simulated, or
     /// [`RunError::Cancelled`]. Failures of single variants are in the outcome.
     pub fn run(
         &self,
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<RecordsOutcome, RunError> {
-        let (begin, prepared) = (Instant::now(), self.prepared()?);
-        let all: Vec<usize> = (0..prepared.part_count()).collect();
-        let mut outcome = self.run_parts(&prepared, &all, progress)?;
-        self.write_data_sets(&prepared, &mut outcome)?;
+        let begin = Instant::now();
+        let all: Vec<usize> = (0..self.part_count()).collect();
+        let mut outcome = self.run_parts(&all, progress)?;
+        self.write_data_sets(&mut outcome)?;
         outcome.seconds = begin.elapsed().as_secs_f64();
         Ok(outcome)
     }
@@ -157,9 +147,8 @@ impl Campaign<'_> {
     }
 
     fn ensemble(&self) -> Ensemble<'_> {
-        let Campaign { solver: settings, workers, .. } = *self;
-        let (threads, cancel) = (workers.threads(), workers.cancel());
-        Ensemble { settings, threads, cancel, ..ensemble(self.study) }
+        let (threads, cancel) = (self.workers.threads(), self.workers.cancel());
+        Ensemble { threads, cancel, ..ensemble(self.study) }
     }
 
     fn write_trace(
@@ -179,7 +168,8 @@ impl Campaign<'_> {
             let name = format!("{}{}", sensor.id, sensor.unit.suffix());
             columns.push(Column::new(name, sensor.unit.symbol(), Values::Float(values)));
         }
-        let name = format!("{}{}-{variant:05}.parquet", scenario.name(), self.purpose.suffix());
+        let name =
+            format!("{}{}-{variant:05}.parquet", scenario.name(), self.suite.purpose.suffix());
         Ok(table::write(folder.join(name), &Table::from_columns(columns)?)?)
     }
 }

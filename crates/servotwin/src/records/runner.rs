@@ -1,7 +1,7 @@
 //! Simulates the records of parts into windows.
 
 use super::row::PartRow;
-use super::{Campaign, Plants, PreparedCampaign, RecordsOutcome, RunError, VariantEffort};
+use super::{Plants, Records, RecordsOutcome, RunError, VariantEffort};
 use crate::run::compute::{Kept, Round, Take, compute};
 use crate::run::part::PartFiles;
 use crate::run::runner::{Runner, View};
@@ -14,66 +14,58 @@ use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 
-impl Campaign<'_> {
-    /// Simulates the variants of parts whose rows no file contains. It writes no data set.
+impl Records<'_> {
+    /// Simulates the records of parts whose files are absent or unusable. It writes no data set.
     ///
     /// # Errors
-    /// See [`Campaign::run`].
+    /// See [`Records::run`].
     pub fn run_parts(
         &self,
-        prepared: &PreparedCampaign,
         wanted: &[usize],
         progress: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<RecordsOutcome, RunError> {
         let fitted = if self.plants() == Plants::Pool { self.fitted_twins()? } else { vec![] };
-        let records = Records { campaign: self, prepared, fitted, work: Mutex::default() };
-        let counts = compute(&records, wanted, self.workers, progress)?;
+        let simulated = Simulated { records: self, fitted, work: Mutex::default() };
+        let counts = compute(&simulated, wanted, self.workers, progress)?;
         Ok(RecordsOutcome {
-            purpose: self.purpose,
+            purpose: self.suite.purpose,
             scenarios: self.scenarios.clone(),
-            duration_s: prepared.suite.duration_s,
+            duration_s: self.suite.duration_s,
             seconds: 0.0,
             variants: counts.all,
             resumed: counts.resumed,
-            statistics: records.work.into_inner().unwrap_or_else(PoisonError::into_inner),
+            statistics: simulated.work.into_inner().unwrap_or_else(PoisonError::into_inner),
             failed: vec![],
             on_the_move: 0,
         })
     }
-
-    pub(super) fn is_cancelled(&self) -> bool {
-        self.workers.is_cancelled()
-    }
 }
 
-/// The windows of records.
-struct Records<'r> {
-    campaign: &'r Campaign<'r>,
-    prepared: &'r PreparedCampaign,
+/// Records with what simulates them.
+struct Simulated<'r> {
+    records: &'r Records<'r>,
     /// The parameters of the twins of the pool; empty without one.
     fitted: Vec<Overrides>,
     /// The solver's work.
     work: Mutex<Statistics>,
 }
 
-impl Kept for Records<'_> {
+impl Kept for Simulated<'_> {
     type Row = PartRow;
 
     fn place(&self) -> (&Study, &Suite, Scenario) {
-        (self.campaign.study, &self.prepared.suite, self.campaign.scenarios[0])
+        (self.records.study, &self.records.suite, self.records.scenarios[0])
     }
 
     fn files(&self) -> &[PartFiles] {
-        &self.prepared.files
+        &self.records.files
     }
 
     fn fly(&self, round: &Round, take: Take<PartRow>) -> Result<(), RunError> {
-        let Records { campaign, prepared, fitted, work } = self;
-        let (study, suite) = (campaign.study, &prepared.suite);
+        let Simulated { records, fitted, work } = self;
+        let Records { study, suite, scenarios, workers, .. } = records;
         let runs = round.numbers().map(|number| plan::run(study, suite, number)).collect();
-        let with = (campaign.solver, campaign.workers);
-        let mut runner =
-            Runner::of_records(study, suite, &campaign.scenarios, (runs, fitted), with)?;
+        let mut runner = Runner::of_records(study, suite, scenarios, (runs, fitted), *workers)?;
         runner.stop = Some(&round.stop);
         let (scales, mut traced) = (study.scales(), Ok(()));
         runner.fly_views(
@@ -85,7 +77,7 @@ impl Kept for Records<'_> {
                 }
                 for View { run, scenario, observer: Seen { window, trace, .. } } in views {
                     if let (Some(trace), Ok(())) = (trace, &traced) {
-                        traced = campaign.write_trace(scenario, run.number, trace);
+                        traced = records.write_trace(scenario, run.number, trace);
                     }
                     take(
                         self.place_of(scenario),
@@ -106,10 +98,10 @@ impl Kept for Records<'_> {
     }
 }
 
-impl Records<'_> {
-    /// The index of a scenario in the campaign.
+impl Simulated<'_> {
+    /// The index of a scenario among those of the records.
     fn place_of(&self, scenario: Scenario) -> usize {
-        let mut known = self.campaign.scenarios.iter();
+        let mut known = self.records.scenarios.iter();
         known.position(|known| *known == scenario).expect("a scenario of these")
     }
 
@@ -120,12 +112,12 @@ impl Records<'_> {
         round: &Round,
         scales: &'w [f64],
     ) -> Option<Seen<'w>> {
-        let study = self.campaign.study;
+        let study = self.records.study;
         let sensors = study.measured.len();
         round.lacks(self.place_of(scenario), run.number).then(|| Seen {
             scales,
             window: Window::watching(sensors, study.base_sensors()),
-            trace: self.campaign.keep_traces.then(|| vec![Vec::new(); sensors]),
+            trace: self.records.keep_traces.then(|| vec![Vec::new(); sensors]),
         })
     }
 
@@ -137,8 +129,8 @@ impl Records<'_> {
         ended: &Result<Statistics, SolverFailure>,
     ) -> PartRow {
         let plant = (ended.as_ref().ok(), run.duration_s);
-        let twin = (runner.twin(run), self.prepared.suite.longest_s());
-        let program = &self.campaign.study.system.program;
+        let twin = (runner.twin(run), self.records.suite.longest_s());
+        let program = &self.records.study.system.program;
         let failure = ended.as_ref().err().map(|failure| describe(program, failure));
         PartRow {
             failure: failure.unwrap_or_default(),

@@ -1,4 +1,4 @@
-//! Errors of campaigns and flights.
+//! Errors of records and flights.
 
 use crate::files::FileError;
 use crate::study::{Scenario, Section, Study};
@@ -6,7 +6,7 @@ use crate::table::TableError;
 use crate::toml_text::TomlError;
 use std::path::{Path, PathBuf};
 
-/// Why a campaign failed or stopped.
+/// Why runs failed or stopped.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum RunError {
@@ -25,7 +25,7 @@ pub enum RunError {
     /// A specimen's twin could not be fitted.
     #[error("the twin of specimen {specimen} cannot be fitted: {reason}")]
     Calibration { specimen: usize, reason: String },
-    /// Data sets were requested of an incomplete campaign.
+    /// Data sets were requested of incomplete records.
     #[error("{}", unfinished(*.missing, .damaged.as_deref()))]
     Unfinished { missing: usize, damaged: Option<PathBuf> },
     /// A command of a suite cannot be flown.

@@ -4,7 +4,7 @@
 //! A part appears when all its runs have ended, and its bytes depend on the study alone. Parts that are computed
 //! anywhere, repeatedly or simultaneously, therefore join to the files of a single machine.
 
-use super::{RunError, fitted_specimen, plan};
+use super::{Run, RunError, fitted_specimen, plan};
 use crate::manifest::in_hexadecimal;
 use crate::study::{Plants, Scenario, Study, Suite};
 use crate::table::parquet::ParquetReader;
@@ -70,31 +70,26 @@ impl fmt::Display for Share {
     }
 }
 
-/// The numbers of the runs of each part of a suite. Environments of flights share a part while they fit; the runs of a
+/// The numbers of the runs of each part of a suite, from all its runs. Environments of flights share a part while they fit; the runs of a
 /// larger one, or of an operating case, are divided equally, unless the twins of the suite are fitted in it. More
 /// environments leave all parts but the last one as they are.
-pub(crate) fn parts(study: &Study, suite: &Suite) -> Vec<Vec<usize>> {
+pub(crate) fn parts(
+    study: &Study,
+    suite: &Suite,
+    runs: impl IntoIterator<Item = Run>,
+) -> Vec<Vec<usize>> {
     let mut groups: BTreeMap<(bool, usize), (Vec<usize>, f64)> = BTreeMap::new();
-    for run in (0..plan::count(study, suite)).map(|number| plan::run(study, suite, number)) {
+    for run in runs {
         // Healthy records are apart, because scenarios without noise have none.
         let is_apart = suite.is_records && run.is_healthy();
         let (numbers, seconds) = groups.entry((is_apart, run.environment)).or_default();
         numbers.push(run.number);
         *seconds += run.duration_s;
     }
-    parts_of(suite, groups.into_values(), study.sample_period_s)
-}
-
-/// The parts of some groups of runs, each with the numbers of its runs and their duration, s.
-pub(crate) fn parts_of(
-    suite: &Suite,
-    groups: impl IntoIterator<Item = (Vec<usize>, f64)>,
-    period_s: f64,
-) -> Vec<Vec<usize>> {
     let mut parts: Vec<Vec<usize>> = vec![];
     let mut filled = f64::INFINITY;
-    for (numbers, seconds) in groups {
-        let samples = seconds / period_s + SETTLING_SAMPLES * numbers.len() as f64;
+    for (numbers, seconds) in groups.into_values() {
+        let samples = seconds / study.sample_period_s + SETTLING_SAMPLES * numbers.len() as f64;
         let is_divided = (samples > PART_SAMPLES || suite.is_records) && !suite.is_fitted;
         match parts.last_mut().filter(|_| !is_divided && filled + samples <= PART_SAMPLES) {
             Some(part) => {
@@ -341,13 +336,17 @@ mod tests {
         }
     }
 
+    fn all_parts(study: &Study, suite: &Suite) -> Vec<Vec<usize>> {
+        parts(study, suite, plan::all(study, suite))
+    }
+
     #[test]
     fn parts_hold_every_run_once_and_are_no_larger_than_one_size() {
         let study = Study::default();
         let records = Purpose::OF_RECORDS.map(|purpose| study.records(purpose));
         let flights = study.suites().filter(|suite| !suite.is_unseen && !suite.is_fitted);
         for suite in records.iter().chain(flights) {
-            let parts = parts(&study, suite);
+            let parts = all_parts(&study, suite);
             let mut all: Vec<usize> = parts.iter().flatten().copied().collect();
             assert!(!suite.is_records || all.is_sorted(), "records join by concatenation");
             all.sort_unstable();
@@ -366,10 +365,10 @@ mod tests {
     fn more_environments_leave_all_parts_but_the_last_one() {
         let study = Study::default();
         let suite = study.suite(HEALTHY).unwrap();
-        let few = parts(&study, suite);
-        let more = parts(&study, &suite.clone().with_environments(2 * suite.environments));
+        let few = all_parts(&study, suite);
+        let more = all_parts(&study, &suite.clone().with_environments(2 * suite.environments));
         assert!(few.len() > 1 && few[..few.len() - 1] == more[..few.len() - 1]);
         let judge = study.suite(JUDGE).unwrap();
-        assert!(parts(&study, judge).len() > 1);
+        assert!(all_parts(&study, judge).len() > 1);
     }
 }

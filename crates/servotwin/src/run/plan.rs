@@ -122,10 +122,14 @@ pub(crate) fn faulty(study: &Study, suite: &Suite) -> usize {
     suite.repeats * of_a_repeat(study, suite)
 }
 
+/// All runs of a suite, by number.
+pub(crate) fn all<'s>(study: &'s Study, suite: &'s Suite) -> impl Iterator<Item = Run> + 's {
+    (0..count(study, suite)).map(|number| run(study, suite, number))
+}
+
 /// The runs of a suite that fly in some of its environments, by number.
 pub fn runs(study: &Study, suite: &Suite, environments: &Range<usize>) -> Vec<Run> {
-    let all = (0..count(study, suite)).map(|number| run(study, suite, number));
-    all.filter(|run| environments.contains(&run.environment)).collect()
+    all(study, suite).filter(|run| environments.contains(&run.environment)).collect()
 }
 
 /// The run of a suite with a number. It depends on nothing else. Environments alternate, so that no fault meets the same

@@ -23,7 +23,7 @@ use crate::study::flights::Environment;
 use crate::study::other_plant::apply_draws;
 use crate::study::{Plants, Scenario, Seed, Stream, Study, Suite};
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{SolverFailure, SolverSettings, Statistics};
+use servotwin_model::solver::{SolverFailure, Statistics};
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
@@ -105,14 +105,14 @@ impl<'s> Runner<'s> {
         suite: &'s Suite,
         scenarios: &[Scenario],
         (runs, fitted): (Vec<Run>, &[Overrides]),
-        (settings, workers): (SolverSettings, Workers<'s>),
+        workers: Workers<'s>,
     ) -> Result<Self, RunError> {
         let environments = study.environments(suite, 0..suite.environments)?;
         let mut runner = Runner::of(study, suite, scenarios[0], (environments, runs), workers);
         runner.scenarios = scenarios.to_vec();
         runner.sensors = study.measured.len();
         let record = ensemble(study).record;
-        runner.ensemble = Ensemble { record, settings, ..runner.ensemble };
+        runner.ensemble = Ensemble { record, ..runner.ensemble };
         runner.fitted = fitted.iter().cloned().enumerate().collect();
         runner.twins = runner.simulate_twins()?;
         Ok(runner)

@@ -4,7 +4,7 @@ use crate::folder::Folder;
 use servotwin::job::{Folder as Results, data_card};
 use servotwin::parallel::Workers;
 use servotwin::records::columns::{DIMENSIONLESS, feature_columns_of, is_feature_column};
-use servotwin::records::{Campaign, FOLDS, calibration_file};
+use servotwin::records::{FOLDS, Records, calibration_file};
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table, Values};
 use std::collections::BTreeMap;
@@ -33,9 +33,9 @@ fn data_sets(
     let mut found = BTreeMap::new();
     for scenarios in Scenario::groups(study, |_| true) {
         for purpose in study.purposes() {
-            let campaign = Campaign::new(&folder.0, study, scenarios.clone(), purpose);
-            let campaign = Campaign { workers: Workers::new(threads), ..campaign };
-            assert!(campaign.run(&|_, _| ()).unwrap().failed.is_empty());
+            let suite = (purpose, scenarios.clone());
+            let records = Records::new(&folder.0, study, suite, Workers::new(threads)).unwrap();
+            assert!(records.run(&|_, _| ()).unwrap().failed.is_empty());
             for &scenario in &scenarios {
                 let file = Results::new(&folder.0).data_set(scenario, purpose);
                 found.insert((scenario, purpose), table::read(file).unwrap());

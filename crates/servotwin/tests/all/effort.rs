@@ -1,10 +1,10 @@
-//! What campaigns say of the simulations themselves: which ring, and which began on the move.
+//! What records say of the simulations themselves: which ring, and which began on the move.
 
 use crate::folder::Folder;
 use servotwin::job::Folder as Results;
 use servotwin::job::manifest;
 use servotwin::parallel::Workers;
-use servotwin::records::Campaign;
+use servotwin::records::Records;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table};
 
@@ -21,9 +21,9 @@ fn study() -> Study {
 /// The data sets that one simulation gives, with perfect sensors and with noise.
 fn data_sets(study: &Study, folder: &Folder) -> [Table; 2] {
     let scenarios = [Scenario::Ideal, Scenario::Noise];
-    let campaign = Campaign::new(&folder.0, study, scenarios.into(), Purpose::Test);
-    let campaign = Campaign { workers: Workers::new(2), ..campaign };
-    let outcome = campaign.run(&|_, _| ()).unwrap();
+    let suite = (Purpose::Test, scenarios.into());
+    let records = Records::new(&folder.0, study, suite, Workers::new(2)).unwrap();
+    let outcome = records.run(&|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     scenarios.map(|scenario| {
         table::read(folder.file(&format!("dataset-{}.parquet", scenario.name()))).unwrap()
@@ -85,7 +85,8 @@ fn a_damaged_part_is_named_and_made_anew() {
     let before = data_sets(&study, &folder);
     let part = folder.file("parts/noise-0000.parquet");
     let whole = std::fs::read(&part).unwrap();
-    let stored = Campaign::new(&folder.0, &study, vec![Scenario::Noise], Purpose::Test);
+    let suite = (Purpose::Test, vec![Scenario::Noise]);
+    let stored = Records::new(&folder.0, &study, suite, Workers::new(1)).unwrap();
     let mut named = 0;
     for place in (0..whole.len()).step_by(whole.len().div_ceil(20)) {
         let mut bytes = whole.clone();

@@ -1,4 +1,4 @@
-//! How exact campaigns are, fault by fault: every state against a run with the settings of references.
+//! How exact runs are, fault by fault: every state against a run with the settings of references.
 
 use servotwin::ensemble::{Ensemble, Variant};
 use servotwin::records::ensemble;
@@ -43,7 +43,7 @@ fn largest_errors(duration_s: f64, choice: impl Fn(&FaultCase) -> bool) -> BTree
     let states = study.system.program.states();
     let faults: Vec<&FaultCase> =
         study.faults.iter().filter(|fault| fault.unit == 0 && choice(fault)).collect();
-    let [rough, exact] = [SolverSettings::campaign(), SolverSettings::reference()]
+    let [rough, exact] = [SolverSettings::of_runs(), SolverSettings::reference()]
         .map(|settings| runs(&study, &faults, duration_s, settings));
     let mut largest = BTreeMap::new();
     for ((fault, rough), exact) in faults.iter().zip(&rough).zip(&exact) {

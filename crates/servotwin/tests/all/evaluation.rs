@@ -1,8 +1,8 @@
-//! The evaluation on a made-up campaign whose answers are known.
+//! The evaluation on made-up records whose answers are known.
 
 use servotwin::learn::committee::evidence_quantile;
 use servotwin::learn::data_set::DataRow;
-use servotwin::learn::protocol::{Holding, Protocol};
+use servotwin::learn::protocol::{Holding, Protocol, ProtocolResult};
 use servotwin::learn::{Context, DataSet, Evaluation, EvaluationError, EvaluationSettings};
 use servotwin::learn::{bands, evaluate, model_file, train};
 use servotwin::measure::{self, Rates};
@@ -69,8 +69,8 @@ fn mirrored(f: [f64; 6]) -> [f64; 6] {
 const JUDGED: &[&str] = &["S1/50", "S1/100", "S2/50"];
 const TRAINING: &[&str] = &["T1/60", "T2/70", "T3/80", "T4/90"];
 
-/// A campaign: kinds × two actuators × ten intensities × three cases, and ten healthy specimens.
-fn campaign(noise: f64) -> Table {
+/// Records: kinds × two actuators × ten intensities × three cases, and ten healthy specimens.
+fn records(noise: f64) -> Table {
     flown(noise, JUDGED, 5)
 }
 
@@ -149,12 +149,12 @@ fn judged(table: Table) -> DataSet {
 
 /// With four training commands.
 fn with_training(noise: f64) -> DataSet {
-    let tables = [(Purpose::Test, campaign(noise)), (Purpose::Train, flown(noise, TRAINING, 6))];
+    let tables = [(Purpose::Test, records(noise)), (Purpose::Train, flown(noise, TRAINING, 6))];
     DataSet::new(&tables, infos(), &[], &urgency()).unwrap()
 }
 
 fn evaluated(noise: f64, threads: usize) -> (Evaluation, Panel, DataSet) {
-    let data = judged(campaign(noise));
+    let data = judged(records(noise));
     let (evaluation, trained) = evaluated_with(&data, &settings(), threads);
     (evaluation, trained, data)
 }
@@ -190,7 +190,7 @@ fn a_committee_reads_what_teaches_everybody() {
     for info in features.iter_mut().filter(|info| info.feature.name.starts_with('x')) {
         info.feature.teaches = Teaches::TreesOfRecords;
     }
-    let tables = [(Purpose::Test, campaign(0.01)), (Purpose::Train, flown(0.01, TRAINING, 6))];
+    let tables = [(Purpose::Test, records(0.01)), (Purpose::Train, flown(0.01, TRAINING, 6))];
     let data = DataSet::new(&tables, features, &[], &urgency()).unwrap();
     let (evaluation, trained) = evaluated_with(&data, &settings(), 1);
     let (trees, committee) = (&trained.trees, &trained.committee);
@@ -225,7 +225,7 @@ fn a_committee_is_as_sure_as_the_faults_that_taught_it() {
 }
 
 #[test]
-fn an_easy_campaign_is_solved_under_every_protocol() {
+fn easy_records_are_solved_under_every_protocol() {
     let (evaluation, trained, _) = evaluated(0.01, 2);
     let hierarchy = trained.trees;
     assert_eq!(evaluation.protocols.len(), 3, "no training commands, no new command");
@@ -264,7 +264,7 @@ fn detection_is_counted_against_the_known_threshold() {
 }
 
 #[test]
-fn a_noisy_campaign_names_what_is_confused() {
+fn noisy_records_name_what_is_confused() {
     let (evaluation, ..) = evaluated(0.5, 2);
     let grouped = evaluation.protocol(Protocol::UnseenIntensity).unwrap();
     let end_to_end = grouped.rates.of(&measure::END_TO_END);
@@ -321,7 +321,7 @@ fn the_model_is_the_same_after_reading() {
 
 #[test]
 fn groups_never_stand_on_both_sides() {
-    let data = judged(campaign(0.1));
+    let data = judged(records(0.1));
     let key = |row: &usize| (data.rows[*row].kind, data.rows[*row].intensity);
     for split in Protocol::UnseenIntensity.splits(&data, Holding::default()).unwrap() {
         let train: std::collections::BTreeSet<_> = split.train.iter().map(key).collect();
@@ -331,7 +331,7 @@ fn groups_never_stand_on_both_sides() {
 
 #[test]
 fn a_single_actuator_needs_no_stage_for_it() {
-    let table = campaign(0.05);
+    let table = records(0.05);
     let rows: Vec<usize> = (0..table.row_count())
         .filter(|&row| table.text("actuator").unwrap()[row] == "actuator_1")
         .collect();
@@ -370,7 +370,7 @@ fn a_single_actuator_needs_no_stage_for_it() {
 
 #[test]
 fn what_cannot_be_learnt_is_said() {
-    let table = campaign(0.1);
+    let table = records(0.1);
     let without = |name: &str| {
         let columns = table.columns().iter().filter(|column| column.name != name).cloned();
         Table::from_columns(columns.collect()).unwrap()
@@ -516,16 +516,18 @@ fn a_kind_that_was_not_trained_may_stay_not_isolated() {
     let unknown = evaluation.isolation(Protocol::KindLeftOut).unwrap();
     let known = evaluation.isolation(Protocol::NewCommand).unwrap();
     for isolation in [unknown, known] {
-        let wrong = isolation.decided.count - isolation.right_of_decided.count;
-        let either = isolation.right_or_not_isolated;
+        let [decided, right, either] =
+            measure::OF_ISOLATED.map(|measure| isolation.rates.of(measure));
+        let wrong = decided.count - right.count;
         assert_eq!(either.count + wrong, either.of);
-        assert_eq!(isolation.right_of_decided.of, isolation.decided.count);
-        let of_kinds: u64 = isolation.wrong_kinds.iter().map(|(_, rate)| rate.count).sum();
+        assert_eq!(right.of, decided.count);
+        let of_kinds: u64 = isolation.wrong_kinds().iter().map(|(_, [wrong, _])| wrong).sum();
         assert_eq!(of_kinds, wrong);
     }
     // Every kind moves the residuals in a direction of its own, so a kind that is left out resembles no other.
-    assert!(share(Some(unknown.decided)) < 0.1, "{:?}", unknown.decided);
+    let decided = |of: &ProtocolResult| share(of.rates.counted(&measure::ISOLATED));
+    assert!(decided(unknown) < 0.1, "{:?}", unknown.rates);
     assert_eq!(unknown.rates.of(&measure::WRONG_SHUTDOWN).count, 0);
-    assert!(share(Some(known.right_or_not_isolated)) > 0.99);
-    assert!(share(Some(known.decided)) > 0.9);
+    assert!(share(known.rates.counted(&measure::RIGHT_OR_NOT_ISOLATED)) > 0.99);
+    assert!(decided(known) > 0.9);
 }

@@ -2,11 +2,10 @@
 
 use crate::folder::Folder;
 use servotwin::parallel::Workers;
-use servotwin::records::{Campaign, PartRow, RunError, calibration_file};
+use servotwin::records::{PartRow, Records, RunError, calibration_file};
 use servotwin::run::plan;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Column, Table};
-use servotwin_model::solver::SolverSettings;
 use std::collections::BTreeSet;
 
 /// The spring actuator with two kinds of fault, short flights, and a section [fitted].
@@ -27,30 +26,27 @@ fn study(fitted: &str) -> Study {
     Study::parse(&text(fitted), "spring.toml").unwrap()
 }
 
-fn campaign<'s>(
+fn records<'s>(
     study: &'s Study,
     scenario: Scenario,
     folder: &Folder,
     threads: usize,
-) -> Campaign<'s> {
-    Campaign {
-        solver: SolverSettings::campaign(),
-        workers: Workers::new(threads),
-        ..Campaign::new(&folder.0, study, vec![scenario], Purpose::Test)
-    }
+) -> Records<'s> {
+    let suite = (Purpose::Test, vec![scenario]);
+    Records::new(&folder.0, study, suite, Workers::new(threads)).unwrap()
 }
 
-fn rows(campaign: &Campaign) -> Vec<PartRow> {
-    let outcome = campaign.run(&|_, _| ()).unwrap();
+fn rows(records: &Records) -> Vec<PartRow> {
+    let outcome = records.run(&|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty());
-    campaign.windows().unwrap().remove(0)
+    records.windows().unwrap().remove(0)
 }
 
 /// For each healthy specimen the largest of the means of its scaled residuals: what no noise hides.
-fn means(campaign: &Campaign) -> Vec<f64> {
-    let (study, suite) = (campaign.study, campaign.suite());
-    let is_healthy = |number| plan::run(study, &suite, number).fault.is_none();
-    let healthy = rows(campaign).into_iter().zip(0..).filter(|(_, number)| is_healthy(*number));
+fn means(records: &Records) -> Vec<f64> {
+    let Records { study, suite, .. } = records;
+    let is_healthy = |number| plan::run(study, suite, number).fault.is_none();
+    let healthy = rows(records).into_iter().zip(0..).filter(|(_, number)| is_healthy(*number));
     let largest = |row: PartRow| {
         let sensors = 0..row.window.sensors();
         sensors.map(|sensor| row.window.mean(sensor).abs()).fold(0.0, f64::max)
@@ -63,7 +59,7 @@ fn beside_a_fitted_twin_a_healthy_specimen_leaves_little() {
     let study = study(FITTED);
     let worst = |scenario: Scenario| {
         let folder = Folder::new(&format!("left-{}", scenario.name()));
-        let means = means(&campaign(&study, scenario, &folder, 2));
+        let means = means(&records(&study, scenario, &folder, 2));
         assert_eq!(means.len(), 80);
         means.into_iter().fold(0.0, f64::max)
     };
@@ -75,7 +71,7 @@ fn beside_a_fitted_twin_a_healthy_specimen_leaves_little() {
 fn the_pool_is_fitted_and_told_with_its_true_values() {
     let study = study(FITTED);
     let folder = Folder::new("pool");
-    campaign(&study, Scenario::Fitted, &folder, 2).run(&|_, _| ()).unwrap();
+    records(&study, Scenario::Fitted, &folder, 2).run(&|_, _| ()).unwrap();
     let table = table::read(calibration_file(&folder.0, Purpose::Test)).unwrap();
     // Twenty specimens with two tolerances.
     assert_eq!(table.row_count(), 40);
@@ -100,14 +96,14 @@ fn threads_and_interruptions_change_no_bit() {
         (name("dataset-fitted.parquet"), name("calibration-fitted.parquet"))
     };
     let (calm, broken) = (Folder::new("calm"), Folder::new("broken"));
-    rows(&campaign(&study, Scenario::Fitted, &calm, 1));
-    rows(&campaign(&study, Scenario::Fitted, &broken, 2));
+    rows(&records(&study, Scenario::Fitted, &calm, 1));
+    rows(&records(&study, Scenario::Fitted, &broken, 2));
     assert!(files(&calm) == files(&broken));
     // What is lost is made again, and only that.
     let parts = std::fs::read_dir(broken.file("parts")).unwrap();
     std::fs::remove_file(parts.into_iter().next().unwrap().unwrap().path()).unwrap();
     std::fs::remove_file(broken.file("calibration-fitted.parquet")).unwrap();
-    rows(&campaign(&study, Scenario::Fitted, &broken, 2));
+    rows(&records(&study, Scenario::Fitted, &broken, 2));
     assert!(files(&calm) == files(&broken));
 }
 
@@ -115,7 +111,8 @@ fn threads_and_interruptions_change_no_bit() {
 fn what_the_setting_needs_is_told() {
     let none = study("");
     let folder = Folder::new("none");
-    let error = campaign(&none, Scenario::Fitted, &folder, 1).run(&|_, _| ()).unwrap_err();
+    let suite = (Purpose::Test, vec![Scenario::Fitted]);
+    let error = Records::new(&folder.0, &none, suite, Workers::new(1)).err().unwrap();
     assert!(matches!(error, RunError::NoSection { scenario: Scenario::Fitted, .. }));
     assert!(error.to_string().contains("[fitted]"), "{error}");
     assert!(Scenario::groups(&none, |_| true).iter().flatten().all(|s| *s != Scenario::Fitted));
@@ -138,15 +135,14 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     let (whole, parts) = (Folder::new("whole"), Folder::new("parts"));
     let file = |folder: &Folder, name: &str| std::fs::read(folder.file(name)).unwrap();
     let (data_set, pool) = ("dataset-fitted.parquet", "calibration-fitted.parquet");
-    let one = campaign(&study, Scenario::Fitted, &whole, 2);
+    let one = records(&study, Scenario::Fitted, &whole, 2);
     rows(&one);
     // By another number of threads.
-    let other = campaign(&study, Scenario::Fitted, &parts, 1);
+    let other = records(&study, Scenario::Fitted, &parts, 1);
     other.calibrate().unwrap();
     assert!(file(&parts, pool) == file(&whole, pool));
-    let prepared = other.prepared().unwrap();
-    for part in (0..prepared.part_count()).rev() {
-        other.run_parts(&prepared, &[part], &|_, _| ()).unwrap();
+    for part in (0..other.part_count()).rev() {
+        other.run_parts(&[part], &|_, _| ()).unwrap();
     }
     assert!(!parts.file(data_set).exists());
     // Only the parts may have been copied together.
@@ -157,7 +153,7 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
 
     // The file is what is flown with, unless it is of something else.
     let bent = Folder::new("bent");
-    let third = campaign(&study, Scenario::Fitted, &bent, 2);
+    let third = records(&study, Scenario::Fitted, &bent, 2);
     let known = table::read(whole.file(pool)).unwrap();
     let rows = known.row_count();
     let mut columns = known.columns().to_vec();

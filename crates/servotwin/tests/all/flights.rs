@@ -11,6 +11,7 @@ use servotwin::live::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::measure;
 use servotwin::measure::flights::{FlightGroup, FlightMetrics};
 use servotwin::measure::outcome::{Needed, RunOutcome};
+use servotwin::measure::unseen;
 use servotwin::parallel::Workers;
 use servotwin::run::other_plant::OtherPlants;
 use servotwin::run::part::PARTS;
@@ -304,46 +305,53 @@ fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
 fn faults_never_trained_on_are_counted_once_each() {
     let metrics = UnseenFaultMetrics::of(UNSEEN, "noise", &outcomes(UNSEEN, 2));
     // The study has no sensor of the supply pressure, and so no fault of one that needs it.
-    assert!(metrics.outcomes.len() < unseen_faults::ALL.len() && !metrics.outcomes.is_empty());
+    assert!(metrics.faults.len() < unseen_faults::ALL.len() && !metrics.faults.is_empty());
     // Behind a wrong boundary sensor the actuator is healthy: its shutdowns are a figure of their own.
-    for outcome in &metrics.outcomes {
-        let is_told_wrong = outcome.title.contains("pressure at the twin is");
-        assert_eq!(outcome.shutdowns_behind_wrong_sensor.is_some(), is_told_wrong, "{outcome:?}");
-        assert!(!is_told_wrong || outcome.shutdowns_at_fault == 0, "{outcome:?}");
+    for fault in &metrics.faults {
+        let is_told_wrong = fault.title.contains("pressure at the twin is");
+        let behind = fault.rates.counted(&unseen::SHUTDOWN_MISINFORMED);
+        assert_eq!(behind.map(|rate| rate.of), is_told_wrong.then_some(fault.flights), "{fault:?}");
+        assert!(!is_told_wrong || fault.count(&unseen::SHUTDOWN_AT_FAULT) == 0, "{fault:?}");
     }
-    let (shut_down, of) = metrics.shutdowns_behind_wrong_sensor();
-    assert!(shut_down <= of && of > 0, "{shut_down} of {of}");
-    for outcome in &metrics.outcomes {
-        let said: u64 = outcome.words.named().iter().map(|(_, count)| count).sum();
-        assert_eq!(said, outcome.flights, "{}", outcome.title);
+    let behind = metrics.rates.of(&unseen::SHUTDOWN_MISINFORMED);
+    assert!(behind.count <= behind.of && behind.of > 0, "{behind:?}");
+    for fault in &metrics.faults {
+        let said: u64 = unseen::ANSWERS.iter().map(|answer| fault.count(answer)).sum();
+        assert_eq!(said, fault.flights, "{}", fault.title);
+        let responses = [unseen::RIGHT_RESPONSE, unseen::OTHER_RESPONSE, unseen::NO_RESPONSE];
+        let responses: u64 = responses.iter().map(|response| fault.count(response)).sum();
+        assert_eq!(responses, fault.flights, "{}", fault.title);
     }
     for set in &metrics.sets {
         let titles = unseen_faults::ALL.iter().filter(|fault| fault.set == set.title);
         let titles: Vec<&str> = titles.map(|fault| fault.title).collect();
-        let own = || metrics.outcomes.iter().filter(|o| titles.contains(&o.title.as_str()));
+        let own = || metrics.faults.iter().filter(|o| titles.contains(&o.title.as_str()));
         assert_eq!(set.flights, own().map(|o| o.flights).sum::<u64>(), "{}", set.title);
-        let [need, missed] = set.missed_shutdowns;
+        let missed = set.rates.of(&unseen::NEVER_SHUT_DOWN);
         assert_eq!(
-            need - missed,
+            missed.of - missed.count,
             own()
                 .filter(|o| o.needed == Some(Needed::Shutdown))
-                .map(|o| o.shutdowns_at_fault)
+                .map(|o| o.count(&unseen::SHUTDOWN_AT_FAULT))
                 .sum::<u64>(),
             "{}",
             set.title
         );
     }
     let intermittent = metrics.sets.iter().find(|set| set.title == "intermittent").unwrap();
-    assert!(intermittent.right_action > 0 && intermittent.latency.is_some(), "{intermittent:?}");
-    let of = |title: &str| metrics.outcomes.iter().find(|outcome| outcome.title == title).unwrap();
+    assert!(
+        intermittent.count(&unseen::RIGHT_RESPONSE) > 0 && intermittent.latency.is_some(),
+        "{intermittent:?}"
+    );
+    let of = |title: &str| metrics.faults.iter().find(|fault| fault.title == title).unwrap();
     let missing = of("no reading of a pressure sensor");
-    assert_eq!(missing.words.no_data, missing.flights);
+    assert_eq!(missing.count(&unseen::SAID_NO_DATA), missing.flights);
     let untold = of("the command at the twin is missing");
-    assert_eq!(untold.words.environment_invalid, untold.flights);
+    assert_eq!(untold.count(&unseen::SAID_INPUT_INVALID), untold.flights);
     // Both actuators deviate alike, and neither is at fault.
-    assert_eq!(of("the command at the twin freezes").shutdowns_healthy, 0);
+    assert_eq!(of("the command at the twin freezes").count(&unseen::SHUTDOWN_HEALTHY), 0);
     let jam = of("spool jams where it is");
-    assert!(jam.words.healthy < jam.flights, "{jam:?}");
+    assert!(jam.count(&unseen::SAID_HEALTHY) < jam.flights, "{jam:?}");
 }
 
 /// The tiny study with a section `[flights.other_plant]` and specimens that draw.

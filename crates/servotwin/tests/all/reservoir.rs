@@ -49,7 +49,7 @@ impl Flight {
             command.build(inputs[place("command")].unit, self.duration_s).unwrap();
         let mut twin = Twin::new(
             program,
-            SolverSettings::campaign(),
+            SolverSettings::of_runs(),
             PERIOD_S,
             vec![Between::Hold; inputs.len()],
         );

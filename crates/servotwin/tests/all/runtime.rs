@@ -34,7 +34,7 @@ impl FlightObserver for Log {
 }
 
 #[test]
-fn a_runtime_beside_a_log_has_the_twin_of_the_campaign_bit_for_bit() {
+fn a_runtime_beside_a_log_has_the_twin_of_records_bit_for_bit() {
     let suite = study().suite(JUDGE).unwrap();
     let all = 0..suite.environments;
     let mut runs = plan::runs(study(), suite, &all);
