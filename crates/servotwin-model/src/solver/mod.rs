@@ -167,9 +167,8 @@ impl Canonical for SolverSettings {
 }
 
 impl SolverSettings {
-    /// For the runs of a study: keeps every state within 1e-4 of its scale (test
-    /// `val_cvode_aileron_at_the_settings_of_runs`),
-    /// except where a valve oscillates forever.
+    /// For the runs of a study: keeps every state within 1e-4 of its scale, except where a valve oscillates forever (test
+    /// `val_cvode_aileron_at_the_settings_of_runs`).
     pub fn of_runs() -> Self {
         Self {
             method: Method::Rodas4P2,
