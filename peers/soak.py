@@ -3,7 +3,8 @@
 
     cargo build --release --features full && python3 peers/soak.py --seconds 600
 
-Two watches run side by side, one on UDP and one on MQTT (where mosquitto is installed; peers/setup.sh installs it).
+Two watches run side by side, one on UDP and one on MQTT, through mosquitto_sub and a pipe (where mosquitto is
+installed; peers/setup.sh installs it).
 The log has a fault every 30 s, from an onset on. Meanwhile
 
 - a reader takes 50 kB/s from the MCAP socket of each watch,
@@ -110,7 +111,7 @@ class SlowReader(threading.Thread):
 class Watch(threading.Thread):
     """A watch, and every line that it wrote with the wall time at which it came."""
 
-    def __init__(self, name, binary, source, folder, files):
+    def __init__(self, name, binary, source, folder, files, stdin=None):
         super().__init__(daemon=True)
         self.name, self.lines = name, []
         self.reader = SlowReader()
@@ -124,7 +125,7 @@ class Watch(threading.Thread):
         self.stderr = open(folder / f"{name}.stderr", "w+")
         # Python would give the signal of a file that grows too large back to its child.
         self.process = subprocess.Popen(
-            arguments, stdout=subprocess.PIPE, stderr=self.stderr, text=True,
+            arguments, stdin=stdin, stdout=subprocess.PIPE, stderr=self.stderr, text=True,
             preexec_fn=limit_files, restore_signals=False)
 
     def run(self):
@@ -178,6 +179,11 @@ class Broker:
     def kill(self):
         self.process.kill()
         self.process.wait()
+
+    def subscribe(self):
+        """The client whose lines a watch reads."""
+        arguments = ["mosquitto_sub", "-p", str(self.port), "-t", "soak/rig", "-R", "-F", "%p"]
+        return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
     def publish(self, payload):
         """Sends a message of quality 0, or none while the broker is away."""
@@ -308,7 +314,8 @@ def soak(options, folder):
     feed = Feed(log, options.seconds, port, broker)
     watches = [Watch("udp", binary, f"udp://127.0.0.1:{port}", folder, files)]
     if broker:
-        watches.append(Watch("mqtt", binary, f"mqtt://127.0.0.1:{broker.port}/soak/rig", folder, files))
+        client = broker.subscribe()
+        watches.append(Watch("mqtt", binary, "-", folder, files, client.stdout))
     for watch in watches:
         watch.start()
     time.sleep(3)
@@ -316,6 +323,7 @@ def soak(options, folder):
     time.sleep(0.5)
     codes = [watch.end() for watch in watches]
     if broker:
+        client.kill()
         broker.kill()
     failures = []
     for watch, code in zip(watches, codes):
