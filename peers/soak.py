@@ -7,7 +7,6 @@ Two watches run side by side, one on UDP and one on MQTT, through mosquitto_sub 
 installed; peers/setup.sh installs it).
 The log has a fault every 30 s, from an onset on. Meanwhile
 
-- a reader takes 50 kB/s from the MCAP socket of each watch,
 - the disk is full: events go to /dev/full, and no file may be larger than 64 KiB,
 - the sender of the UDP stream is silent for 4 s now and then, and a stranger sends to the same port,
 - the broker is killed twice and started again after 4 s.
@@ -89,38 +88,16 @@ class Log:
             block += 1
 
 
-class SlowReader(threading.Thread):
-    """Takes 50 kB/s from a socket."""
-
-    def __init__(self):
-        super().__init__(daemon=True)
-        self.listener = socket.socket()
-        self.listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        self.listener.bind(("127.0.0.1", 0))
-        self.listener.listen(1)
-        self.port = self.listener.getsockname()[1]
-        self.bytes = 0
-
-    def run(self):
-        connection, _ = self.listener.accept()
-        while part := connection.recv(5000):
-            self.bytes += len(part)
-            time.sleep(len(part) / 50_000)
-
-
 class Watch(threading.Thread):
     """A watch, and every line that it wrote with the wall time at which it came."""
 
     def __init__(self, name, binary, source, folder, files, stdin=None):
         super().__init__(daemon=True)
         self.name, self.lines = name, []
-        self.reader = SlowReader()
-        self.reader.start()
-        self.target = f"tcp://127.0.0.1:{self.reader.port}"
         self.mcap, self.checkpoint = folder / f"{name}.mcap", folder / f"{name}.json"
         arguments = [binary, "watch", source, "--map", files["map"], "--study", files["study"]]
         arguments += ["--model", files["model"], "--json", "--no-data-after", f"{NO_DATA_S}s"]
-        arguments += ["--heartbeat", f"{HEARTBEAT_S}s", "--mcap", self.target, "--mcap", self.mcap]
+        arguments += ["--heartbeat", f"{HEARTBEAT_S}s", "--mcap", self.mcap]
         arguments += ["--events", "/dev/full", "--checkpoint", self.checkpoint]
         self.stderr = open(folder / f"{name}.stderr", "w+")
         # Python would give the signal of a file that grows too large back to its child.
@@ -288,8 +265,6 @@ def check_end(watch, code, failures):
     failed = summary.get("failed", {})
     expect("/dev/full" in failed, "the full disk of --events is not reported")
     expect(str(watch.mcap) in failed, "the full disk of --mcap is not reported")
-    expect(watch.target not in failed or "end" in failed[watch.target], "the slow reader was cut off")
-    expect(summary.get("unsent", {}).get(watch.target, 0) > 0, "what the slow reader lost is not counted")
     expect("overflow" not in [one["kind"] for one in summary.get("met", [])], "datagrams were lost on the way to the diagnosis")
     beats = [at for at, _ in watch.events("heartbeat")]
     gaps = [b - a for a, b in zip(beats, beats[1:])]
@@ -333,15 +308,14 @@ def soak(options, folder):
         check_silences(watch, feed, begins, back_s, failures)
         summary = check_end(watch, code, failures)
         if is_udp:
-            foreign = summary.get("met", {}).get("foreign_sender", {}).get("count", 0)
+            foreign = sum(one["count"] for one in summary.get("met", []) if one["kind"] == "foreign_sender")
             frames = summary.get("frames", 0)
             if frames != feed.sent + foreign or foreign == 0:
                 failures.append(f"udp: {frames} datagrams counted, {feed.sent} sent, {foreign} of a stranger")
         worst = f"{max(latencies):.2f} s" if latencies else "none"
         print(f"{watch.name}: {len(latencies)} of {len(log.onsets)} faults, slowest {worst}; {len(begins)} silences; "
               f"{summary.get('frames')} frames, {summary.get('judged')} judged; "
-              f"lost {summary.get('unsent')}; failed {list(summary.get('failed', {}))}; "
-              f"the slow reader took {watch.reader.bytes / 1000:.0f} kB")
+              f"lost {summary.get('unsent')}; failed {list(summary.get('failed', {}))}")
     return failures
 
 
