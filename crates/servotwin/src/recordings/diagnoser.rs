@@ -111,7 +111,7 @@ impl Answers {
         let (names, length) = (diagnoser.names(), &diagnoser.lengths[0]);
         require_sound(features.eq(&names.features), "its features are not those of its study")?;
         let mut scratch = length.panel.committee.scratch();
-        let judged = windows.each(|row| -> Result<(IndexedFinding, f64), Error> {
+        let judged = windows.values.iter().map(|row| -> Result<(IndexedFinding, f64), Error> {
             let said = length.panel.committee.diagnose(&[row], &mut scratch)?;
             let distance = length.novelty.score(said.action, row);
             let finding = match (said.actuator, said.action) {
@@ -121,8 +121,8 @@ impl Answers {
                 (Some(actuator), Some(action)) => IndexedFinding::Action { actuator, action },
             };
             Ok((finding, distance))
-        })?;
-        let judged: Vec<_> = judged.into_iter().collect::<Result<_, _>>()?;
+        });
+        let judged: Vec<_> = judged.collect::<Result<_, _>>()?;
         let (findings, distances) = judged.into_iter().unzip();
         Ok(Answers { windows, findings, distances })
     }

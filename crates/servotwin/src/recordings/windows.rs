@@ -31,6 +31,8 @@ pub struct Windows {
     pub rows: usize,
     /// Number of channels that sensors belong to.
     pub(super) units: usize,
+    /// The features of each window.
+    pub(super) values: Vec<Vec<f64>>,
     /// Rows of the records that are in no window.
     pub left_over: usize,
     /// Rows within windows that lack a number.
@@ -67,23 +69,10 @@ impl Windows {
             action: 0,
             detail: 0,
         };
-        let values = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?.concat();
+        let column = |place: usize| self.values.iter().map(move |own| own[place]);
+        let values = (0..features.len()).flat_map(column).collect();
         let read = vec![(0..features.len()).collect(); names.actuators.len()];
         Ok(Examples::new(names, read, vec![values], of_windows.map(label).collect())?)
-    }
-
-    /// What the features of every window give.
-    ///
-    /// # Errors
-    /// Never for windows of a study: their features are numbers.
-    pub(super) fn each<T>(&self, mut of: impl FnMut(&[f64]) -> T) -> Result<Vec<T>, TableError> {
-        let columns = self.features().iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
-        let mut row = vec![0.0; columns.len()];
-        let of_window = |window: usize| {
-            row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
-            of(&row)
-        };
-        Ok((0..self.starts.len()).map(of_window).collect())
     }
 }
 
@@ -278,7 +267,7 @@ impl RecordingStudy {
         };
         let of_window =
             |start: &usize| features(&families, &sensors, &signals_of(*start), self.part_rows());
-        let rows: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
+        let values: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
         let mut table = Table::new();
         for (name, texts) in names.into_iter().zip(&kept) {
             let first: Vec<String> = starts.iter().map(|&start| texts[start].clone()).collect();
@@ -286,9 +275,9 @@ impl RecordingStudy {
         }
         let features = families.iter().flat_map(|family| family.features(&sensors));
         for (place, feature) in features.enumerate() {
-            let values: Vec<f64> = rows.iter().map(|row| row[place]).collect();
-            table
-                .push(Column::new(feature.name, feature.unit, values).described(feature.meaning))?;
+            let column: Vec<f64> = values.iter().map(|own| own[place]).collect();
+            let column = Column::new(feature.name, feature.unit, column);
+            table.push(column.described(feature.meaning))?;
         }
         let is_incomplete = |row: &usize| columns.iter().any(|column| !column.has(*row));
         let used = starts.iter().flat_map(|&start| start..start + self.window_rows);
@@ -297,6 +286,7 @@ impl RecordingStudy {
             kept: kept.len(),
             rows: self.window_rows,
             units: self.units(),
+            values,
             left_over: records.row_count() - starts.len() * self.window_rows,
             incomplete: used.filter(is_incomplete).count(),
             starts,
