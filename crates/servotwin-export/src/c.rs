@@ -116,8 +116,17 @@ fn named(beginning: &str) -> impl Iterator<Item = SourceFile> {
 /// # Errors
 /// [`ExportError::Unsupported`] for an explicit method.
 pub(crate) fn files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {
-    let arithmetic = named("servotwin_real").chain(named("servotwin_math"));
-    Ok(written(COMMON.iter().copied()).chain(arithmetic).chain(own_files_of_twin(twin)?).collect())
+    Ok(arithmetic().chain(own_files_of_twin(twin)?).collect())
+}
+
+/// The hand-written files of trained models.
+pub(crate) fn files_of_models() -> impl Iterator<Item = SourceFile> {
+    arithmetic().chain(named("servotwin_models"))
+}
+
+fn arithmetic() -> impl Iterator<Item = SourceFile> {
+    let common = written(COMMON.iter().copied());
+    common.chain(named("servotwin_real")).chain(named("servotwin_math"))
 }
 
 fn own_files_of_twin(twin: &ExportedTwin) -> Result<Vec<SourceFile>, ExportError> {

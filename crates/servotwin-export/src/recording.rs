@@ -1,83 +1,50 @@
-//! The trees of a diagnoser of recordings as C99: each takes the features of a window and returns the number of a class.
+//! The tree of a diagnoser of recordings as C99: it takes the features of a window and returns the number of a class.
 
+use crate::c;
 use crate::error::ExportError;
-use crate::notation::{quoted, write_array, write_list, write_numbers};
+use crate::notation::{quoted, write_array, write_list};
 use crate::source_file::SourceFile;
-use servotwin_diagnosis::classifiers::Model;
+use crate::tables::{HEAD, stage};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::{Question, Stage};
-use servotwin_diagnosis::tree::Tree;
 
-const HEAD: &str = "/* Trained by servotwin; do not edit. */\n";
-
-/// Walks a tree. A child comes after its parent, so a node without a left child is a leaf. A missing value is NaN.
-const WALK: &str = "
-static int walk(const double *row, const int *feature, const double *threshold, const int *left, const int *right,
-                const int *missing_left) {
-    int node = 0;
-    while (left[node] > 0) {
-        const double value = row[feature[node]];
-        const int goes_left = missing_left[node] ? !(value > threshold[node]) : value <= threshold[node];
-        node = goes_left ? left[node] : right[node];
-    }
-    return node;
-}
-";
-
-/// The header and the source of the decision tree of a diagnoser. Forests are not exported.
+/// The trees of a diagnoser, and the hand-written files that ask them.
 ///
 /// # Errors
-/// [`ExportError::Unsupported`] if it has no decision tree.
-pub fn files(diagnoser: &Diagnoser) -> Result<[SourceFile; 2], ExportError> {
+/// [`ExportError::Classifier`] for other classifiers than a decision tree or boosted trees;
+/// [`ExportError::TooMany`]; [`ExportError::Unsupported`] for a diagnoser that decides nothing.
+pub fn files(diagnoser: &Diagnoser) -> Result<Vec<SourceFile>, ExportError> {
     let (trees, named) = (&diagnoser.lengths[0].panel.trees, diagnoser.names());
     let stage = trees.stage(Question::Actuator, 0, 0);
-    let Some(Stage { place, classes, model: Model::Cart(tree), .. }) = stage else {
-        return Err(ExportError::Unsupported(
-            "the diagnoser of recordings has no decision tree (cart)",
-        ));
-    };
-    let class = |&class: &u32| named.class_name(place.question, class).to_owned();
-    let classes: Vec<String> = classes.iter().map(class).collect();
+    let stage = stage.ok_or(ExportError::Unsupported("the diagnoser decides nothing"))?;
+    let class = |&class: &u32| quoted(named.class_name(stage.place.question, class));
+    let classes: Vec<String> = stage.classes.iter().map(class).collect();
+    let features: Vec<String> = named.features.iter().map(|name| quoted(name)).collect();
     let header = format!(
         "{HEAD}#ifndef SERVOTWIN_RECORDING_H\n#define SERVOTWIN_RECORDING_H\n\n#define SERVOTWIN_FEATURES {}\n\n\
          /* The names of the features of a row, in their order, and of the classes. */\n\
          extern const char *const servotwin_feature_names[{0}];\n\
          extern const char *const servotwin_classes[{}];\n\n\
-         /* The number of the class of a row. */\n\
-         int servotwin_answer(const double row[SERVOTWIN_FEATURES]);\n\n#endif\n",
-        named.features.len(),
+         /* The number of the class of a row. A missing value is NaN. */\n\
+         int servotwin_class_of(const double row[SERVOTWIN_FEATURES]);\n\n#endif\n",
+        features.len(),
         classes.len()
     );
-    let mut source = format!("{HEAD}#include \"servotwin_recording.h\"\n{WALK}");
-    let names = |names: &[String]| names.iter().map(|name| quoted(name)).collect::<Vec<_>>();
-    write_list(&mut source, "char *const", "feature_names", &names(&named.features), "0");
-    write_list(&mut source, "char *const", "classes", &names(&classes), "0");
-    write_tree(&mut source, tree);
-    Ok([
-        SourceFile { name: "servotwin_recording.h", text: header },
-        SourceFile { name: "servotwin_recording.c", text: source },
-    ])
-}
-
-fn write_tree(text: &mut String, tree: &Tree) {
-    let nodes = || 0..tree.nodes();
-    let split = |node: usize| tree.split(node).unwrap_or((0, 0.0));
-    let children = |node: usize| tree.children(node).unwrap_or((0, 0));
-    text.push('\n');
-    write_array(text, "int", "feature", nodes().map(|node| split(node).0));
-    // A question whether there is a value has a threshold above all numbers.
-    let limit = |node: usize| split(node).1.clamp(f64::MIN, f64::MAX);
-    write_numbers(text, "threshold", nodes().map(limit));
-    write_array(text, "int", "left", nodes().map(|node| children(node).0));
-    write_array(text, "int", "right", nodes().map(|node| children(node).1));
-    let missing = |node: usize| u8::from(tree.branches().missing_left(node));
-    write_array(text, "int", "missing_left", nodes().map(missing));
-    write_array(text, "int", "decision", nodes().map(|node| tree.decision(node)));
-    *text += "
-int servotwin_answer(const double row[SERVOTWIN_FEATURES]) {
-    return decision[walk(row, feature, threshold, left, right, missing_left)];
+    let mut source = [HEAD, "#include \"servotwin_models.h\"\n#include \"servotwin_recording.h\"\n\n#include <stddef.h>\n"].concat();
+    write_list(&mut source, "char *const", "feature_names", &features, "0");
+    write_list(&mut source, "char *const", "classes", &classes, "0");
+    let numbered = Stage { classes: (0..stage.classes.len() as u32).collect(), ..stage.clone() };
+    let entry = stage::write(&mut source, "stage", &numbered)?;
+    write_array(&mut source, "servotwin_stage", "stages", [entry]);
+    source += "
+int servotwin_class_of(const double row[SERVOTWIN_FEATURES])
+{
+    return (int)servotwin_decide(&stages[0], row).decided;
 }
 ";
+    let own = [("servotwin_recording.h", header), ("servotwin_recording.c", source)];
+    let own = own.into_iter().map(|(name, text)| SourceFile { name, text });
+    Ok(c::files_of_models().chain(own).collect())
 }
 
 #[cfg(test)]
@@ -132,20 +99,22 @@ mod tests {
             "#include <math.h>\n#include <stdio.h>\n#include \"servotwin_recording.h\"\n\
              static const double rows[] = {{ {rows} }};\n\
              int main(void) {{ for (int k = 0; k < {count}; k++) \
-             printf(\"%d\\n\", servotwin_answer(rows + k * SERVOTWIN_FEATURES)); return 0; }}\n"
+             printf(\"%d\\n\", servotwin_class_of(rows + k * SERVOTWIN_FEATURES)); return 0; }}\n"
         );
         let workplace = Workplace::new(&files(diagnoser).unwrap(), None).unwrap();
         workplace.write("main.c", &main).unwrap();
         let compiler = compilers().next().expect("a C compiler is installed");
-        let sources = ["main.c", "servotwin_recording.c", "-o", "main"];
+        let sources = ["main.c", "servotwin_recording.c", "servotwin_models.c", "servotwin_math.c"];
         let strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"];
-        workplace.run(compiler, compiler, strict.into_iter().chain(sources)).unwrap();
+        workplace
+            .run(compiler, compiler, strict.into_iter().chain(sources).chain(["-o", "main"]))
+            .unwrap();
         let said = Command::new(workplace.path("main")).output().unwrap();
         assert_eq!(String::from_utf8(said.stdout).unwrap(), expected);
         let text =
             STUDY.replacen("format = 1\n", "format = 1\nclassifiers = [\"random_forest\"]\n", 1);
         let forest = RecordingStudy::parse(&text, "study.toml").unwrap();
         let forest = forest.judge(&text, &records(), Workers::new(1)).unwrap();
-        assert!(matches!(files(&forest.diagnosers[0].1), Err(ExportError::Unsupported(_))));
+        assert!(matches!(files(&forest.diagnosers[0].1), Err(ExportError::Classifier { .. })));
     }
 }

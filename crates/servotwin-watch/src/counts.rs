@@ -45,9 +45,6 @@ irregularities! {
     Gap = "gap": "period without a sample: all values missing",
     ClockBack = "clock_back": "clock set back: begun anew",
     ClockForward = "clock_forward": "clock set forward: begun anew",
-    Disconnected = "disconnected": "connection lost",
-    Reconnected = "reconnected": "connection made again",
-    Retained = "retained": "kept by the broker from before: no sample",
     ForeignSender = "foreign_sender": "from another sender: dropped",
     Overflow = "overflow": "came faster than it was diagnosed: dropped",
 }

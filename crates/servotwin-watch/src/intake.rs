@@ -126,8 +126,7 @@ fn samples(
                 }
             }
             Read::Flawed(flaw) => counts.note_flaw(row.place, &flaw),
-            Read::Nothing | Read::Pause | Read::Reconnected => continue,
-            Read::Disconnected { .. } | Read::Dropped(_) => continue,
+            Read::Nothing | Read::Pause | Read::Dropped(_) => continue,
             Read::End => break,
         }
         (rows, counts.frames) = (rows + 1, counts.frames + 1);

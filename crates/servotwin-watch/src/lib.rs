@@ -329,16 +329,6 @@ impl<'w> Watch<'w> {
                 progress.begin(row.place);
                 progress.counts.note_flaw(row.place, &flaw);
             }
-            Read::Disconnected { cause } => {
-                progress.counts.note_with(Irregularity::Disconnected, progress.place, &cause);
-                progress.sequencer.flush();
-                self.drain()?;
-                self.report(WatchEvent::Disconnected { reason: cause }, None)?;
-            }
-            Read::Reconnected => {
-                progress.counts.note(Irregularity::Reconnected, progress.place);
-                self.report(WatchEvent::Reconnected, None)?;
-            }
             Read::Dropped(flaw) => {
                 progress.counts.frames += flaw.count;
                 progress.counts.note_flaw(row.place, &flaw);

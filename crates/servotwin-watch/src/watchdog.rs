@@ -91,13 +91,6 @@ pub enum WatchEvent {
         /// The input or sensor.
         channel: String,
     },
-    /// The source has lost its connection and is reconnecting.
-    Disconnected {
-        /// The reason.
-        reason: String,
-    },
-    /// The connection of the source is restored.
-    Reconnected,
     /// A sink failed and receives nothing any more.
     SinkFailed {
         /// The file or socket.
@@ -145,10 +138,6 @@ impl Notice {
             WatchEvent::ChannelDataAgain { channel } => {
                 format!("data of {channel} again after {silent_s:.1} s")
             }
-            WatchEvent::Disconnected { reason } => {
-                format!("the connection to the source is lost ({reason}); the watch connects again")
-            }
-            WatchEvent::Reconnected => "the connection to the source is made again".into(),
             WatchEvent::SinkFailed { sink, reason } => {
                 let reason = without_name(sink, reason);
                 format!("{sink} failed and gets nothing more ({reason}); the watch goes on")

@@ -171,7 +171,7 @@ pub(crate) fn export(
     let values = [("folder", out.into()), ("model", model.into())];
     let verdict = Verdict::good(line("{folder}: the trees of {model}", values));
     let mut document = Document::new("export", verdict);
-    document.files(sources.map(|source| source.name)).detail();
+    document.files(sources.iter().map(|source| source.name)).detail();
     Ok(document)
 }
 

@@ -38,8 +38,7 @@ pub(crate) struct Options {
     /// The port; 0 takes a free one.
     #[arg(long, value_name = "PORT", default_value_t = 8470)]
     port: u16,
-    /// Show this stream instead of a flight: - for lines from standard input, udp://HOST:PORT to listen on, or
-    /// mqtt://HOST/TOPIC to subscribe to.
+    /// Show this stream instead of a flight: - for lines from standard input, or udp://HOST:PORT to listen on.
     #[arg(long, value_name = "SOURCE", conflicts_with_all = ["command", "specimen"])]
     source: Option<String>,
     #[command(flatten)]

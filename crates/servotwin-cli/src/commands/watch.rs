@@ -41,7 +41,7 @@ use std::time::Duration;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// A log (.csv, .parquet, .jsonl; .mcap and .mf4 if the program has the features of these names), - for lines
-    /// from standard input, udp://HOST:PORT to listen on, or mqtt://HOST/TOPIC to subscribe to.
+    /// from standard input, or udp://HOST:PORT to listen on.
     source: String,
     /// A study file, which names the system [default: paper, the paper's study of the aileron].
     #[arg(long, value_name = "FILE")]

@@ -619,7 +619,7 @@ fn recordings_are_studied_and_a_new_log_is_watched_with_what_they_taught() {
     let c = folder.file("c");
     succeeds(&["export", "c", "--model", &model, "--out", &c]);
     let header = std::fs::read_to_string(format!("{c}/servotwin_recording.h")).unwrap();
-    assert!(header.contains("int servotwin_answer("), "{header}");
+    assert!(header.contains("int servotwin_class_of("), "{header}");
     let own = folder.file("own.toml");
     std::fs::write(&own, text.replace("log.csv", "out/windows.parquet")).unwrap();
     fails(&["study", &own, "--out", &out], 2, "would overwrite");

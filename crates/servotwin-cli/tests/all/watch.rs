@@ -4,7 +4,7 @@
 use super::flights::learned;
 use super::{Folder, json, met, servotwin, stderr, stdout};
 use std::io::Write;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 /// A flight as `simulate` writes it.
 pub fn flight(folder: &Folder) -> String {
@@ -142,6 +142,71 @@ fn a_flight_is_watched_from_its_file_and_from_a_stream() {
     assert_eq!(again.lines().count(), text.lines().count());
 }
 
+/// A broker that ends with its test.
+struct Broker(Child);
+
+impl Drop for Broker {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The pipe of docs/watch.md. The broker keeps the messages for a client that subscribed before they came.
+#[test]
+fn val_mosquitto_messages_are_watched_through_a_pipe() {
+    let folder = Folder::new("watch-mqtt");
+    let (log, map, conf) = (flight(&folder), folder.file("map.toml"), folder.file("broker.conf"));
+    let [study, model] = learned(&folder);
+    let with = ["--map", &map, "--study", &study, "--model", &model, "--json"];
+    json(&["watch", &log, "--make-map", &map, "--json"]);
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = free.local_addr().unwrap().port().to_string();
+    drop(free);
+    std::fs::write(&conf, format!("listener {port} 127.0.0.1\nallow_anonymous true\n")).unwrap();
+    let path = std::env::var("PATH").unwrap_or_default() + ":/usr/sbin";
+    let program = |name: &str| {
+        let mut command = Command::new(name);
+        command.env("PATH", &path).stderr(Stdio::null()).stdout(Stdio::null());
+        command
+    };
+    let installed = "apt-get install mosquitto mosquitto-clients";
+    let _broker = Broker(program("mosquitto").arg("-c").arg(&conf).spawn().expect(installed));
+    let begun = std::time::Instant::now();
+    while std::net::TcpStream::connect(format!("127.0.0.1:{port}")).is_err() {
+        assert!(begun.elapsed().as_secs() < 60, "mosquitto does not start");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let client = ["-p", &port, "-t", "rig/one", "-q", "1"];
+    let kept = ["-i", "watch", "-c", "-F", "%p"];
+    let publish = |more: &[&str]| {
+        let input = std::fs::File::open(&log).unwrap();
+        let sent = program("mosquitto_pub").args(client).args(more).stdin(input).status();
+        assert!(sent.expect(installed).success());
+    };
+    publish(&["-r", "-m", "0,0,0,0 of yesterday"]);
+    let subscribed = program("mosquitto_sub").args(client).args(kept).arg("-E").status();
+    assert!(subscribed.expect(installed).success());
+    publish(&["-l"]);
+    let mut lines = program("mosquitto_sub")
+        .args(client)
+        .args(kept)
+        .args(["-R", "-C", "402"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect(installed);
+    let piped = Command::new(env!("CARGO_BIN_EXE_servotwin"))
+        .args(["watch", "-", "--heartbeat", "0s"])
+        .args(with)
+        .stdin(lines.stdout.take().unwrap())
+        .output()
+        .unwrap();
+    lines.wait().unwrap();
+    assert!(piped.status.success(), "{}", stderr(&piped));
+    let of_file = servotwin(&[&["watch", &log], &with[..]].concat());
+    assert_eq!(stdout(&piped), stdout(&of_file), "messages say what their file says");
+}
+
 #[test]
 fn without_a_diagnoser_the_aileron_is_watched_by_the_one_of_the_program() {
     let folder = Folder::new("watch-shipped");
@@ -271,7 +336,11 @@ fn mistakes_in_watching_are_said_with_their_place() {
         ),
         (&["watch", "ftp://rig"], 2, "names no source"),
         (&["watch", "udp://127.0.0.1:0"], 2, "needs --map"),
-        (&["watch", "mqtt://127.0.0.1:1/a", "--map", &map], 1, "mqtt://127.0.0.1:1/a: "),
+        (
+            &["watch", "mqtt://me:geheim@rig/a", "--map", &map],
+            2,
+            "'mqtt://…@rig/a' names no source",
+        ),
     ];
     // Of bytes that are no log little is shown, and nothing that a terminal would act on.
     let bytes: Vec<u8> =

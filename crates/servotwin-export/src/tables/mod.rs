@@ -3,7 +3,7 @@
 mod hierarchy;
 mod known_answer;
 mod length;
-mod stage;
+pub(crate) mod stage;
 mod system;
 pub(crate) mod twin;
 
@@ -18,7 +18,7 @@ use servotwin_io::manifest::sha256_of_text;
 const MOST_CLASSES: usize = 32;
 
 /// The head of each file with trained numbers.
-const HEAD: &str = "/* Trained by servotwin; do not edit. */\n";
+pub(crate) const HEAD: &str = "/* Trained by servotwin; do not edit. */\n";
 
 /// Checks that a diagnoser can be exported.
 ///

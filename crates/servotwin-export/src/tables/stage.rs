@@ -66,7 +66,8 @@ impl Nodes {
             };
             let missing = if branches.missing_left(node) { MISSING_LEFT } else { 0 };
             self.features.push(columns[feature] | missing);
-            self.thresholds.push(threshold);
+            // A question whether there is a value has a threshold above all numbers.
+            self.thresholds.push(threshold.clamp(f64::MIN, f64::MAX));
             for (side, child) in [(&mut self.left, left), (&mut self.right, right)] {
                 side.push(places[child]);
                 depths[child] = depths[node] + 1;
@@ -91,7 +92,7 @@ impl Nodes {
 }
 
 /// Writes the arrays of a stage, and returns its entry in the array of stages.
-pub(super) fn write(text: &mut String, prefix: &str, stage: &Stage) -> Result<String, ExportError> {
+pub(crate) fn write(text: &mut String, prefix: &str, stage: &Stage) -> Result<String, ExportError> {
     let nodes = match &stage.model {
         Model::Cart(tree) => Nodes::of([tree.branches()], &stage.columns),
         Model::BoostedTrees(model) => {

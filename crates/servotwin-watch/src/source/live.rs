@@ -15,8 +15,7 @@ pub(super) enum News<Origin> {
 }
 
 /// Reads a line of an origin into a row.
-type LineReader<Origin> =
-    Box<dyn FnMut(&Origin, &[u8], &mut LogRow) -> Result<Read, SourceError> + Send>;
+type LineReader<Origin> = Box<dyn FnMut(&Origin, &[u8], &mut LogRow) -> Read + Send>;
 
 /// A source behind a queue.
 pub(super) struct Live<Origin> {
@@ -35,7 +34,7 @@ impl<Origin> Live<Origin> {
         address: String,
         counted: &'static str,
         news: Receiver<News<Origin>>,
-        reader: impl FnMut(&Origin, &[u8], &mut LogRow) -> Result<Read, SourceError> + Send + 'static,
+        reader: impl FnMut(&Origin, &[u8], &mut LogRow) -> Read + Send + 'static,
     ) -> Self {
         let (reader, lines) = (Box::new(reader), VecDeque::new());
         Live { address, counted, news, reader, lines, origin: None, place: 0 }
@@ -80,10 +79,10 @@ impl<Origin: Send> Source for Live<Origin> {
             return Ok(read);
         }
         row.place = self.place;
-        match (self.lines.pop_front(), &self.origin) {
+        Ok(match (self.lines.pop_front(), &self.origin) {
             (Some(line), Some(origin)) => (self.reader)(origin, &line, row),
-            _ => Ok(Read::Nothing),
-        }
+            _ => Read::Nothing,
+        })
     }
 
     fn counted(&self) -> &'static str {

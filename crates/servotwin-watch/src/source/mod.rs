@@ -14,8 +14,6 @@ mod live;
 mod mcap;
 #[cfg(feature = "mf4")]
 mod mf4;
-#[cfg(feature = "mqtt")]
-pub(crate) mod mqtt;
 mod object;
 mod stdin;
 mod survey;
@@ -152,13 +150,6 @@ pub enum Read {
     Nothing,
     /// A live stream has sent nothing for `PAUSE`.
     Pause,
-    /// The connection is lost; the source is reconnecting.
-    Disconnected {
-        /// The reason.
-        cause: String,
-    },
-    /// The lost connection is restored.
-    Reconnected,
     /// Input that the source has dropped before it was read; it is no row, and takes no time.
     Dropped(Flaw),
     /// The source has ended.
@@ -201,17 +192,13 @@ pub enum Address {
     Stdin,
     /// UDP datagrams sent to this address.
     Udp(SocketAddr),
-    /// Messages from an MQTT broker.
-    #[cfg(feature = "mqtt")]
-    Mqtt(mqtt::Subscription),
 }
 
 impl Address {
-    /// Parses an address: a file, `-`, `udp://HOST:PORT`, or
-    /// `mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/TOPIC[?qos=1]`.
+    /// Parses an address: a file, `-`, or `udp://HOST:PORT`.
     ///
     /// # Errors
-    /// [`SourceError::Address`], or [`SourceError::Feature`] if this program cannot read such a source.
+    /// [`SourceError::Address`].
     pub fn parse(text: &str) -> Result<Self, SourceError> {
         let wrong = |needed| SourceError::Address { given: without_user(text), needed };
         if text == "-" {
@@ -222,32 +209,10 @@ impl Address {
             let mut found = rest.to_socket_addrs().map_err(|_| wrong("udp://HOST:PORT"))?;
             return found.next().map(Address::Udp).ok_or_else(|| wrong("udp://HOST:PORT"));
         }
-        if text.starts_with("mqtt://") || text.starts_with("mqtts://") {
-            return Address::parse_mqtt(text);
-        }
         if text.contains("://") {
-            return Err(wrong("a file, -, udp://HOST:PORT, or mqtt://HOST/TOPIC"));
+            return Err(wrong("a file, -, or udp://HOST:PORT"));
         }
         Ok(Address::File(PathBuf::from(text)))
-    }
-
-    #[cfg(feature = "mqtt")]
-    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
-        let needed = mqtt::Subscription::FORM;
-        let wrong = SourceError::Address { given: without_user(text), needed };
-        let found = mqtt::Subscription::parse(text).ok_or(wrong)?;
-        match found.tls.is_some() && !cfg!(feature = "mqtt-tls") {
-            true => Err(feature_needed("mqtts://", "mqtt-tls")),
-            false => Ok(Address::Mqtt(found)),
-        }
-    }
-
-    #[cfg(not(feature = "mqtt"))]
-    fn parse_mqtt(text: &str) -> Result<Self, SourceError> {
-        Err(match text.starts_with("mqtts") {
-            true => feature_needed("mqtts://", "mqtt-tls"),
-            false => feature_needed("mqtt://", "mqtt"),
-        })
     }
 
     /// Whether data arrive in real time.
@@ -269,8 +234,6 @@ impl Address {
             Address::File(path) => (formats::reader_of(path)?.open)(path, wanted)?,
             Address::Stdin => stdin::open(std::io::stdin(), wanted),
             Address::Udp(address) => udp::open(*address, wanted)?,
-            #[cfg(feature = "mqtt")]
-            Address::Mqtt(subscription) => mqtt::open(subscription, wanted)?,
         })
     }
 
@@ -284,8 +247,6 @@ impl Address {
             Address::File(path) => return (formats::reader_of(path)?.columns)(path),
             Address::Stdin => stdin::columns(std::io::stdin().lock())?,
             Address::Udp(address) => udp::columns(*address)?,
-            #[cfg(feature = "mqtt")]
-            Address::Mqtt(subscription) => mqtt::columns(subscription)?,
         };
         Ok(names.into_iter().map(LogColumn::named).collect())
     }
@@ -297,8 +258,6 @@ impl fmt::Display for Address {
             Address::File(path) => write!(out, "{}", path.display()),
             Address::Stdin => write!(out, "standard input"),
             Address::Udp(address) => write!(out, "udp://{address}"),
-            #[cfg(feature = "mqtt")]
-            Address::Mqtt(subscription) => write!(out, "{subscription}"),
         }
     }
 }
@@ -317,11 +276,6 @@ pub(crate) fn feature_needed_text(what: &str, feature: &str) -> String {
         "{what} needs the feature '{feature}', which this program was built without: \
          cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
     )
-}
-
-/// The error for a source whose reader is behind a disabled feature.
-pub(crate) fn feature_needed(what: &str, feature: &'static str) -> SourceError {
-    SourceError::Feature { what: what.to_owned(), feature }
 }
 
 /// Why a source cannot be opened or read further.

@@ -38,7 +38,7 @@ pub(crate) fn open(stream: impl io::Read + Send + 'static, wanted: &Wanted) -> B
         }
     });
     let mut frames = Frames::new(wanted);
-    Box::new(Live::new(NAME.into(), "line", news, move |(), line, row| Ok(frames.read(line, row))))
+    Box::new(Live::new(NAME.into(), "line", news, move |(), line, row| frames.read(line, row)))
 }
 
 /// The columns of the first line that names any.

@@ -96,7 +96,7 @@ fn start(socket: UdpSocket, address: SocketAddr, wanted: &Wanted) -> Udp {
         if read == Read::Row {
             locked(&lock).lock(*sender, Instant::now());
         }
-        Ok(read)
+        read
     })
 }
 

@@ -7,6 +7,4 @@ mod frame;
 mod guard;
 mod intake;
 mod log;
-#[cfg(feature = "mqtt")]
-mod mqtt;
 mod recordings;

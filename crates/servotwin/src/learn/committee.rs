@@ -59,7 +59,7 @@ pub(crate) fn train(
     }
     let mut confidences = vec![];
     for (part, split) in parts.iter().zip(&folds) {
-        let outcomes = run::ask(data, part, &still(split, &|row| !row.is_healthy))?;
+        let outcomes = run::ask(&data.examples, part, &still(split, &|row| !row.is_healthy))?;
         confidences.extend(outcomes.iter().map(|outcome| outcome.said.confidence));
     }
     confidences.sort_by(f64::total_cmp);

@@ -362,9 +362,11 @@ fn under_protocols(
     let Context { trained, workers, progress, .. } = *context;
     let (holding, shutdowns) = (settings.holding, data.commands(&settings.shutdowns));
     let of_committee = data.for_committee()?;
-    let answers = |protocol: Protocol, data, hierarchy, training, splits: &[Split]| match protocol {
-        Protocol::NewCommand => Ok(vec![run::ask(data, hierarchy, &splits[0].test)?]),
-        _ => run::run(data, training, splits, protocol.scope(), workers),
+    let answers = |protocol: Protocol, data: &DataSet, hierarchy, training, splits: &[Split]| {
+        match protocol {
+            Protocol::NewCommand => Ok(vec![run::ask(&data.examples, hierarchy, &splits[0].test)?]),
+            _ => run::run(data, training, splits, protocol.scope(), workers),
+        }
     };
     for (place, &protocol) in settings.protocols.iter().enumerate() {
         progress(protocol.title(), 0.125 * place as f64);

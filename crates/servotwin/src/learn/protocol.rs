@@ -180,7 +180,7 @@ pub(crate) fn of_healthy(
     shutdowns: &[u32],
 ) -> Result<Rates, EvaluationError> {
     let alarmed = data.rows_where(Purpose::Test, |row| row.is_healthy && row.is_detected());
-    let outcomes = ask(data, hierarchy, &alarmed)?;
+    let outcomes = ask(&data.examples, hierarchy, &alarmed)?;
     let outcomes = outcomes.iter().collect();
     let counting = Counting { data, outcomes, shutdowns, measures: OF_HEALTHY, names_class: false };
     Ok(counting.rates(|row| data.rows[row].is_healthy))

@@ -47,8 +47,9 @@ pub(crate) fn run(
 ) -> Result<Vec<Vec<RowOutcome>>, EvaluationError> {
     // The threads share the splits, or the stages of a single split.
     let within = if splits.len() == 1 { workers } else { Workers::new(1) };
-    let one =
-        |split: &Split| ask(data, &fit(data, settings, &split.train, scope, within)?, &split.test);
+    let one = |split: &Split| {
+        ask(&data.examples, &fit(data, settings, &split.train, scope, within)?, &split.test)
+    };
     parallel::map(splits, workers, one)?.into_iter().collect()
 }
 
@@ -100,21 +101,22 @@ pub(crate) fn fit_stages(
 /// # Errors
 /// [`servotwin_diagnosis::Error::LengthMismatch`] if the hierarchy has other features.
 pub(crate) fn ask(
-    data: &DataSet,
+    examples: &Examples,
     hierarchy: &Hierarchy,
     rows: &[usize],
 ) -> Result<Vec<RowOutcome>, EvaluationError> {
     let mut scratch = hierarchy.scratch();
-    let mut values = vec![vec![0.0; data.features.len()]; data.examples.views()];
+    let names = examples.names();
+    let mut values = vec![vec![0.0; names.features.len()]; examples.views()];
     let mut ask_row = |&row: &usize| {
         for (view, values) in values.iter_mut().enumerate() {
-            data.examples.row_into(view, row, values);
+            examples.row_into(view, row, values);
         }
         let said = hierarchy.diagnose(&values, &mut scratch)?;
-        let truth = data.examples.labels()[row];
+        let truth = examples.labels()[row];
         let mut below = |question| {
             let stage = hierarchy.stage(question, truth.actuator, truth.action);
-            let stage = stage.filter(|_| !data.rows[row].is_healthy)?;
+            let stage = stage.filter(|_| truth.actuator != names.healthy())?;
             let view = &values[stage.place.view(truth.actuator)];
             Some(stage.answer(view, &mut scratch).class)
         };

@@ -107,11 +107,13 @@ pub fn diagnoser(
         ..length
     };
     let lengths: Vec<Length> = kinds.iter().zip(lengths).map(of).collect();
-    let of_sensors = (study, scenario, study.base_sensors());
-    let mut diagnoser = assembled(of_sensors, lengths, evidence_quantile);
-    for (sensor, spread) in diagnoser.sensors.iter_mut().zip(&design.spreads) {
+    let mut sensors = diagnosed(study, scenario, study.base_sensors());
+    for (sensor, spread) in sensors.iter_mut().zip(&design.spreads) {
         sensor.spread = *spread;
     }
+    let names = &lengths[0].panel.trees.names;
+    let tuning = tuning((study, scenario), names, evidence_quantile);
+    let diagnoser = assembled((study.sample_period_s, sensors), lengths, tuning);
     let tuning = match study.is_on_ground() {
         true => of_test(&diagnoser, study),
         false => diagnoser.tuning,
@@ -132,19 +134,28 @@ pub(crate) fn of_records(
     panel: Panel,
     novelty: Novelty,
 ) -> Result<Diagnoser, EvaluationError> {
-    let span = WindowSpan { pane_samples: ensemble(study).samples() as u32, panes: 1 };
-    let length = Length { span, panel, novelty, baseline_corrected: None };
-    let diagnoser = assembled((study, scenario, sensors), vec![length], f64::INFINITY);
-    let tuning = deciding_by_one_window(&diagnoser);
+    let tuning = tuning((study, scenario), &panel.trees.names, f64::INFINITY);
+    let seen = (study.sample_period_s, diagnosed(study, scenario, sensors));
     let environment = within(study, &vec![NOT_FLOWN; study.system.network().inputs.len()]);
-    let diagnoser = Diagnoser { tuning, environment, ..diagnoser };
+    let samples = ensemble(study).samples() as u32;
+    let diagnoser = of_one_window(seen, (samples, panel, novelty), tuning);
+    let diagnoser = Diagnoser { environment, ..diagnoser };
     diagnoser.check()?;
     Ok(diagnoser)
 }
 
-/// The constants of a diagnosis that raises what trees and committee agree on in one window.
-pub(crate) fn deciding_by_one_window(diagnoser: &Diagnoser) -> Tuning {
-    Tuning { least_limit_nats: f64::MIN_POSITIVE, ..deciding_once(diagnoser, (3600.0, 1.0)) }
+/// A diagnoser with one window of so many samples, which raises what trees and committee agree on in it. The sensors have a
+/// sample in every period, s.
+pub(crate) fn of_one_window(
+    seen: (f64, Vec<DiagnosedSensor>),
+    (pane_samples, panel, novelty): (u32, Panel, Novelty),
+    tuning: Tuning,
+) -> Diagnoser {
+    let span = WindowSpan { pane_samples, panes: 1 };
+    let length = Length { span, panel, novelty, baseline_corrected: None };
+    let diagnoser = assembled(seen, vec![length], tuning);
+    let once = deciding_once(&diagnoser, (3600.0, 1.0));
+    Diagnoser { tuning: Tuning { least_limit_nats: f64::MIN_POSITIVE, ..once }, ..diagnoser }
 }
 
 /// The constants of a test on the ground: its only window decides, and begins with the first sample.
@@ -179,23 +190,17 @@ fn deciding_once(
 
 /// A diagnoser that accepts all inputs and knows no boundaries.
 fn assembled(
-    (study, scenario, sensors): (&Study, Scenario, usize),
+    (period_s, sensors): (f64, Vec<DiagnosedSensor>),
     lengths: Vec<Length>,
-    evidence_quantile: f64,
+    tuning: Tuning,
 ) -> Diagnoser {
-    let names = &lengths[0].panel.trees.names;
-    let commands = names.actions.iter().map(String::as_str);
-    let off: Vec<&str> = commands.filter(|command| study.reactions.switches_off(command)).collect();
     Diagnoser {
         format: diagnoser::FORMAT.into(),
-        period_s: study.sample_period_s,
-        sensors: diagnosed(study, scenario, sensors),
+        period_s,
+        sensors,
         boundaries: vec![],
         environment: InputChecks::default(),
-        tuning: Tuning {
-            least_on: study.least_on(),
-            ..tuning(scenario, names, &off, evidence_quantile)
-        },
+        tuning,
         lengths,
         baseline: None,
         scatter: None,
@@ -206,13 +211,12 @@ fn assembled(
 
 /// The certainty that a decision needs. Every window counts in full: noise is new in every pane, and the allowance
 /// covers the repeated effect of tolerances.
-fn tuning(
-    scenario: Scenario,
-    names: &Names,
-    off_commands: &[&str],
-    evidence_quantile: f64,
-) -> Tuning {
-    let mut settings = Tuning::usual(names, off_commands);
+fn tuning((study, scenario): (&Study, Scenario), names: &Names, evidence_quantile: f64) -> Tuning {
+    let commands = names.actions.iter().map(String::as_str);
+    let off_commands = commands.filter(|command| study.reactions.switches_off(command));
+    let off_commands: Vec<&str> = off_commands.collect();
+    let least_on = study.least_on();
+    let mut settings = Tuning { least_on, ..Tuning::usual(names, &off_commands) };
     let of_off = settings.costs.other_actuator.iter_mut().zip(&names.actions);
     let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
     of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);

@@ -10,13 +10,11 @@ use crate::learn::train;
 use crate::system::System;
 use crate::table::Table;
 use servotwin_diagnosis::diagnoser::{
-    self, DiagnosedSensor, Diagnoser, IndexedFinding, InputChecks, Length, Nominals, Novelty,
-    Recorded, Tuning,
+    DiagnosedSensor, Diagnoser, IndexedFinding, Nominals, Novelty, Recorded, Tuning,
 };
 use servotwin_diagnosis::error::{Error, require_sound};
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::panel::{Panel, SensorBand};
-use servotwin_diagnosis::sliding::WindowSpan;
 
 /// The period of records without a twin, whose rows may be anything, s.
 const ROW_S: f64 = 1.0;
@@ -48,24 +46,12 @@ impl RecordingStudy {
         let sensors: Vec<DiagnosedSensor> = sensors.collect();
         let band = |own: &DiagnosedSensor| SensorBand { sensor: own.name.clone(), half_width: 0.0 };
         let bands = sensors.iter().map(band).collect();
-        let span = WindowSpan { pane_samples: self.part_rows() as u32, panes: 1 };
         let tuning = Tuning::usual(&trees.names, &[]);
         let panel = Panel { bands, least_confidence: None, trees, committee };
-        let diagnoser = Diagnoser {
-            format: diagnoser::FORMAT.into(),
-            period_s: self.twin.as_ref().map_or(ROW_S, |twin| twin.period_s),
-            sensors,
-            environment: InputChecks::default(),
-            boundaries: vec![],
-            lengths: vec![Length { span, panel, novelty, baseline_corrected: None }],
-            baseline: None,
-            tuning,
-            scatter: None,
-            healthy_evidence: None,
-            recorded: Some(recorded),
-        };
-        let tuning = train::deciding_by_one_window(&diagnoser);
-        let diagnoser = Diagnoser { tuning, ..diagnoser };
+        let period_s = self.twin.as_ref().map_or(ROW_S, |twin| twin.period_s);
+        let length = (self.part_rows() as u32, panel, novelty);
+        let diagnoser = train::of_one_window((period_s, sensors), length, tuning);
+        let diagnoser = Diagnoser { recorded: Some(recorded), ..diagnoser };
         diagnoser.check()?;
         Ok(diagnoser)
     }
@@ -111,7 +97,7 @@ impl Answers {
         let (names, length) = (diagnoser.names(), &diagnoser.lengths[0]);
         require_sound(features.eq(&names.features), "its features are not those of its study")?;
         let mut scratch = length.panel.committee.scratch();
-        let judged = windows.each(|row| -> Result<(IndexedFinding, f64), Error> {
+        let judged = windows.values.iter().map(|row| -> Result<(IndexedFinding, f64), Error> {
             let said = length.panel.committee.diagnose(&[row], &mut scratch)?;
             let distance = length.novelty.score(said.action, row);
             let finding = match (said.actuator, said.action) {
@@ -121,8 +107,8 @@ impl Answers {
                 (Some(actuator), Some(action)) => IndexedFinding::Action { actuator, action },
             };
             Ok((finding, distance))
-        })?;
-        let judged: Vec<_> = judged.into_iter().collect::<Result<_, _>>()?;
+        });
+        let judged: Vec<_> = judged.collect::<Result<_, _>>()?;
         let (findings, distances) = judged.into_iter().unzip();
         Ok(Answers { windows, findings, distances })
     }

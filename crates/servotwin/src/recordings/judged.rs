@@ -15,16 +15,16 @@ use crate::files::write_atomically;
 use crate::job::{Among, Folder, JobError};
 use crate::learn::data_set::{coded, in_order};
 use crate::learn::metrics::{Prediction, Score};
-use crate::learn::run::{Scope, fit_stages};
+use crate::learn::run::{RowOutcome, Scope, ask, fit_stages};
 use crate::learn::{EvaluationError, model_file};
-use crate::measure::outcome::{FirstAction, RunOutcome};
+use crate::measure::outcome::RunOutcome;
 use crate::measure::{Answers, OF_WINDOWS, Rates};
 use crate::parallel::{self, Workers};
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::classifiers::{ALL, ClassifierKind};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Novelty};
-use servotwin_diagnosis::hierarchy::{Diagnosis, FAULTY, Hierarchy};
+use servotwin_diagnosis::hierarchy::{FAULTY, Hierarchy, Names};
 use servotwin_learning::classifiers;
 use servotwin_learning::hierarchy::{Examples, HierarchySettings};
 use servotwin_learning::splits::{Split, grouped_k_fold};
@@ -156,40 +156,31 @@ impl<'s> Labels<'s> {
         windows.examples(names, self.of_window.iter().map(fault))
     }
 
-    /// The class of an answer.
-    fn class_of(&self, said: Diagnosis) -> Option<u32> {
-        match said.actuator {
+    /// A window with its answer by a classifier that has not seen its group.
+    fn judged(&self, RowOutcome { row, said, .. }: RowOutcome, names: &Names) -> JudgedWindow {
+        let truth = self.of_window[row].unwrap_or_default();
+        let answer = match said.actuator {
             None => self.healthy,
             Some(fault) => self.faults().get(fault as usize).copied(),
-        }
-    }
-
-    /// What a window and its answer count as.
-    fn outcome(&self, judged: &JudgedWindow) -> RunOutcome {
-        let is_fault = Some(judged.truth) != self.healthy;
-        let is_alarm = judged.answer.is_none() || judged.answer != self.healthy;
-        RunOutcome {
+        };
+        let is_fault = Some(truth) != self.healthy;
+        let record = RunOutcome {
+            at_fault: self.classes[truth as usize].clone(),
             onset_s: is_fault.then_some(0.0),
-            visible_s: is_fault.then_some(0.0),
-            is_finished: true,
-            early_alarms: u64::from(!is_fault && is_alarm),
-            first: match judged.answer {
-                _ if !is_alarm => FirstAction::None,
-                Some(answer) if answer == judged.truth => FirstAction::Right,
-                _ => FirstAction::OtherAction,
-            },
             ..RunOutcome::default()
-        }
+        };
+        let outcome = record.seen(true).answered(&said, names, &[]);
+        JudgedWindow { window: row, truth, answer, outcome }
     }
 }
 
 /// The answer of a classifier for a held-out window.
-#[derive(Clone, Copy)]
 struct JudgedWindow {
     window: usize,
-    fold: usize,
     truth: u32,
     answer: Option<u32>,
+    /// What it counts as. A value that is not the healthy one is a fault.
+    outcome: RunOutcome,
 }
 
 impl RecordingStudy {
@@ -300,7 +291,8 @@ impl RecordingStudy {
         workers: Workers,
     ) -> Result<(Vec<TargetResult>, Table), RecordingError> {
         let windows = &prepared.windows.table;
-        let folds: Vec<usize> = (0..prepared.splits.len()).collect();
+        let (folds, fold_of): (Vec<usize>, _) =
+            ((0..prepared.splits.len()).collect(), prepared.folds());
         let records = match &self.record {
             Some(record) => windows.text(record)?.to_vec(),
             None => vec![String::new(); windows.row_count()],
@@ -314,15 +306,16 @@ impl RecordingStudy {
                 let judge = |&fold: &usize| judge_fold(prepared, &labels, &settings, fold);
                 let judged = parallel::map(&folds, workers, judge)?;
                 let judged = judged.into_iter().collect::<Result<Vec<_>, RecordingError>>()?;
-                let judged = judged.concat();
-                for JudgedWindow { window, fold, truth, answer } in &judged {
+                let judged: Vec<JudgedWindow> = judged.into_iter().flatten().collect();
+                for JudgedWindow { window, truth, answer, .. } in &judged {
                     let class = |class: u32| &*labels.classes[class as usize];
                     let answer = answer.map_or(FAULTY, class);
                     let group = &prepared.groups[prepared.group[*window] as usize];
                     let (record, name) = (&records[*window], classifier.id());
                     let row = [record, group, &target.column, name, class(*truth), answer];
                     texts.iter_mut().zip(row).for_each(|(column, text)| column.push(text.into()));
-                    numbers.iter_mut().zip([window, fold]).for_each(|(n, v)| n.push(*v as u32));
+                    let places = [*window as u32, fold_of[*window]];
+                    numbers.iter_mut().zip(places).for_each(|(column, place)| column.push(place));
                 }
                 results.push(result(prepared, &labels, classifier, &judged));
             }
@@ -391,15 +384,8 @@ fn judge_fold(
     }
     let examples = labels.examples(windows)?;
     let hierarchy = fit_stages(&examples, settings, &train, Scope::Action, Workers::new(1))?;
-    let mut scratch = hierarchy.scratch();
-    let mut row = vec![0.0; windows.features().len()];
-    let mut judge = |window: usize| {
-        examples.row_into(0, window, &mut row);
-        let said = hierarchy.diagnose(&[&row], &mut scratch)?;
-        let truth = labels.of_window[window].unwrap_or_default();
-        Ok(JudgedWindow { window, fold, truth, answer: labels.class_of(said) })
-    };
-    test.into_iter().map(&mut judge).collect()
+    let answers = ask(&examples, &hierarchy, &test)?;
+    Ok(answers.into_iter().map(|own| labels.judged(own, examples.names())).collect())
 }
 
 fn result(
@@ -408,16 +394,16 @@ fn result(
     classifier: ClassifierKind,
     judged: &[JudgedWindow],
 ) -> TargetResult {
-    let prediction = |&JudgedWindow { window, fold, truth, answer }: &JudgedWindow| {
-        // Without groups, the windows of a fold depend on each other.
-        let is_grouped = prepared.groups.len() > 1;
-        let cluster = if is_grouped { prepared.group[window] } else { fold as u32 };
-        Prediction { cluster, kind: cluster, truth, said: answer }
+    // Without groups, the windows of a fold depend on each other.
+    let is_grouped = prepared.groups.len() > 1;
+    let clusters = if is_grouped { prepared.group.clone() } else { prepared.folds() };
+    let prediction = |own: &JudgedWindow| {
+        let cluster = clusters[own.window];
+        Prediction { cluster, kind: cluster, truth: own.truth, said: own.answer }
     };
     let predictions: Vec<Prediction> = judged.iter().map(prediction).collect();
-    let outcomes: Vec<RunOutcome> = judged.iter().map(|judged| labels.outcome(judged)).collect();
     let answers = Answers { has_several: false, has_shutdown: false };
-    let outcomes: Vec<&RunOutcome> = outcomes.iter().collect();
+    let outcomes: Vec<&RunOutcome> = judged.iter().map(|own| &own.outcome).collect();
     TargetResult {
         column: labels.target.column.clone(),
         classifier,

@@ -30,8 +30,8 @@ pub(super) struct LearnedNovelty {
 
 impl LearnedNovelty {
     /// The distance of every window from what is known; above 1 a window is unknown.
-    fn distances(&self, windows: &Windows) -> Result<Vec<f64>, RecordingError> {
-        Ok(windows.each(|row| self.novelty.score(None, row))?)
+    fn distances(&self, windows: &Windows) -> Vec<f64> {
+        windows.values.iter().map(|row| self.novelty.score(None, row)).collect()
     }
 }
 
@@ -90,41 +90,39 @@ impl RecordingStudy {
             return Err(RecordingError::OutOfRange { what, allowed });
         }
         let (learned, windows) = self.learn_novelty(records, &groups, &first)?;
-        let mut scores = learned.distances(&windows)?;
+        let mut scores = learned.distances(&windows);
         let of_window: Vec<u32> = windows.starts.iter().map(|&row| groups.of_row[row]).collect();
         for &own in &first {
             let others: Vec<usize> = first.iter().copied().filter(|group| *group != own).collect();
             let (of_others, windows) = self.learn_novelty(records, &groups, &others)?;
-            let instead = of_others.distances(&windows)?;
+            let instead = of_others.distances(&windows);
             let of_own = (0..scores.len()).filter(|&window| of_window[window] as usize == own);
             of_own.for_each(|window| scores[window] = instead[window]);
         }
-        let of_group = |group: usize| -> Vec<f64> {
-            let own = of_window.iter().zip(&scores).filter(|(own, _)| **own as usize == group);
+        let scores_of = |is_own: &dyn Fn(usize) -> bool| -> Vec<f64> {
+            let own = of_window.iter().zip(&scores).filter(|(group, _)| is_own(**group as usize));
             own.map(|(_, score)| *score).collect()
         };
+        let unknown = |scores: &[f64]| Rate::of(scores, |score| *score > 1.0);
         let one = |group: usize| {
-            let own = of_group(group);
+            let own = scores_of(&|other| other == group);
             GroupNovelty {
                 group: groups.names[group].clone(),
                 is_healthy: groups.is_healthy[group],
                 is_learned: first.contains(&group),
-                unknown: Rate::of(&own, |score| *score > 1.0),
+                unknown: unknown(&own),
                 mean_distance: own.iter().sum::<f64>() / own.len().max(1) as f64,
             }
         };
-        let list: Vec<GroupNovelty> = (0..groups.names.len()).map(one).collect();
-        let sum = |is_healthy: bool| {
-            let among = list.iter().filter(|g| g.is_healthy == is_healthy && !g.is_learned);
-            let counts = among.map(|group| (group.unknown.count, group.unknown.of));
-            let (count, of) = counts.fold((0, 0), |sum, own| (sum.0 + own.0, sum.1 + own.1));
-            Rate::new(count, of)
+        let of_later = |is_healthy: bool| {
+            let is_own = |group| groups.is_healthy[group] == is_healthy && !first.contains(&group);
+            unknown(&scores_of(&is_own))
         };
         let result = NoveltyResult {
             quantile: learned.novelty.quantile,
-            false_alarms: sum(true),
-            alarms: sum(false),
-            groups: list,
+            false_alarms: of_later(true),
+            alarms: of_later(false),
+            groups: (0..groups.names.len()).map(one).collect(),
         };
         Ok((result, learned))
     }

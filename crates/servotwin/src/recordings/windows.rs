@@ -17,7 +17,6 @@ use servotwin_diagnosis::residual::Window;
 use servotwin_learning::hierarchy::{Examples, Label};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::ops::Range;
 
 /// The windows of some records.
 #[derive(Debug, Clone)]
@@ -32,6 +31,8 @@ pub struct Windows {
     pub rows: usize,
     /// Number of channels that sensors belong to.
     pub(super) units: usize,
+    /// The features of each window.
+    pub(super) values: Vec<Vec<f64>>,
     /// Rows of the records that are in no window.
     pub left_over: usize,
     /// Rows within windows that lack a number.
@@ -68,23 +69,10 @@ impl Windows {
             action: 0,
             detail: 0,
         };
-        let values = features.iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?.concat();
+        let column = |place: usize| self.values.iter().map(move |own| own[place]);
+        let values = (0..features.len()).flat_map(column).collect();
         let read = vec![(0..features.len()).collect(); names.actuators.len()];
         Ok(Examples::new(names, read, vec![values], of_windows.map(label).collect())?)
-    }
-
-    /// What the features of every window give.
-    ///
-    /// # Errors
-    /// Never for windows of a study: their features are numbers.
-    pub(super) fn each<T>(&self, mut of: impl FnMut(&[f64]) -> T) -> Result<Vec<T>, TableError> {
-        let columns = self.features().iter().map(Column::numbers).collect::<Result<Vec<_>, _>>()?;
-        let mut row = vec![0.0; columns.len()];
-        let of_window = |window: usize| {
-            row.iter_mut().zip(&columns).for_each(|(slot, column)| *slot = column[window]);
-            of(&row)
-        };
-        Ok((0..self.starts.len()).map(of_window).collect())
     }
 }
 
@@ -124,6 +112,11 @@ struct SensorColumns<'t> {
 impl SensorColumns<'_> {
     fn has(&self, row: usize) -> bool {
         self.measured[row].is_finite() && self.nominal[row].is_finite()
+    }
+
+    /// Measured value, nominal value and scale.
+    fn sample(&self, row: usize) -> [f64; 3] {
+        [self.measured[row], self.nominal[row], self.scale[row]]
     }
 }
 
@@ -267,13 +260,14 @@ impl RecordingStudy {
         let kept = kept.collect::<Result<Vec<_>, _>>()?;
         let starts = self.starts(records.row_count(), &kept)?;
         let (sensors, families) = (self.sensors(), self.chosen());
-        let of_window = |start: &usize| {
-            let part = |part: usize| start + part * self.part_rows();
-            let part = |part_of: usize| part(part_of)..part(part_of + 1);
-            let parts: Vec<Range<usize>> = (0..self.segments.value).map(part).collect();
-            features(&families, &sensors, &columns, &parts)
+        // Every part of a window has all sensors.
+        let signals_of = |start: usize| -> Vec<(&SensorColumns, usize)> {
+            let parts = (0..self.segments.value).map(|part| start + part * self.part_rows());
+            parts.flat_map(|first| columns.iter().map(move |column| (column, first))).collect()
         };
-        let rows: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
+        let of_window =
+            |start: &usize| features(&families, &sensors, &signals_of(*start), self.part_rows());
+        let values: Vec<Vec<f64>> = starts.iter().map(of_window).collect();
         let mut table = Table::new();
         for (name, texts) in names.into_iter().zip(&kept) {
             let first: Vec<String> = starts.iter().map(|&start| texts[start].clone()).collect();
@@ -281,9 +275,9 @@ impl RecordingStudy {
         }
         let features = families.iter().flat_map(|family| family.features(&sensors));
         for (place, feature) in features.enumerate() {
-            let values: Vec<f64> = rows.iter().map(|row| row[place]).collect();
-            table
-                .push(Column::new(feature.name, feature.unit, values).described(feature.meaning))?;
+            let column: Vec<f64> = values.iter().map(|own| own[place]).collect();
+            let column = Column::new(feature.name, feature.unit, column);
+            table.push(column.described(feature.meaning))?;
         }
         let is_incomplete = |row: &usize| columns.iter().any(|column| !column.has(*row));
         let used = starts.iter().flat_map(|&start| start..start + self.window_rows);
@@ -292,6 +286,7 @@ impl RecordingStudy {
             kept: kept.len(),
             rows: self.window_rows,
             units: self.units(),
+            values,
             left_over: records.row_count() - starts.len() * self.window_rows,
             incomplete: used.filter(is_incomplete).count(),
             starts,
@@ -328,20 +323,16 @@ impl RecordingStudy {
                 }
             };
             let columns = SensorColumns { measured, nominal, scale };
-            let far = (0..count).find(|&row| {
-                let residual = (columns.measured[row] - columns.nominal[row]).abs();
-                residual.is_finite() && residual > FARTHEST * columns.scale[row]
-            });
-            match far {
-                None => Ok(columns),
-                Some(row) => Err(RecordingError::TooFar {
-                    column: sensor.measured.clone(),
-                    place: records.origin().place(row),
-                    value: columns.measured[row],
-                    nominal: columns.nominal[row],
-                    scale: columns.scale[row],
-                }),
-            }
+            let is_far = |[value, nominal, scale]: [f64; 3]| {
+                let residual = (value - nominal).abs();
+                residual.is_finite() && residual > FARTHEST * scale
+            };
+            let Some(row) = (0..count).find(|&row| is_far(columns.sample(row))) else {
+                return Ok(columns);
+            };
+            let (column, place) = (sensor.measured.clone(), records.origin().place(row));
+            let [value, nominal, scale] = columns.sample(row);
+            Err(RecordingError::TooFar { column, place, value, nominal, scale })
         };
         self.sensors.iter().zip(nominals).map(one).collect()
     }
@@ -377,53 +368,45 @@ fn residuals(
     Ok(residuals.filter(|residual| residual.is_finite()).collect())
 }
 
-/// The features of a window, whose parts have all sensors each. Those that depend on a sensor without a number are
+/// The features of a window of signals, each with its first row. Features that depend on a signal without a number are
 /// missing.
 fn features(
     families: &[&'static Family],
     sensors: &Sensors,
-    columns: &[SensorColumns],
-    parts: &[Range<usize>],
+    signals: &[(&SensorColumns, usize)],
+    rows: usize,
 ) -> Vec<f64> {
-    let of_parts = parts.iter().flat_map(|part| columns.iter().map(move |column| (column, part)));
-    let own: Vec<(&SensorColumns, &Range<usize>)> = of_parts.collect();
-    let absent = |(column, part): &(&SensorColumns, &Range<usize>)| {
-        !(*part).clone().any(|row| column.has(row))
+    let absent =
+        |(own, first): &(&SensorColumns, usize)| !(*first..first + rows).any(|r| own.has(r));
+    let mut absent: Vec<bool> = signals.iter().map(absent).collect();
+    let is_complete = |row: &usize| {
+        signals.iter().zip(&absent).all(|((own, first), absent)| *absent || own.has(first + row))
     };
-    let mut absent: Vec<bool> = own.iter().map(absent).collect();
-    let is_complete = |sample: &usize| {
-        own.iter().zip(&absent).all(|((own, part), absent)| *absent || own.has(part.start + sample))
-    };
-    let complete: Vec<usize> = (0..parts[0].len()).filter(is_complete).collect();
+    let complete: Vec<usize> = (0..rows).filter(is_complete).collect();
     if complete.is_empty() {
         absent.fill(true);
     }
-    // A feature depends on an absent sensor if it differs between two values of its residual.
+    // A feature depends on an absent signal if it differs between two values of its residual.
     let with = |instead: f64| -> Vec<f64> {
-        let mut window = Window::new(own.len());
-        for (k, sample) in complete.iter().enumerate() {
+        let mut window = Window::new(signals.len());
+        for (k, row) in complete.iter().enumerate() {
             let instead = if k % 2 == 0 { instead } else { -0.5 * instead };
-            let pick = |of: &dyn Fn(&SensorColumns, usize) -> f64, other: f64| -> Vec<f64> {
-                let values = own.iter().zip(&absent);
-                let value = |((own, part), absent): (&(&SensorColumns, &Range<usize>), &bool)| {
-                    if *absent { other } else { of(own, part.start + sample) }
-                };
-                values.map(value).collect()
+            let sample = |((own, first), absent): (&(&SensorColumns, usize), &bool)| match absent {
+                true => [instead, 0.0, 1.0],
+                false => own.sample(first + row),
             };
-            let measured = pick(&|own, row| own.measured[row], instead);
-            let nominal = pick(&|own, row| own.nominal[row], 0.0);
-            window.add(&measured, &nominal, &pick(&|own, row| own.scale[row], 1.0));
+            let samples: Vec<[f64; 3]> = signals.iter().zip(&absent).map(sample).collect();
+            let [measured, nominal, scale] =
+                [0, 1, 2].map(|of| samples.iter().map(|own| own[of]).collect::<Vec<f64>>());
+            window.add(&measured, &nominal, &scale);
         }
-        let mut values = vec![];
-        values.extend(families.iter().flat_map(|family| family.values(sensors, &window)));
-        values
+        families.iter().flat_map(|family| family.values(sensors, &window)).collect()
     };
     let values = with(0.0);
     if !absent.contains(&true) {
         return values;
     }
     let is_lost = complete.is_empty();
-    let others = with(1.0);
-    let both = values.into_iter().zip(others);
+    let both = values.into_iter().zip(with(1.0));
     both.map(|(value, other)| if is_lost || value != other { f64::NAN } else { value }).collect()
 }

@@ -178,10 +178,8 @@ impl Sink for Terminal {
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         let time_s = notice.time_s.unwrap_or(0.0);
         let Some(words) = notice.words() else { return Ok(()) };
-        let is_over = matches!(
-            notice.event,
-            WatchEvent::DataAgain | WatchEvent::ChannelDataAgain { .. } | WatchEvent::Reconnected
-        );
+        let is_over =
+            matches!(notice.event, WatchEvent::DataAgain | WatchEvent::ChannelDataAgain { .. });
         let text = match notice.time_s {
             Some(time_s) => {
                 format!("{}: after {}: {words}", notice.wall_time, moment::shown(time_s))
