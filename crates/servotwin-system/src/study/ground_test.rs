@@ -12,9 +12,10 @@ use super::keys::FLIGHT_S;
 use super::other_plant::DrawText;
 use super::reader::Reader;
 use super::{SensorText, Study, flights, suites};
-use crate::format::{At, Names, section};
+use crate::format::{At, Names, Value, section};
 use crate::system::System;
 use crate::toml_text::TomlError;
+use servotwin_diagnosis::features::Quantity;
 use std::cell::RefCell;
 
 section! {
@@ -25,15 +26,50 @@ section! {
         may inputs: flights::Ranges, "ranges of inputs, drawn for each environment";
         may unit_inputs: flights::Ranges, "ranges of inputs that every channel has";
         may unit_parameters: flights::Ranges, "ranges of parameters that every channel has";
-        may sensors: Names<SensorText>,
-            "sensors that only the test reads, or that follow others in it";
+        may sensors: Names<TestSensor>,
+            "sensors that only the test reads, such as what the computer itself puts out";
         may wear: Vec<At<DrawText>>,
             "ranges from which every test draws what differs from the first test of its actuator";
         may suites: Names<suites::NamedText>, "how many tests there are, and what for";
     }
 }
 
+section! {
+    /// A sensor that only the test reads.
+    pub(super) struct TestSensor {
+        must signal: At<String>, "output of a component (component.port)";
+        must scale: f64 = Value::Number(1e-9, 1e12, ""),
+            "size that residuals are divided by, in the signal's unit";
+        must quantity: Quantity, "role of the sensor in the diagnosis";
+        must unit: At<usize> = Value::Whole(0.0, 1e6),
+            "position of its channel in `units`, from 1; 0 for none";
+    }
+}
+
+impl TestSensor {
+    fn seen(self) -> SensorText {
+        SensorText {
+            quantity: self.quantity,
+            unit: self.unit,
+            follows_controller: At::new(false, 0..0),
+            follows: At::new(Names::new(), 0..0),
+        }
+    }
+}
+
 impl super::Text {
+    /// The sensors that only tests on the ground read.
+    fn test_sensors(&self) -> impl Iterator<Item = (&At<String>, &TestSensor)> {
+        self.ground_test.iter().flat_map(|test| &test.sensors)
+    }
+
+    /// Gives a system the sensors that only its tests on the ground read, where the study is that of these tests.
+    pub(super) fn add_test_sensors(&self, system: &mut System) {
+        for (id, sensor) in self.test_sensors().filter(|_| self.on_ground) {
+            system.add_sensor(id, &sensor.signal, sensor.scale);
+        }
+    }
+
     /// The text of the study of its tests on the ground; the same text without such tests.
     pub(super) fn on_ground(self) -> Self {
         let Some(At { value: test, at }) = self.ground_test.clone() else { return self };
@@ -55,7 +91,7 @@ impl super::Text {
             ..flights
         };
         let mut sensors = self.sensors;
-        sensors.extend(test.sensors);
+        sensors.extend(test.sensors.into_iter().map(|(id, sensor)| (id, sensor.seen())));
         super::Text {
             sensors,
             suites: test.suites,
@@ -75,6 +111,7 @@ impl Reader<'_> {
 
     /// Notes the mistakes of the tests on the ground, if the study declares some and is not theirs already.
     pub(super) fn check_ground_test(&self) {
+        self.check_test_sensors();
         match (&self.text.ground_test, &self.text.flights) {
             (Some(test), None) => drop(self.empty(&test.at, "flights")),
             (None, _) if self.text.on_ground => drop(self.empty(&(0..0), "ground_test")),
@@ -83,10 +120,28 @@ impl Reader<'_> {
                 let mistakes = RefCell::new(self.mistakes.take());
                 let Reader { path, source, system, .. } = *self;
                 let reader = Reader { path, source, text: &text, system, mistakes };
-                let _ = (reader.sensors().ok(), reader.flown().ok());
+                let _ = reader.flown();
                 self.mistakes.replace(reader.mistakes.into_inner());
             }
             _ => {}
+        }
+    }
+}
+
+impl Reader<'_> {
+    fn check_test_sensors(&self) {
+        for (id, sensor) in self.text.test_sensors() {
+            if !self.text.on_ground && self.system.sensor(id).is_some() {
+                self.repeated("sensor", &id.at, id);
+            }
+            let known = || self.system.program.observables().iter().map(|own| own.name.as_str());
+            let signal = &sensor.signal;
+            if !known().any(|name| name == signal.value) {
+                self.unknown(&signal.at, ("signal", signal), known());
+            }
+            let (units, At { value: unit, at }) = (self.text.units.len(), &sensor.unit);
+            let allowed = format!("0 … {units}, as there are units");
+            let _ = self.range(("unit", at), *unit as f64, *unit <= units, allowed);
         }
     }
 }
@@ -171,7 +226,8 @@ mod tests {
         for (right, wrong, said) in [
             ("inputs.air_speed = [0, 0]", "inputs.air_sped = [0, 0]", "air_sped"),
             ("inputs.air_speed = [0, 0]", "inputs.air_speed = [0, 9000]", "air_speed"),
-            ("sensors.u_1 =", "sensors.u_9 =", "u_9"),
+            ("sensors.u_1 =", "sensors.x_p_1 =", "x_p_1"),
+            ("actuator_1.controller.current", "actuator_1.controller.curent", "curent"),
             ("amplitude=9deg,frequency=0.4Hz", "amplitude=900deg,frequency=0.4Hz", "command"),
             (
                 "\"cylinder.viscous_friction_n_s_m\"], times",

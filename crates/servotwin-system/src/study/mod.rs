@@ -219,8 +219,9 @@ impl Study {
         source: &str,
         (parsed, mistakes): (Text, Collector),
         path: &str,
-        system: System,
+        mut system: System,
     ) -> Result<Self, TomlError> {
+        parsed.add_test_sensors(&mut system);
         let mistakes = RefCell::new(mistakes);
         let reader = Reader { path, source, text: &parsed, system: &system, mistakes };
         let study = Self::of_parts(&reader);

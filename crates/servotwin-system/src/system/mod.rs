@@ -293,6 +293,20 @@ impl System {
         sensors.iter().map(slot).collect()
     }
 
+    /// Adds a sensor without a label that reads an output of a component, unless there is one with this id or no such
+    /// output.
+    pub(crate) fn add_sensor(&mut self, id: &str, signal: &str, scale: f64) {
+        let known = self.program.observable(signal).map(|observable| observable.unit);
+        let parts = &self.network().components;
+        let part = signal.rsplit_once('.').map(|(part, _)| part);
+        let component = parts.iter().position(|own| Some(own.id.as_str()) == part);
+        let (Some(unit), Some(component), None) = (known, component, self.sensor(id)) else {
+            return;
+        };
+        let [id, label, signal] = [id, id, signal].map(str::to_owned);
+        self.sensors.push(Sensor { id, label, signal, component, unit, scale });
+    }
+
     /// A sensor by id.
     pub fn sensor(&self, id: &str) -> Option<&Sensor> {
         self.sensors.iter().find(|sensor| sensor.id == id)
