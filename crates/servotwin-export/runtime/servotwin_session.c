@@ -17,9 +17,9 @@
 /* A sensor is quiet if its variance is below the declared one by this factor. */
 #define QUIET 4.0
 
-/* The largest square of a difference that counts, in parts of its mean by the declared noise, and how many show it. */
+/* The largest square of a difference that counts, in parts of its mean by the declared noise, and their number. */
 #define LARGEST_DIFFERENCE 4.0
-#define HEARD 100U
+#define NOISE_DIFFERENCES 100U
 
 /* Panes of the start test after its first full window. */
 #define KNOWN_PANES 3
@@ -512,7 +512,7 @@ static servotwin_real with_noise(const servotwin_session *session, int32_t senso
 }
 
 /* Takes a measurement into the noise of a sensor, by the difference of successive residuals. */
-static void hear(servotwin_session *session, int32_t sensor, bool is_there, servotwin_real residual)
+static void measure_noise(servotwin_session *session, int32_t sensor, bool is_there, servotwin_real residual)
 {
     if (is_there && session->has_last[sensor]) {
         const servotwin_real noise = servotwin_sensors[sensor].stand_in_noise;
@@ -524,7 +524,7 @@ static void hear(servotwin_session *session, int32_t sensor, bool is_there, serv
         if (half > largest) {
             half = largest;
         }
-        if (session->differences[sensor] < HEARD) {
+        if (session->differences[sensor] < NOISE_DIFFERENCES) {
             session->differences[sensor]++;
         }
         const servotwin_real change = half - session->variance[sensor];
@@ -541,7 +541,7 @@ static bool is_quiet(const servotwin_session *session, int32_t sensor)
     const servotwin_real noise = servotwin_sensors[sensor].stand_in_noise;
     const servotwin_real declared = noise * noise;
     const servotwin_real own = QUIET * session->variance[sensor];
-    return (session->differences[sensor] >= HEARD) && (own < declared);
+    return (session->differences[sensor] >= NOISE_DIFFERENCES) && (own < declared);
 }
 
 /* Counts the lost sensors. When one comes back, windows without it are cleared. */
@@ -606,7 +606,7 @@ static usability copy_measured(servotwin_session *session, const servotwin_real 
             /* Nobody knows what the value should be. */
         }
         session->stands_in[sensor] = is_out || session->is_lost[sensor];
-        hear(session, sensor, is_there, difference / known->scale);
+        measure_noise(session, sensor, is_there, difference / known->scale);
         if (session->stands_in[sensor]) {
             value = with_noise(session, sensor, expected);
         } else if (is_quiet(session, sensor)) {

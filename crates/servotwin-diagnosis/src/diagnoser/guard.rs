@@ -32,9 +32,9 @@ const PLAUSIBLE: f64 = 1e6;
 /// A sensor is quiet if its variance is below the declared one by this factor: half of the declared deviation.
 const QUIET: f64 = 4.0;
 
-/// The number of differences of successive residuals that show the noise of a sensor. They give the variance to a fifth, so
-/// healthy sensors are never quiet.
-const HEARD: u64 = 100;
+/// The number of differences of successive residuals from which the noise of a sensor is measured. They give its variance to
+/// a fifth, so healthy sensors are never quiet.
+const NOISE_DIFFERENCES: u64 = 100;
 
 /// The largest square of a difference that counts, in parts of its mean by the declared noise: a residual that jumps says
 /// nothing about noise.
@@ -291,7 +291,7 @@ impl Guard {
             }
             let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
             let residual = is_there.then(|| (value - expected) / sensor.scale);
-            state.hear(residual, noise);
+            state.measure_noise(residual, noise);
             self.stands_in[place] = is_masked || state.is_lost;
             let of_noise = || {
                 let mut random = Random::stream(place as u64, sample + 1);
@@ -351,7 +351,7 @@ impl Guard {
     pub(super) fn restore(&mut self, state: &GuardState) -> Result<(), Error> {
         let is_possible = |sensor: &SensorState| {
             sensor.against < if sensor.is_lost { self.until_back } else { self.until_lost }
-                && sensor.differences <= HEARD
+                && sensor.differences <= NOISE_DIFFERENCES
                 && sensor.variance >= 0.0
                 && sensor.last.unwrap_or_default().abs() <= PLAUSIBLE
                 && sensor.variance.is_finite()
@@ -377,13 +377,13 @@ impl SensorState {
         }
     }
 
-    /// Takes a residual, in parts of scale, into the noise of the last differences; `None` for no measurement.
-    /// `noise` is the declared deviation.
-    fn hear(&mut self, residual: Option<f64>, noise: f64) {
+    /// Takes a residual, in parts of scale, into the measured noise; `None` for no measurement. `noise` is the declared
+    /// deviation.
+    fn measure_noise(&mut self, residual: Option<f64>, noise: f64) {
         if let Some((last, new)) = self.last.zip(residual) {
             let difference = new - last;
             let half = (0.5 * difference * difference).min(LARGEST_DIFFERENCE * noise * noise);
-            self.differences = (self.differences + 1).min(HEARD);
+            self.differences = (self.differences + 1).min(NOISE_DIFFERENCES);
             self.variance += (half - self.variance) / self.differences as f64;
         }
         self.last = residual;
@@ -391,7 +391,7 @@ impl SensorState {
 
     /// Whether the sensor is much quieter than declared.
     fn is_quiet(&self, noise: f64) -> bool {
-        self.differences >= HEARD && QUIET * self.variance < noise * noise
+        self.differences >= NOISE_DIFFERENCES && QUIET * self.variance < noise * noise
     }
 }
 
@@ -516,7 +516,7 @@ mod tests {
             let received =
                 Received { inputs: &inputs, measured: &measured, twin: &[0.5; 2], sample: 7 };
             guard.admit(&noisy, received, |_| false);
-            // A hundred differences show the noise.
+            // The noise is known after a hundred differences.
             assert_eq!(guard.measured[0] == 0.4, k < 100, "{k}");
             assert_eq!(guard.measured[1], own, "it has its own noise");
         }

@@ -65,7 +65,7 @@ pub fn write(material: &Material, page: &mut Document) {
     }
     let off = words.off();
     page.note(format!(
-            "The needed command is right for the fault as a whole: a {off} where the \
+            "The needed action is right for the fault as a whole: a {off} where the \
              {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
              and none where no {unit} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
              and of what is healthy while a boundary sensor is wrong, which is a supply or return pressure that its twin reads. \

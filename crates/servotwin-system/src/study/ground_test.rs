@@ -14,6 +14,7 @@ use super::reader::Reader;
 use super::{SensorText, Study, flights, suites};
 use crate::format::{At, Names, Value, section};
 use crate::system::System;
+use crate::system::imperfection::scale_within_noise;
 use crate::toml_text::TomlError;
 use servotwin_diagnosis::features::Quantity;
 use std::cell::RefCell;
@@ -38,7 +39,7 @@ section! {
     /// A sensor that only the test reads.
     pub(super) struct TestSensor {
         must signal: At<String>, "output of a component (component.port)";
-        must scale: f64 = Value::Number(1e-9, 1e12, ""),
+        must scale: At<f64> = Value::Number(1e-9, 1e12, ""),
             "size that residuals are divided by, in the signal's unit";
         must quantity: Quantity, "role of the sensor in the diagnosis";
         must unit: At<usize> = Value::Whole(0.0, 1e6),
@@ -66,7 +67,7 @@ impl super::Text {
     /// Gives a system the sensors that only its tests on the ground read, where the study is that of these tests.
     pub(super) fn add_test_sensors(&self, system: &mut System) {
         for (id, sensor) in self.test_sensors().filter(|_| self.on_ground) {
-            system.add_sensor(id, &sensor.signal, sensor.scale);
+            system.add_sensor(id, &sensor.signal, sensor.scale.value);
         }
     }
 
@@ -109,9 +110,27 @@ impl Reader<'_> {
         test.map_or(&[], |test| &test.wear)
     }
 
+    /// Notes the mistakes of the sensors that only tests on the ground read. The system has its own sensors alone.
+    pub(super) fn check_test_sensors(&self) {
+        let outputs = || self.system.program.observables().iter().map(|own| own.name.as_str());
+        for (id, TestSensor { signal, scale, unit, .. }) in self.text.test_sensors() {
+            if self.system.sensor(id).is_some() {
+                self.repeated("sensor", &id.at, id);
+            }
+            let _ = self.unit(unit);
+            let Some((component, of_signal)) = self.system.output(signal) else {
+                self.unknown(&signal.at, ("signal", signal), outputs());
+                continue;
+            };
+            let part = &self.system.network().components[component];
+            let read = (part.id.as_str(), part.component, part.parameters.as_slice());
+            let mistake = scale_within_noise((id, scale.value, of_signal), read);
+            mistake.map(|mistake| self.note(&scale.at, mistake));
+        }
+    }
+
     /// Notes the mistakes of the tests on the ground, if the study declares some and is not theirs already.
     pub(super) fn check_ground_test(&self) {
-        self.check_test_sensors();
         match (&self.text.ground_test, &self.text.flights) {
             (Some(test), None) => drop(self.empty(&test.at, "flights")),
             (None, _) if self.text.on_ground => drop(self.empty(&(0..0), "ground_test")),
@@ -124,24 +143,6 @@ impl Reader<'_> {
                 self.mistakes.replace(reader.mistakes.into_inner());
             }
             _ => {}
-        }
-    }
-}
-
-impl Reader<'_> {
-    fn check_test_sensors(&self) {
-        for (id, sensor) in self.text.test_sensors() {
-            if !self.text.on_ground && self.system.sensor(id).is_some() {
-                self.repeated("sensor", &id.at, id);
-            }
-            let known = || self.system.program.observables().iter().map(|own| own.name.as_str());
-            let signal = &sensor.signal;
-            if !known().any(|name| name == signal.value) {
-                self.unknown(&signal.at, ("signal", signal), known());
-            }
-            let (units, At { value: unit, at }) = (self.text.units.len(), &sensor.unit);
-            let allowed = format!("0 … {units}, as there are units");
-            let _ = self.range(("unit", at), *unit as f64, *unit <= units, allowed);
         }
     }
 }
@@ -228,6 +229,12 @@ mod tests {
             ("inputs.air_speed = [0, 0]", "inputs.air_speed = [0, 9000]", "air_speed"),
             ("sensors.u_1 =", "sensors.x_p_1 =", "x_p_1"),
             ("actuator_1.controller.current", "actuator_1.controller.curent", "curent"),
+            (
+                "actuator_1.controller.current",
+                "actuator_1.sensor_supply.reading",
+                "less than noise",
+            ),
+            ("quantity = \"other\", unit = 1", "quantity = \"other\", unit = 3", "unit"),
             ("amplitude=9deg,frequency=0.4Hz", "amplitude=900deg,frequency=0.4Hz", "command"),
             (
                 "\"cylinder.viscous_friction_n_s_m\"], times",
@@ -249,6 +256,10 @@ mod tests {
             assert!(told.contains(said), "{told}");
             assert!(near.iter().any(|near| told.contains(near)), "{near:?}: {told}");
         }
+        // Also a stored study of the tests names its system anew.
+        let twice =
+            "on_ground = true\n".to_owned() + &text.replace("sensors.u_1 =", "sensors.x_p_3 =");
+        assert!(mistakes(&twice).contains("the sensor 'x_p_3' stands twice"));
         let lacking =
             "on_ground = true\n".to_owned() + &text.replace("[ground_test", "[other_test");
         assert!(Study::parse(&lacking, "studies/paper.toml").is_err());

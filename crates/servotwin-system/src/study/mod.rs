@@ -221,8 +221,11 @@ impl Study {
         path: &str,
         mut system: System,
     ) -> Result<Self, TomlError> {
-        parsed.add_test_sensors(&mut system);
         let mistakes = RefCell::new(mistakes);
+        let reader = Reader { path, source, text: &parsed, system: &system, mistakes };
+        reader.check_test_sensors();
+        let mistakes = reader.mistakes;
+        parsed.add_test_sensors(&mut system);
         let reader = Reader { path, source, text: &parsed, system: &system, mistakes };
         let study = Self::of_parts(&reader);
         Ok(reader.finish(study)?(parsed, system))
@@ -581,12 +584,17 @@ impl Reader<'_> {
 
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
         let quantity = text.quantity;
-        let (units, At { value: unit, at }) = (self.text.units.len(), &text.unit);
+        // All actuators move the surface together, so its sensor belongs to none of them.
+        let unit = self.unit(&text.unit)?.filter(|_| quantity != Quantity::Surface);
+        Ok(self.seen(position, quantity, unit))
+    }
+
+    /// The index of the unit with a position, from 1; `None` for 0.
+    fn unit(&self, At { value: unit, at }: &At<usize>) -> Result<Option<usize>, Noted> {
+        let units = self.text.units.len();
         let allowed = format!("0 … {units}, as there are units");
         self.range(("unit", at), *unit as f64, *unit <= units, allowed)?;
-        // All actuators move the surface together, so its sensor belongs to none of them.
-        let unit = unit.checked_sub(1).filter(|_| quantity != Quantity::Surface);
-        Ok(self.seen(position, quantity, unit))
+        Ok(unit.checked_sub(1))
     }
 
     /// A sensor as seen by features, by its index in the system.

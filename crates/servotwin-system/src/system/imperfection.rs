@@ -2,8 +2,10 @@
 
 use super::System;
 use crate::signal::random::NormalDeviates;
+use crate::toml_text::{Diagnostic, NumberWithUnit};
 use servotwin_model::components::Component;
 use servotwin_model::scalar::Primitive;
+use servotwin_model::spec::Unit;
 
 /// Noise and quantization of one sensor, in physical units.
 #[derive(Clone, Copy, Debug)]
@@ -44,6 +46,29 @@ impl Imperfection {
         // Rounds ties to even, without the cost of the standard library's call.
         if self.step > 0.0 { Primitive::round(noisy / self.step) * self.step } else { noisy }
     }
+}
+
+/// The mistake of a sensor whose scale does not exceed the noise and steps of the component that it reads: its residuals
+/// would consist of noise.
+pub(crate) fn scale_within_noise(
+    (id, scale, unit): (&str, f64, Unit),
+    (part, component, parameters): (&str, &Component, &[f64]),
+) -> Option<Diagnostic> {
+    let noise = Imperfection::of_component(component, parameters).deviation();
+    if noise <= scale {
+        return None;
+    }
+    let full_scale = (component.span)(parameters).map(|span| span.full_scale);
+    // Three digits keep the magnitude readable.
+    let noise = format!("{noise:.2e}").parse().unwrap_or(noise);
+    let [scale, noise, full_scale] = [scale, noise, full_scale.unwrap_or_default()]
+        .map(|value| NumberWithUnit(value, unit.symbol()).to_string());
+    let message = format!(
+        "the scale of sensor '{id}' is {scale}, less than noise and steps of '{part}': {noise}"
+    );
+    let help =
+        format!("residuals are divided by it; usual is the full scale of the sensor, {full_scale}");
+    Some(Diagnostic::new(message).with_help(help))
 }
 
 /// The imperfections of several sensors, in their order.

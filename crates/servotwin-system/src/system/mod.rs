@@ -293,18 +293,19 @@ impl System {
         sensors.iter().map(slot).collect()
     }
 
-    /// Adds a sensor without a label that reads an output of a component, unless there is one with this id or no such
-    /// output.
+    /// The index of the component with an output, and the unit of the output.
+    pub(crate) fn output(&self, signal: &str) -> Option<(usize, Unit)> {
+        let (part, _) = signal.rsplit_once('.')?;
+        let component = self.network().components.iter().position(|own| own.id == part)?;
+        Some((component, self.program.observable(signal)?.unit))
+    }
+
+    /// Adds a sensor that reads an output, without a label, unless there is one with this id or no such output.
     pub(crate) fn add_sensor(&mut self, id: &str, signal: &str, scale: f64) {
-        let known = self.program.observable(signal).map(|observable| observable.unit);
-        let parts = &self.network().components;
-        let part = signal.rsplit_once('.').map(|(part, _)| part);
-        let component = parts.iter().position(|own| Some(own.id.as_str()) == part);
-        let (Some(unit), Some(component), None) = (known, component, self.sensor(id)) else {
-            return;
-        };
-        let [id, label, signal] = [id, id, signal].map(str::to_owned);
-        self.sensors.push(Sensor { id, label, signal, component, unit, scale });
+        if let (Some((component, unit)), None) = (self.output(signal), self.sensor(id)) {
+            let [id, label, signal] = [id, id, signal].map(str::to_owned);
+            self.sensors.push(Sensor { id, label, signal, component, unit, scale });
+        }
     }
 
     /// A sensor by id.

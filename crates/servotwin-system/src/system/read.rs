@@ -7,8 +7,8 @@ use super::scope::{End, Input, Part, Scope};
 use super::{FORMAT, Sensor, schema};
 use crate::format::{At, Ids, Key, Raw, Read, Value, check_id, may, section};
 use crate::nearest::nearest;
-use crate::system::imperfection::Imperfection;
-use crate::toml_text::{Collector, Diagnostic, Entry, NumberWithUnit, TextSpan, TomlText, get};
+use crate::system::imperfection::scale_within_noise;
+use crate::toml_text::{Collector, Diagnostic, Entry, TextSpan, TomlText, get};
 use crate::units;
 use servotwin_model::component::Component;
 use servotwin_model::components::{ALL, find};
@@ -529,7 +529,12 @@ impl Reader {
 
     fn sensor(&mut self, scope: &Scope, id: String, text: SensorText) {
         let Some((port, unit)) = self.output(scope, &text.signal) else { return };
-        self.above_noise(&scope.parts[port.component], (&id, unit), &text.scale);
+        let part = &scope.parts[port.component];
+        let read = (part.id.as_str(), part.component, part.parameters.as_slice());
+        let mistake = scale_within_noise((&id, text.scale.value, unit), read);
+        if let Some(mistake) = mistake.filter(|_| part.sound) {
+            self.mistakes.note(&text.scale.at, mistake);
+        }
         self.sensors.push(Sensor {
             label: text.label.unwrap_or_else(|| id.clone()),
             id,
@@ -538,27 +543,6 @@ impl Reader {
             unit,
             scale: text.scale.value,
         });
-    }
-
-    /// Checks that the scale of a sensor exceeds its noise: otherwise residuals would consist of noise.
-    fn above_noise(&mut self, part: &Part, (id, unit): (&str, Unit), scale: &At<f64>) {
-        let noise = Imperfection::of_component(part.component, &part.parameters).deviation();
-        if !part.sound || noise <= scale.value {
-            return;
-        }
-        let full_scale = (part.component.span)(&part.parameters).map(|span| span.full_scale);
-        // Three digits keep the magnitude readable.
-        let noise = format!("{noise:.2e}").parse().unwrap_or(noise);
-        let [scale_of, noise, full_scale] = [scale.value, noise, full_scale.unwrap_or_default()]
-            .map(|value| NumberWithUnit(value, unit.symbol()).to_string());
-        let message = format!(
-            "the scale of sensor '{id}' is {scale_of}, less than noise and steps of '{}': {noise}",
-            part.id
-        );
-        let help = format!(
-            "residuals are divided by it; usual is the full scale of the sensor, {full_scale}"
-        );
-        self.mistakes.note(&scale.at, Diagnostic::new(message).with_help(help));
     }
 
     /// Finds the output that a sensor names.

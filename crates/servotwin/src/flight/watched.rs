@@ -10,7 +10,7 @@ use crate::parallel::Workers;
 use crate::records::columns::HEALTHY;
 use crate::run::fitted_twins::CalibrationRecords;
 use crate::run::other_plant::OtherPlants;
-use crate::run::{Observer, Run, RunError, Runner, plan};
+use crate::run::{Observer, Run, RunError, Runner, part, plan};
 use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Alarm, Diagnoser, IndexedFinding, Outcome, Raised, Session};
 use servotwin_diagnosis::panel::SensorBand;
@@ -98,6 +98,11 @@ pub(crate) fn runs(study: &Study, suite: &Suite) -> Vec<Run> {
         true => unseen_faults::runs(study, suite),
         false => plan::all(study, suite).collect(),
     }
+}
+
+/// The numbers of the runs of each part of a suite.
+pub(crate) fn parts(study: &Study, suite: &Suite) -> Vec<Vec<usize>> {
+    part::parts(study, suite, runs(study, suite))
 }
 
 /// Flies runs of a suite in a scenario, given by their numbers and watched by some diagnoses.
@@ -493,7 +498,6 @@ impl OutOfBands {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::part;
     use crate::study::suites::UNSEEN;
 
     #[test]
@@ -503,7 +507,7 @@ mod tests {
         let runs = runs(&study, suite);
         let numbers = runs.iter().map(|run| run.number);
         assert!(numbers.eq(0..runs.len()) && !runs.is_empty());
-        let parts = part::parts(&study, suite, runs.iter().copied());
+        let parts = parts(&study, suite);
         let mut all = parts.concat();
         all.sort_unstable();
         assert!(parts.len() > 1 && all.into_iter().eq(0..runs.len()), "{}", parts.len());

@@ -108,8 +108,7 @@ fn fly(
     workers: Workers,
 ) -> Result<Vec<RunOutcome>, JobError> {
     let watching = watching(suite, &Arc::new(diagnoser))?;
-    let place = (study, suite, scenario);
-    let parts = part::parts(study, suite, watched::runs(study, suite));
+    let (place, parts) = ((study, suite, scenario), watched::parts(study, suite));
     let mut outcomes = vec![];
     for round in part::rounds(place, &parts, &(0..parts.len()).collect()) {
         let numbers: Vec<usize> = round.iter().flat_map(|&part| parts[part].clone()).collect();

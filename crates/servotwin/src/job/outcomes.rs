@@ -290,8 +290,7 @@ impl<'f> FlownParts<'f> {
         let empty = FlownSuite::new(folder, study, suite, scenario)?;
         let mut mark = part::model_mark(study);
         empty.origin().into_iter().for_each(|(key, value)| _ = mark.add(key).add(&value));
-        let stem = stem(suite, scenario);
-        let parts = part::parts(study, suite, watched::runs(study, suite));
+        let (stem, parts) = (stem(suite, scenario), watched::parts(study, suite));
         Ok(FlownParts {
             place: (study, suite, scenario),
             workers: job.crew.workers,

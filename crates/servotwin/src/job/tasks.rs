@@ -130,8 +130,7 @@ impl<'j> Job<'j> {
             runs: runs.len(),
             needs: needs.clone(),
         };
-        let parts = part::parts(self.study, suite, watched::runs(self.study, suite));
-        parts.into_iter().enumerate().map(task).collect()
+        watched::parts(self.study, suite).into_iter().enumerate().map(task).collect()
     }
 
     /// Computes those files of tasks that are absent or unusable, in the order of the tasks. What they need that is not

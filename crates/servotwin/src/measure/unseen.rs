@@ -77,8 +77,8 @@ pub const SAID_INPUT_INVALID: Measure =
 /// What was said, the best answer first. Every flight counts once: by its first action, or without one by its most
 /// specific output.
 pub const ANSWERS: [&Measure; 9] = [
-    &of_all("said_needed", "needed command", |row, _| row.first == FirstAction::Right),
-    &of_all("said_other", "other command", |row, _| row.first == FirstAction::OtherAction),
+    &of_all("said_needed", "needed action", |row, _| row.first == FirstAction::Right),
+    &of_all("said_other", "other action", |row, _| row.first == FirstAction::OtherAction),
     &of_all("said_actuator", "actuator", |row, _| says(row, Word::Actuator)),
     &of_all("said_unknown", "unknown", |row, _| says(row, Word::Unknown)),
     &SAID_INPUT_INVALID,

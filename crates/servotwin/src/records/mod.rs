@@ -53,7 +53,7 @@ pub struct Records<'s> {
     files: Vec<PartFiles>,
 }
 
-/// What came of simulating records.
+/// The result of simulating records.
 #[derive(Clone, Debug)]
 pub struct RecordsOutcome {
     /// Whether the diagnosis is judged on it or trained on it.
