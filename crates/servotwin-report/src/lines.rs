@@ -108,8 +108,8 @@ pub(crate) fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(St
         let finds = match (stage.question, &stage.command) {
             (Question::Actuator, _) if words.has_several() => words.unit().to_owned(),
             (Question::Actuator, _) => words.question(stage.question),
-            (Question::Action, _) => "command".into(),
-            (Question::Detail, Some(command)) => format!("details of “{}”", spoken(command)),
+            (Question::Action, _) => "action".into(),
+            (Question::Detail, Some(action)) => format!("details of “{}”", spoken(action)),
             (Question::Detail, None) => "details".into(),
         };
         if stages.iter().all(|(id, _)| *id != stage.id) {

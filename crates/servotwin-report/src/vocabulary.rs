@@ -111,16 +111,16 @@ impl Vocabulary {
     /// What every answer names: the action and, with several actuators, the actuator.
     pub(crate) fn action(&self) -> String {
         match self.has_several() {
-            true => format!("{} and command", self.unit),
-            false => "command".into(),
+            true => format!("{} and action", self.unit),
+            false => "action".into(),
         }
     }
 
     /// The same as [`Vocabulary::action`] for answers in which either is wrong.
     pub(crate) fn action_wrong(&self) -> String {
         match self.has_several() {
-            true => format!("{} or command", self.unit),
-            false => "command".into(),
+            true => format!("{} or action", self.unit),
+            false => "action".into(),
         }
     }
 
@@ -154,7 +154,7 @@ impl Vocabulary {
         match question {
             Question::Actuator if self.has_several() => format!("the {}", self.unit),
             Question::Actuator => "healthy or faulty".into(),
-            Question::Action => "the command".into(),
+            Question::Action => "the action".into(),
             Question::Detail => "the detail".into(),
         }
     }
@@ -193,7 +193,7 @@ impl Vocabulary {
     pub(crate) fn said(&self, word: &str) -> String {
         match (word, self.has_several()) {
             ("actuator", false) => FAULTY.into(),
-            ("wrong actuator", false) => "command though healthy".into(),
+            ("wrong actuator", false) => "action though healthy".into(),
             _ => self.adapted(word),
         }
     }
@@ -277,6 +277,6 @@ mod tests {
             ("“halt”", "switched off")
         );
         assert_eq!(words(&["halt", "vent"]).off(), "switch-off");
-        assert!(!words(&[]).has_off() && words(&[]).action() == "command");
+        assert!(!words(&[]).has_off() && words(&[]).action() == "action");
     }
 }

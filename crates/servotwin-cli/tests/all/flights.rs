@@ -41,7 +41,7 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     );
     assert!(summary.lines().count() <= 10, "{summary}");
     let measures =
-        ["right actuator and command first", "missed (of all)", "per hour (95 %: at most"];
+        ["right actuator and action first", "missed (of all)", "per hour (95 %: at most"];
     for measure in measures.into_iter().chain(["flown: "]) {
         assert!(summary.contains(measure), "{measure}: {summary}");
     }

@@ -89,7 +89,7 @@ fn asks(stage: &Stage, words: &Vocabulary) -> String {
             words.paper(" (figure 9 of the seed paper)")
         ),
         Question::Action => "what must be done".into(),
-        Question::Detail => "what is broken, within one command".into(),
+        Question::Detail => "what is broken, within one action".into(),
     }
 }
 

@@ -24,7 +24,7 @@ pub fn write(material: &Material, page: &mut Document) {
                 let class = |name: &String| spoken(words.class(stage.question, name));
                 let classes: Vec<String> = stage.score.classes.iter().map(class).collect();
                 let within = match &stage.command {
-                    Some(command) => format!(", failures that call for “{}”", spoken(command)),
+                    Some(action) => format!(", failures that call for “{}”", spoken(action)),
                     None => String::new(),
                 };
                 page.figure(

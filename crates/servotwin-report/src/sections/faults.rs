@@ -12,7 +12,7 @@ pub fn write(material: &Material, page: &mut Document) {
     if study.faults.is_empty() {
         return;
     }
-    let mut grid = Table::headed(["command", "failure", "components", "faults"]);
+    let mut grid = Table::headed(["action", "failure", "components", "faults"]);
     let rows = table::rows(study);
     for row in &rows {
         let (components, faults) = (row.components.to_string(), row.faults.to_string());

@@ -88,8 +88,8 @@ pub fn write(material: &Material, page: &mut Document) {
             }
         });
     for metrics in results.judged().chain(results.of_other_plants()) {
-        page.table("", by_command(metrics, words).captioned(format!(
-                "Scenario {}: what became of the {}s, by what should have been commanded. Shares are \
+        page.table("", by_action(metrics, words).captioned(format!(
+                "Scenario {}: what became of the {}s, by the action that it needs. Shares are \
                  of the visible faults, with 95 % intervals from drawing kinds of fault at their \
                  intensities; times are the median, and below it 95 % and the longest of those that \
                  were isolated.",
@@ -501,9 +501,9 @@ fn times(latency: &Option<Latency>) -> String {
     })
 }
 
-fn by_command(metrics: &FlightMetrics, words: &Vocabulary) -> Table {
+fn by_action(metrics: &FlightMetrics, words: &Vocabulary) -> Table {
     let mut heads: Vec<String> =
-        vec!["command".into(), "visible".into(), "isolated".into(), "another command".into()];
+        vec!["action".into(), "visible".into(), "isolated".into(), "another action".into()];
     if words.has_several() {
         heads.push(format!("wrong {}", words.unit()));
     }
@@ -514,10 +514,10 @@ fn by_command(metrics: &FlightMetrics, words: &Vocabulary) -> Table {
         let [low, high] = class.intensities;
         let count =
             |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
-        let command =
+        let action =
             format!("{}\nintensity {} … {}", spoken(&class.command), chosen(low), chosen(high));
         let cell = |measure: &Measure| count(&class.rates.of(measure));
-        let mut row = vec![command, cell(&measure::VISIBLE), cell(&measure::RIGHT_ACTION)];
+        let mut row = vec![action, cell(&measure::VISIBLE), cell(&measure::RIGHT_ACTION)];
         row.push(cell(&measure::OTHER_ACTION));
         row.extend(words.has_several().then(|| cell(&measure::WRONG_ACTUATOR)));
         row.push(cell(&measure::SILENT));

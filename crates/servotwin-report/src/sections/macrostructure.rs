@@ -80,7 +80,7 @@ fn add_actuator(
         StagePlace { question, actuator: several.then_some(actuator as u32), action }.id()
     };
     let own = id(Question::Action, None);
-    let text = format!("{own}  command\n{}", accuracy(judged, &own));
+    let text = format!("{own}  action\n{}", accuracy(judged, &own));
     let tree = add(drawn, (&own, &text), 0, (actuator + 1, 2));
     let mut below = vec![];
     for (action, title) in hierarchy.names.actions.iter().enumerate() {

@@ -20,7 +20,7 @@ pub fn write(material: &Material, page: &mut Document) {
         true => about(words, page),
         false => {
             _ = page.text(
-                "The study says of no command that it switches its unit off ([reactions], \
+                "The study says of no action that it switches its unit off ([reactions], \
                  switches_off): so nothing is counted about missed, needless or wrong switching.",
             )
         }

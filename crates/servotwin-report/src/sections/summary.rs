@@ -194,7 +194,7 @@ fn seed_paper(material: &Material, page: &mut Document) {
             trees,
         ]);
     };
-    for (letter, title) in [("A", "actuator"), ("B", "command")] {
+    for (letter, title) in [("A", "actuator"), ("B", "action")] {
         let accuracy = |score: Option<&servotwin::learn::metrics::Score>| score.map(|s| s.accuracy);
         let values = [baseline, trees].map(|result| accuracy(result.stage(letter)));
         push(letter, title, values);

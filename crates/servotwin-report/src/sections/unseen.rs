@@ -145,8 +145,8 @@ fn row(fault: &UnseenFaultRates, words: &Vocabulary) -> Vec<String> {
     let needed = match fault.needed {
         Some(Needed::Shutdown) => format!("needed: a {}", words.off()),
         Some(Needed::NoShutdown) => format!("needed: anything but a {}", words.off()),
-        Some(Needed::Any | Needed::ItsAction) => "needed: any command".into(),
-        Some(Needed::Nothing) => "needed: no command".into(),
+        Some(Needed::Any | Needed::ItsAction) => "needed: any action".into(),
+        Some(Needed::Nothing) => "needed: no action".into(),
         None => String::new(),
     };
     let small = match fault.strengths.as_str() {

@@ -109,7 +109,7 @@ pub fn lane_trees(
     rates: &FailureRates,
 ) -> Result<LaneTrees, SafetyError> {
     if study.shutdowns().is_empty() {
-        let problem = "no action switches an actuator off, so no lane can be lost by command; declare one with \
+        let problem = "no action switches an actuator off, so no lane can be lost by an action; declare one with \
                        switches_off = true in [reactions]";
         return Err(SafetyError::Study { study: study.name.clone(), problem });
     }

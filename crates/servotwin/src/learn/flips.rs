@@ -61,7 +61,7 @@ pub struct Flips {
     pub draws: usize,
     /// The share of perturbations that change the actuator.
     pub actuator: Rate,
-    /// The share that changes actuator or command.
+    /// The share that changes actuator or action.
     pub action: Rate,
     /// The share that changes any part of the answer.
     pub answer: Rate,
@@ -121,7 +121,7 @@ impl Moving<'_> {
 /// The result for one row.
 struct Seen {
     row: usize,
-    /// For each perturbation, whether the actuator, actuator or command, and any part of the answer changed.
+    /// For each perturbation, whether the actuator, actuator or action, and any part of the answer changed.
     changes: Vec<[bool; 3]>,
 }
 

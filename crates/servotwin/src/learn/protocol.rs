@@ -78,7 +78,7 @@ impl Protocol {
     pub fn title(self) -> &'static str {
         match self {
             Protocol::RandomThird => "a random third held out",
-            Protocol::KindLeftOut => "one kind of fault left out (actuator and command)",
+            Protocol::KindLeftOut => "one kind of fault left out (actuator and action)",
             Protocol::UnseenIntensity => "fault unseen at its intensity",
             Protocol::NewCommand => "new command",
         }

@@ -28,7 +28,7 @@ pub(crate) struct RowOutcome {
     pub said: Diagnosis,
     /// The command, given the true actuator.
     pub command: Option<u32>,
-    /// The detail, given the true actuator and command.
+    /// The detail, given the true actuator and action.
     pub detail: Option<u32>,
     /// Whether the answer counts. Where it does not, the fault stays not isolated.
     pub is_decided: bool,

@@ -229,7 +229,7 @@ pub const END_TO_END_OF_ALL: Measure = Measure {
 /// Another action for the right actuator came first.
 pub const OTHER_ACTION: Measure = Measure {
     name: "other_action",
-    sentence: "another command first",
+    sentence: "another action first",
     of: VISIBLE_FAULT,
     holds: |row, _| row.first == FirstAction::OtherAction,
 };
