@@ -15,7 +15,7 @@ use super::{Fit, FitError, Unknown};
 const LENGTHS: [f64; 4] = [1.0, 0.5, 0.2, 0.05];
 /// A fit has converged when a step would reduce F by less than this: no unknown would move by more than a tenth of its
 /// standard error.
-const SMALL_GAIN: f64 = 0.005;
+pub(super) const SMALL_GAIN: f64 = 0.005;
 /// A step that promises less than this is taken without a search: the solver's errors change F by about as much, but
 /// the slope of F by far less.
 const SURE_GAIN: f64 = 1.0;

@@ -100,9 +100,9 @@ impl Unknown {
         let unknown =
             Self::tolerance(system, &Tolerance { parameters, sigma, absolute: !draw.is_factor });
         let nominal = if draw.is_factor { 1.0 } else { 0.0 };
-        let ends = draw.range.map(|end| (end - nominal) / sigma);
-        let range = (unknown.range.0.max(ends[0]).min(0.0), unknown.range.1.min(ends[1]).max(0.0));
-        Self { range, ..unknown }
+        let [low, high] = draw.range.map(|end| (end - nominal) / sigma);
+        let whole = Self { range: (low, high), ..unknown };
+        Self { range: whole.declared_range(system), ..whole }
     }
 
     /// The intensity of a fault, without prior knowledge.

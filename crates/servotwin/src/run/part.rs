@@ -6,7 +6,7 @@
 
 use super::{Run, RunError, fitted_specimen, plan};
 use crate::manifest::in_hexadecimal;
-use crate::study::{Plants, Scenario, Study, Suite};
+use crate::study::{Scenario, Study, Suite};
 use crate::table::parquet::ParquetReader;
 use crate::table::{self, Column, Table, TableError, Values};
 use servotwin_diagnosis::features::Sensor;
@@ -108,13 +108,12 @@ pub(crate) fn parts(
 }
 
 /// Divides the wanted parts of a suite into rounds of neighbors that are simulated together. A round holds its twins, and the
-/// rows of unfinished parts, in memory. Where the twins of flights are fitted, each part is a round.
+/// rows of unfinished parts, in memory. Where each twin is fitted anew, each part is a round.
 pub(crate) fn rounds(
     (study, suite, scenario): (&Study, &Suite, Scenario),
     parts: &[Vec<usize>],
     wanted: &BTreeSet<usize>,
 ) -> Vec<Vec<usize>> {
-    let is_alone = suite.is_fitted || (!suite.is_records && scenario.plants() == Plants::Pool);
     let twin_samples = suite.longest_s() / study.sample_period_s;
     let twin = |number: usize| {
         if suite.is_unseen {
@@ -131,7 +130,7 @@ pub(crate) fn rounds(
         twins.extend(own());
         let is_full = runs > ROUND_RUNS || twins.len() as f64 * twin_samples > ROUND_TWIN_SAMPLES;
         let is_next = |round: &&mut Vec<usize>| round.ends_with(&[place.wrapping_sub(1)]);
-        match rounds.last_mut().filter(is_next).filter(|_| !is_full && !is_alone) {
+        match rounds.last_mut().filter(is_next).filter(|_| !is_full && !suite.is_fitted) {
             Some(round) => round.push(place),
             None => {
                 (runs, twins) = (parts[place].len(), own().collect());
