@@ -12,6 +12,7 @@ mod comparison;
 mod crest;
 mod deviation;
 mod gain;
+mod law;
 mod moments;
 mod parity;
 mod pressure;
@@ -45,6 +46,8 @@ pub enum Quantity {
     Supply,
     /// Pressure of the return manifold.
     Return,
+    /// The current that drives the servo valve.
+    Current,
     /// Stroke measured at the surface that all actuators move; it belongs to none.
     Surface,
     /// Anything else.
@@ -53,13 +56,14 @@ pub enum Quantity {
 
 impl Quantity {
     /// Every quantity with its name in a study file.
-    pub const ALL: [(Quantity, &'static str); 8] = [
+    pub const ALL: [(Quantity, &'static str); 9] = [
         (Quantity::PressureA, "pressure_a"),
         (Quantity::PressureB, "pressure_b"),
         (Quantity::Ram, "ram"),
         (Quantity::Spool, "spool"),
         (Quantity::Supply, "supply"),
         (Quantity::Return, "return"),
+        (Quantity::Current, "current"),
         (Quantity::Surface, "surface"),
         (Quantity::Other, "other"),
     ];
@@ -356,6 +360,7 @@ families! {
     vote "each ram sensor against a third stroke sensor",
     crest "crest factor: whether each residual is steady or comes in bursts",
     parity "parity residuals: each sensor against the law by which it follows others",
+    law "each spool against the current that drives it: gain, offset and lag",
 }
 
 /// The family with a name.

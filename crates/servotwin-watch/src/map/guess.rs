@@ -333,7 +333,7 @@ impl<'c> Candidate<'c> {
             Quantity::Ram => (is_position, Ram),
             Quantity::Spool => (is_position, Spool),
             Quantity::Surface => (is_position, Surface),
-            Quantity::Other => return 0,
+            Quantity::Current | Quantity::Other => return 0,
         };
         let (motion, pressures) = ([Ram, Spool, Surface], [ChamberA, ChamberB, Supply, Return]);
         let rivals: &[Topic] = if motion.contains(&part) { &motion } else { &pressures };
