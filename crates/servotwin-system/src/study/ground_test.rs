@@ -8,8 +8,8 @@
 //! `[fitted]`, and `ground_test.suites` for `[suites]`. Faults are present from the start. `ground_test.sensors` adds what
 //! logs of flights lack and a test bench has, such as the current that the computer itself puts out.
 
-use super::keys::FLIGHT_S;
-use super::other_plant::DrawText;
+use super::keys::{FLIGHT_S, SAMPLE_HZ};
+use super::other_plant::{self, DrawText};
 use super::reader::Reader;
 use super::{SensorText, Study, flights, suites};
 use crate::format::{At, Names, Value, section};
@@ -24,6 +24,7 @@ section! {
     pub(super) struct Text {
         must command: At<String>, "command of the test, from rest";
         must duration_s: f64 = FLIGHT_S, "length of the test, and of its only window";
+        may sample_hz: Option<f64> = SAMPLE_HZ, "sampling rate of the test, if it is not that of flights";
         may inputs: flights::Ranges, "ranges of inputs, drawn for each environment";
         may unit_inputs: flights::Ranges, "ranges of inputs that every channel has";
         may unit_parameters: flights::Ranges, "ranges of parameters that every channel has";
@@ -75,6 +76,13 @@ impl super::Text {
     pub(super) fn on_ground(self) -> Self {
         let Some(At { value: test, at }) = self.ground_test.clone() else { return self };
         let onset_s = At::new([0.0, 0.0], at.clone());
+        let sample_hz = test.sample_hz.unwrap_or(self.sample_hz);
+        // A latency is at most one sample.
+        let on_time = |mut plant: other_plant::Text| {
+            let latency_s = &mut plant.latency_s.value;
+            *latency_s = latency_s.map(|time_s| time_s.min(1.0 / sample_hz));
+            plant
+        };
         let of_tests = |flights: flights::Text| flights::Text {
             duration_s: test.duration_s,
             onset_s,
@@ -89,11 +97,13 @@ impl super::Text {
                 latency_unfitted_s: test.duration_s,
                 ..flights.limits
             },
+            other_plant: flights.other_plant.map(on_time),
             ..flights
         };
         let mut sensors = self.sensors;
         sensors.extend(test.sensors.into_iter().map(|(id, sensor)| (id, sensor.seen())));
         super::Text {
+            sample_hz,
             sensors,
             suites: test.suites,
             flights: self.flights.map(|own| At::new(of_tests(own.value), at.clone())),
@@ -234,7 +244,7 @@ mod tests {
                 "actuator_1.sensor_supply.reading",
                 "less than noise",
             ),
-            ("quantity = \"other\", unit = 1", "quantity = \"other\", unit = 3", "unit"),
+            ("quantity = \"current\", unit = 1", "quantity = \"current\", unit = 3", "unit"),
             ("amplitude=9deg,frequency=0.4Hz", "amplitude=900deg,frequency=0.4Hz", "command"),
             (
                 "\"cylinder.viscous_friction_n_s_m\"], times",

@@ -19,6 +19,8 @@ pub(super) const SOME_SPECIMENS: Value = Value::Whole(1.0, MAX_SPECIMENS);
 pub(super) const RUN_S: Value = Value::Number(0.1, LONGEST_S, "s");
 /// The length of a flight, s.
 pub(super) const FLIGHT_S: Value = Value::Number(1.0, 1e4, "s");
+/// A sampling rate, Hz.
+pub(super) const SAMPLE_HZ: Value = Value::Number(1.0, 1e4, "Hz");
 /// Upper limit on environments.
 pub const MAX_ENVIRONMENTS: usize = 100_000;
 /// A count of flights.

@@ -41,7 +41,7 @@ use crate::signal::Signal;
 use crate::system::System;
 use crate::system::imperfection::Imperfection;
 use crate::toml_text::{Collector, Diagnostic, TextSpan, TomlError, TomlText};
-use keys::{RUN_S, some};
+use keys::{RUN_S, SAMPLE_HZ, some};
 use reader::{Noted, Reader};
 use servotwin_diagnosis::diagnoser::tuning::usual_least_on;
 use servotwin_diagnosis::features::{MAX_ACTUATORS, MAX_FOLLOWED, Quantity, Sensor, Sensors};
@@ -65,7 +65,7 @@ section! {
         must system: At<String>, "a built-in system, or a file in the same folder";
         may seed: u64 = Value::Whole(0.0, 999.0), "seed of everything that is drawn; default 0";
         must duration_s: f64 = RUN_S, "length of every run";
-        must sample_hz: f64 = Value::Number(1.0, 1e4, "Hz"), "sampling rate";
+        must sample_hz: f64 = SAMPLE_HZ, "sampling rate";
         must intensities: At<Vec<At<f64>>> = Value::List(0, &INTENSITY),
             "intensities at which every fault is simulated";
         must units: Vec<At<String>> = some::<Vec<At<String>>>(),

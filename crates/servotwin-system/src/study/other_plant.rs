@@ -23,7 +23,7 @@ section! {
     pub(super) struct Text {
         may kinds: Names<At<String>>,
             "kinds that stand for others, by the component's name without its channel";
-        may latency_s: At<[f64; 2]>, "range of a sensor's latency, at most one sample";
+        may pub(super) latency_s: At<[f64; 2]>, "range of a sensor's latency, at most one sample";
         may draws: Vec<At<DrawText>>, "ranges from which each specimen draws parameters";
     }
 }

@@ -7,6 +7,9 @@
 //!
 //! The growth with the largest likelihood of a few is taken; like sensors share one. The likelihood is that of independent
 //! normal residuals, which these are not: it only ranks growths.
+//!
+//! Tests on the ground have no such growth. Their command is one and the same, and their twins are fitted: what is left
+//! in fast motion is what shows the dynamics of a valve.
 
 use super::windows::WindowDesign;
 use crate::parallel::Workers;
@@ -80,7 +83,7 @@ pub fn learn<'s>(
 ) -> Result<WindowDesign<'s>, RunError> {
     let spools = spools(study);
     let mut spreads = vec![None; spools.len()];
-    if let Some(suite) = study.suite(LEARN) {
+    if let Some(suite) = study.suite(LEARN).filter(|_| !study.is_on_ground()) {
         let (sums, samples) = sums((study, suite), scenario, &spools, workers)?;
         for (sensor, spread) in spreads.iter_mut().enumerate() {
             let of_pool = (0..spools.len()).filter(|&other| pools[other] == pools[sensor]);
