@@ -196,7 +196,8 @@ mod tests {
         assert!(test.is_on_ground() && test.text.ends_with(&study.text));
         let (flights, in_flight) =
             (test.flights.as_ref().unwrap(), study.flights.as_ref().unwrap());
-        assert_eq!((flights.duration_s, &flights.windows_s[..]), (20.0, &[20.0][..]));
+        assert_eq!((flights.duration_s, &flights.windows_s[..]), (10.0, &[10.0][..]));
+        assert_eq!((test.sample_period_s, study.sample_period_s), (0.002, 0.01));
         assert_eq!(flights.draws, in_flight.draws, "the specimens are the same");
         assert!(!flights.wear.is_empty() && in_flight.wear.is_empty());
         let seen =
@@ -224,7 +225,7 @@ mod tests {
             assert_eq!(inputs[speed.unwrap()].value(3.0), 0.0);
             let command = &inputs[test.command_input];
             assert!(
-                (command.value(11.0) - calibration.inputs[test.command_input].value(11.0)).abs()
+                (command.value(6.0) - calibration.inputs[test.command_input].value(6.0)).abs()
                     < 1e-3
             );
         }

@@ -11,6 +11,8 @@ use super::{Fit, FitError};
 
 /// The most turns for each specimen.
 const MOST_TURNS: usize = 24;
+/// No smaller share of a step is tried: what is left of F to gain is then less than the errors of J.
+const LEAST_SHARE: f64 = 0.1;
 /// Number of runs whose residuals are kept in memory.
 const AT_ONCE: usize = 96;
 
@@ -81,12 +83,14 @@ impl Fit<'_> {
                     *own = Progress { z, cost, step, share: 1.0, ..own.clone() };
                     (own.failure, own.has_ended) = (None, promised < SMALL_GAIN);
                 }
-                Ok(_) => own.share *= 0.5,
                 // A twin that cannot be simulated at the first point has none to step back to.
                 Err(failure) if own.cost.is_infinite() => {
                     (own.failure, own.has_ended) = (Some(failure), true);
                 }
-                Err(_) => own.share *= 0.5,
+                Ok(_) | Err(_) => {
+                    own.share *= 0.5;
+                    own.has_ended = own.share < LEAST_SHARE;
+                }
             }
         }
         Ok(())
