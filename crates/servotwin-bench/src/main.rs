@@ -13,13 +13,13 @@
 mod cvode;
 mod diffsol_bdf;
 
+use servotwin::compiled::Compiled;
+use servotwin::ensemble::{Ensemble, Sink, Variant};
+use servotwin::study::{FaultCase, Study};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{SolverSettings, Statistics};
-use servotwin_system::compiled::Compiled;
-use servotwin_system::ensemble::{Ensemble, Sink, Variant};
-use servotwin_system::study::{FaultCase, Study};
 use std::time::Instant;
 
 /// Everything that all solvers are given.

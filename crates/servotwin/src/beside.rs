@@ -6,8 +6,8 @@
 use crate::moment::rounded;
 use crate::system::imperfection::Imperfection;
 use crate::system::{Sensor, System};
+use crate::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 use servotwin_model::spec::Unit;
-use servotwin_system::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 use std::borrow::Cow;
 
 /// Largest share of the difference that a mistake may leave unexplained.

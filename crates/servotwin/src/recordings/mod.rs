@@ -35,6 +35,7 @@ const COUNT: Value = Value::Whole(1.0, 1e9);
 section! {
     /// The study file of recordings.
     pub struct RecordingStudy {
+        #[expect(dead_code, reason = "it is checked before anything else")]
         must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
         may records: Option<String>, "a folder of logs, each a record named like its file; or one table";
         may record: Option<String>, "column that names the record, in one table and in the labels";

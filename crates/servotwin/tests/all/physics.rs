@@ -6,6 +6,8 @@
 
 use crate::aileron::{constant, fault, program, state, step, test};
 use nalgebra::{Complex, DMatrix, Schur};
+use servotwin::ensemble::Variant;
+use servotwin::signal::Signal;
 use servotwin_model::fluid::{Fluid, compressibility_per_pa};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::FaultAt;
@@ -14,8 +16,6 @@ use servotwin_model::solver::{
     self, Cause, Job, JobSource, SolverFailure, SolverSettings, Statistics,
 };
 use servotwin_model::spec::Unit;
-use servotwin_system::ensemble::Variant;
-use servotwin_system::signal::Signal;
 use std::f64::consts::TAU;
 
 const BAR: f64 = 1e5;

@@ -1,8 +1,8 @@
 //! A valid system that is hardly meant draws a warning; those of the toolkit draw none.
 
-use servotwin_system::built_in::SYSTEMS;
-use servotwin_system::plausibility::warnings;
-use servotwin_system::system::System;
+use servotwin::built_in::SYSTEMS;
+use servotwin::plausibility::warnings;
+use servotwin::system::System;
 
 const PRESS: &str = include_str!("../../../../systems/press_axis.toml");
 

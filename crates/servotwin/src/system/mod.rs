@@ -4,7 +4,7 @@
 //! at their places, as many as possible at once.
 //!
 //! ```
-//! use servotwin_system::system::System;
+//! use servotwin::system::System;
 //!
 //! let system = System::parse(
 //!     r#"

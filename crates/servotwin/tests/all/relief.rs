@@ -1,10 +1,10 @@
 //! The aileron's relief valves, beside an aileron whose relief valves never open.
 
+use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::signal::Signal;
+use servotwin::system::System;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
-use servotwin_system::ensemble::{Ensemble, Variant};
-use servotwin_system::signal::Signal;
-use servotwin_system::system::System;
 
 const BAR: f64 = 1e5;
 const DURATION_S: f64 = 20.0;

@@ -1,13 +1,13 @@
 //! A compiled step is the step of the lists, bit by bit.
 
+use servotwin::built_in;
+use servotwin::compiled::Compiled;
+use servotwin::ensemble::{Ensemble, Later, Variant};
+use servotwin::system::System;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{SolverFailure, Statistics};
-use servotwin_system::built_in;
-use servotwin_system::compiled::Compiled;
-use servotwin_system::ensemble::{Ensemble, Later, Variant};
-use servotwin_system::system::System;
 
 const VARIANTS: usize = 21;
 

@@ -1,7 +1,7 @@
 //! Writes what `peers/cvode` integrates: the aileron's C source and the cases.
 //!
 //! ```text
-//! cargo run --release -p servotwin-system --example write_peer_input -- FOLDER
+//! cargo run --release -p servotwin --example write_peer_input -- FOLDER
 //! ```
 //!
 //! `FOLDER/aileron.c` is the system; `FOLDER/command.csv` the command, which the
@@ -14,13 +14,13 @@
 mod peer_cases;
 
 use peer_cases::{CASES, COMMAND, DURATION_S, PERIOD_S};
+use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::signal::Signal;
+use servotwin::system::System;
 use servotwin_model::c_source;
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
-use servotwin_system::ensemble::{Ensemble, Variant};
-use servotwin_system::signal::Signal;
-use servotwin_system::system::System;
 use std::error::Error;
 use std::fmt::Write;
 use std::path::PathBuf;

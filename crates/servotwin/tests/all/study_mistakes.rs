@@ -1,13 +1,13 @@
 //! Study files: each broken one is told what is wrong, exactly as in the `.expected` file beside it.
 //!
-//! `UPDATE=1 cargo test -p servotwin-system study_mistakes` writes the expected files anew.
+//! `UPDATE=1 cargo test -p servotwin study_mistakes` writes the expected files anew.
 
 use crate::golden;
+use servotwin::built_in;
+use servotwin::study::Study;
+use servotwin::system::System;
+use servotwin::template::{Like, Template};
 use servotwin_io::toml_text::TomlError;
-use servotwin_system::built_in;
-use servotwin_system::study::Study;
-use servotwin_system::system::System;
-use servotwin_system::template::{Like, Template};
 
 #[test]
 fn broken_studies_are_told_what_is_wrong() {

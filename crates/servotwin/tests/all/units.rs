@@ -1,7 +1,7 @@
 //! Units as people write them.
 
+use servotwin::units::{NamedUnit, exactly, find, misread, misreadings, within};
 use servotwin_model::spec::Unit;
-use servotwin_system::units::{NamedUnit, exactly, find, misread, misreadings, within};
 use std::f64::consts::PI;
 
 #[test]

@@ -1,13 +1,13 @@
 //! Fluid without air under tension: no absolute pressure falls below vapor pressure, and a cavity closes when the liquid
 //! that it has lost is back.
 
+use servotwin::ensemble::Ensemble;
+use servotwin::ensemble::Variant;
+use servotwin::signal::Signal;
+use servotwin::system::System;
+use servotwin::validity::{CrossedLimit, ValidityMonitor};
 use servotwin_model::fluid::{Fluid, FluidKind, VAPOR_PRESSURE_PA, compressibility_per_pa};
 use servotwin_model::solver::{Control, Method, SolverSettings};
-use servotwin_system::ensemble::Ensemble;
-use servotwin_system::ensemble::Variant;
-use servotwin_system::signal::Signal;
-use servotwin_system::system::System;
-use servotwin_system::validity::{CrossedLimit, ValidityMonitor};
 
 const BAR: f64 = 1e5;
 const PERIOD_S: f64 = 5e-5;

@@ -1,9 +1,9 @@
 //! Simulations by names: inputs within their ranges, what begins at time zero, and what leaves the model.
 
-use servotwin_system::built_in;
-use servotwin_system::simulate::{InputSignal, Simulation, SimulationError, VariantSpec};
-use servotwin_system::system::System;
-use servotwin_system::validity::CrossedLimit;
+use servotwin::built_in;
+use servotwin::simulate::{InputSignal, Simulation, SimulationError, VariantSpec};
+use servotwin::system::System;
+use servotwin::validity::CrossedLimit;
 use std::sync::atomic::AtomicBool;
 
 #[test]

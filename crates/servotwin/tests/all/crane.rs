@@ -1,9 +1,9 @@
 //! A load held by a relief valve: its rest is hard to find, because the rod side fills from near vacuum.
 
-use servotwin_system::ensemble::{Ensemble, Variant};
-use servotwin_system::signal::Signal;
-use servotwin_system::system::System;
-use servotwin_system::template::{Like, Template};
+use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::signal::Signal;
+use servotwin::system::System;
+use servotwin::template::{Like, Template};
 
 const BAR: f64 = 1e5;
 

@@ -1,10 +1,10 @@
 //! Tests of values, statistics and errors.
 
+use servotwin::format::{Read, Value, must};
+use servotwin::signal::Signal;
 use servotwin_io::toml_text::{Collector, Entry, TomlText};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
-use servotwin_system::format::{Read, Value, must};
-use servotwin_system::signal::Signal;
 use std::f64::consts::{PI, TAU};
 
 const DEGREE: f64 = PI / 180.0;

@@ -5,8 +5,8 @@
 //! [`Simulation::prepare`] resolves every name once and reports the first mistake; [`PreparedSimulation::run`] simulates.
 //!
 //! ```
-//! use servotwin_system::simulate::Simulation;
-//! use servotwin_system::system::System;
+//! use servotwin::simulate::Simulation;
+//! use servotwin::system::System;
 //!
 //! let system = System::default();
 //! let results = Simulation::new(&system)

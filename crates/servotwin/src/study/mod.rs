@@ -138,7 +138,7 @@ section! {
     }
 }
 
-/// A study that is ready to run. The trait `servotwin::job::RunStudy` runs it.
+/// A study that is ready to run. [`Study::run`] runs it.
 pub struct Study {
     /// The name of the study in files.
     pub name: String,

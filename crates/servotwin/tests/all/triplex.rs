@@ -1,7 +1,7 @@
 //! Three actuators on one surface: the mid-value voter and the equaliser of three.
 
-use servotwin_system::ensemble::{Ensemble, Variant};
-use servotwin_system::system::System;
+use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::system::System;
 
 fn triplex() -> System {
     System::parse(include_str!("../triplex.toml"), "triplex.toml").unwrap_or_else(|e| panic!("{e}"))

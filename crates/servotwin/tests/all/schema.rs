@@ -1,11 +1,11 @@
 //! The JSON Schemas accept what the parsers accept, and refuse slips.
 
 use serde_json::{Value, json};
-use servotwin_system::built_in::{STUDIES, SYSTEMS};
-use servotwin_system::format;
-use servotwin_system::study::{self, Study};
-use servotwin_system::system::{self, System};
-use servotwin_system::template::{Like, Template};
+use servotwin::built_in::{STUDIES, SYSTEMS};
+use servotwin::format;
+use servotwin::study::{self, Study};
+use servotwin::system::{self, System};
+use servotwin::template::{Like, Template};
 
 /// A validator of the keywords that the schemas use; another keyword is a mistake of the schema.
 struct Validator<'s>(&'s Value);
@@ -227,7 +227,7 @@ fn studies_that_are_read_keep_to_the_schema_and_slips_do_not() {
 
 #[test]
 fn every_key_of_a_study_has_its_row() {
-    let table = format::markdown(servotwin_system::study::keys());
+    let table = format::markdown(servotwin::study::keys());
     for key in ["`training.draws[].count`", "`sensors.NAME.quantity`", "`suites.NAME.repeats`"] {
         assert!(table.contains(key), "{key}:\n{table}");
     }

@@ -1,10 +1,10 @@
 //! The aileron of `systems/aileron_dual.toml` as the tests drive it.
 
+use servotwin::ensemble::{Ensemble, Variant};
+use servotwin::system::System;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{SolverFailure, SolverSettings, Statistics};
-use servotwin_system::ensemble::{Ensemble, Variant};
-use servotwin_system::system::System;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 

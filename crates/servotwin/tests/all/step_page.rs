@@ -1,7 +1,7 @@
 //! The drawing of one solver step shows the lengths of the arrays as they are.
 
+use servotwin::system::System;
 use servotwin_model::solver::{Method, SolverSettings};
-use servotwin_system::system::System;
 use std::collections::BTreeSet;
 
 const PAGE: &str = include_str!("../../../servotwin-model/src/solver/mod.rs");

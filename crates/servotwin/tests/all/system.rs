@@ -1,14 +1,14 @@
 //! System files: good ones become systems, and each broken one is told what is
 //! wrong, exactly as in the `.expected` file beside it.
 //!
-//! `UPDATE=1 cargo test -p servotwin-system system` writes the expected files anew.
+//! `UPDATE=1 cargo test -p servotwin system` writes the expected files anew.
 
 use crate::golden;
+use servotwin::system::System;
 use servotwin_io::toml_text::TomlError;
 use servotwin_model::fluid::Fluid;
 use servotwin_model::network::Instance;
 use servotwin_model::spec::Unit;
-use servotwin_system::system::System;
 use std::path::{Path, PathBuf};
 
 fn folder(name: &str) -> PathBuf {
