@@ -100,7 +100,7 @@ impl Compiled {
     }
 
     /// The functions if an earlier call has found them; never compiles.
-    pub fn ready(&self, level: Level) -> Option<&CompiledSteps> {
+    pub(crate) fn ready(&self, level: Level) -> Option<&CompiledSteps> {
         self.of(level).get()?.as_ref().map(|loaded| &loaded.steps)
     }
 

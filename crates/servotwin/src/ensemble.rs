@@ -112,7 +112,7 @@ impl<'p> Ensemble<'p> {
     }
 
     /// As [`Ensemble::new`] for a system's program, which is compiled if that pays off.
-    pub fn of(system: &'p System) -> Self {
+    pub(crate) fn of(system: &'p System) -> Self {
         Self { compiled: Some(&system.compiled), ..Self::new(&system.program) }
     }
 
@@ -162,7 +162,7 @@ impl<'p> Ensemble<'p> {
 
     /// Compiles in advance if this many variants justify it, and waits for the compilers unless [`Ensemble::cancel`] is
     /// set. Use it before a run with another cancel flag.
-    pub fn prepare(&self, count: usize) {
+    pub(crate) fn prepare(&self, count: usize) {
         if let Some(compiled) = self.compiled {
             let (method, simulated_s) = (self.settings.method, count as f64 * self.duration_s);
             compiled.prepare(self.program, method, self.level, simulated_s, self.cancel);

@@ -23,7 +23,7 @@ pub struct Key {
     /// Kind of its value.
     pub value: Value,
     /// Whether the key is required.
-    pub obligatory: bool,
+    pub(crate) obligatory: bool,
     /// One line for the documentation.
     pub summary: &'static str,
 }
@@ -637,7 +637,11 @@ pub(crate) fn object(keys: &[Key]) -> Json {
 }
 
 /// The JSON Schema of a file with these keys; their kinds refer to the definitions.
-pub fn schema(title: &str, keys: &[Key], definitions: serde_json::Map<String, Json>) -> Json {
+pub(crate) fn schema(
+    title: &str,
+    keys: &[Key],
+    definitions: serde_json::Map<String, Json>,
+) -> Json {
     let mut schema = object(keys);
     schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     schema["title"] = json!(title);

@@ -37,7 +37,7 @@ impl<'c> Workers<'c> {
     }
 
     /// The cancel flag.
-    pub fn cancel(&self) -> Option<&'c AtomicBool> {
+    pub(crate) fn cancel(&self) -> Option<&'c AtomicBool> {
         self.cancel
     }
 

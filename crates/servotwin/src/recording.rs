@@ -35,7 +35,7 @@ pub fn with_suffix(name: &str, unit: Unit) -> String {
 }
 
 /// The column of a table that holds a sensor or an input: its id, with or without the unit's suffix.
-pub fn column<'t>(table: &'t Table, id: &str, unit: Unit) -> Option<&'t str> {
+pub(crate) fn column<'t>(table: &'t Table, id: &str, unit: Unit) -> Option<&'t str> {
     let full = with_suffix(id, unit);
     let named = |wanted: &str| table.names().find(|name| *name == wanted);
     named(&full).or_else(|| named(id))

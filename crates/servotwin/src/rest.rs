@@ -28,7 +28,7 @@ pub struct Stopped {
     /// The state with the largest error.
     pub state: String,
     /// Cause of the failure.
-    pub cause: Cause,
+    pub(crate) cause: Cause,
 }
 
 impl Stopped {

@@ -41,7 +41,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Maximum number of recorded values; they take 1.6 GB of memory.
-pub const MAX_VALUES: f64 = 2e8;
+pub(crate) const MAX_VALUES: f64 = 2e8;
 /// Maximum duration of a run, s.
 const MAX_DURATION_S: f64 = 1e6;
 /// Minimum and maximum time between samples, s.
@@ -525,7 +525,7 @@ pub struct PreparedRun {
     /// One curve per input of the system.
     pub curves: Vec<Arc<Piecewise>>,
     /// The inputs that a signal drives.
-    pub driven: Vec<usize>,
+    pub(crate) driven: Vec<usize>,
 }
 
 impl PreparedRun {
@@ -591,9 +591,9 @@ pub struct PreparedSimulation<'s> {
     /// The runs, in their order.
     pub runs: Vec<PreparedRun>,
     /// The quantities that every run records.
-    pub recorded: Vec<Recorded>,
+    pub(crate) recorded: Vec<Recorded>,
     /// The swept quantity, if there is one.
-    pub sweep: Option<Sweep>,
+    pub(crate) sweep: Option<Sweep>,
 }
 
 impl<'s> PreparedSimulation<'s> {

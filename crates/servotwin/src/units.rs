@@ -20,7 +20,7 @@ pub struct NamedUnit {
     /// Zero of it in SI.
     pub offset: f64,
     /// Whether it states that a pressure is absolute.
-    pub is_absolute: bool,
+    pub(crate) is_absolute: bool,
     /// How messages name it.
     pub spoken: &'static str,
     /// Other spellings.
@@ -216,7 +216,7 @@ impl NamedUnit {
     }
 
     /// Whether it is a multiple of the SI unit, and says no more.
-    pub fn is_proportional(&self) -> bool {
+    pub(crate) fn is_proportional(&self) -> bool {
         self.offset == 0.0 && !self.is_absolute
     }
 
@@ -332,7 +332,7 @@ pub(crate) fn is_usual(unit: Unit) -> bool {
 }
 
 /// The unit that people usually type instead of SI.
-pub fn typed(unit: Unit) -> Option<&'static NamedUnit> {
+pub(crate) fn typed(unit: Unit) -> Option<&'static NamedUnit> {
     of_logs(unit).next()
 }
 
@@ -366,7 +366,7 @@ impl Misread {
     }
 
     /// `to be in mm, not m` or, where nobody declared the second unit, `to be inches read as mm`, with what to do.
-    pub fn in_words(&self, declared: &NamedUnit) -> (String, String) {
+    pub(crate) fn in_words(&self, declared: &NamedUnit) -> (String, String) {
         let actual: Vec<&str> = self.actual.iter().map(|unit| unit.spoken).collect();
         let (actual, read_as) = (actual.join(" or "), self.read_as.spoken);
         match self.read_as == declared {
@@ -464,7 +464,7 @@ fn suffix_of(text: &str) -> String {
 /// A key that was named with the suffix of another unit.
 pub(crate) struct Slip {
     /// The key that was meant.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     unit: Unit,
     /// The value in SI, where the unit of the slip is known.
     si: Option<f64>,

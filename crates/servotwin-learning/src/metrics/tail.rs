@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 const ONE_OF: usize = 10;
 
 /// The smallest number of excesses from which a tail is fitted.
-pub const LEAST_EXCESSES: usize = 30;
+const LEAST_EXCESSES: usize = 30;
 
 /// The range of the shape ξ. Below, the likelihood has no regular maximum; above, excesses have no mean.
 const SHAPES: RangeInclusive<f64> = -0.5..=1.0;
@@ -57,9 +57,9 @@ pub struct Tail {
     /// The shape ξ: 0 for an exponential tail, negative for one that ends.
     pub shape: f64,
     /// The scale σ of the excesses.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// The level of the following probability.
-    pub level: f64,
+    pub(crate) level: f64,
     /// The probability that a block's largest value exceeds the level, by (1).
     pub probability: f64,
     /// Lower end of its 95 % interval.

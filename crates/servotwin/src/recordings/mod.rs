@@ -66,8 +66,8 @@ section! {
 section! {
     /// A column that is learned from the windows.
     pub(crate) struct Target {
-        must pub column: String, "the column";
-        may pub healthy: Option<String>, "its value without a fault, if it has one";
+        must pub(crate) column: String, "the column";
+        may pub(crate) healthy: Option<String>, "its value without a fault, if it has one";
     }
 }
 

@@ -51,11 +51,11 @@ fn find(name: &str) -> Option<&'static Kind> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrittenQuantity {
     /// The number before the unit.
-    pub number: f64,
+    pub(crate) number: f64,
     /// The unit; `None` means SI.
-    pub unit: Option<&'static NamedUnit>,
+    pub(crate) unit: Option<&'static NamedUnit>,
     /// Whether the unit is per second.
-    pub per_second: bool,
+    pub(crate) per_second: bool,
 }
 
 impl WrittenQuantity {
@@ -90,7 +90,7 @@ pub(crate) enum Argument {
 #[derive(Clone)]
 pub(crate) struct Term {
     /// The kind of signal.
-    pub kind: &'static Kind,
+    pub(crate) kind: &'static Kind,
     /// One entry per declared parameter.
     arguments: Vec<Option<Argument>>,
 }

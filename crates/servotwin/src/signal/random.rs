@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 const READY: usize = 128;
 
 /// A generator of normal deviates, vectorized in lanes; results do not depend on the lanes.
-pub struct NormalDeviates {
+pub(crate) struct NormalDeviates {
     bits: servotwin_diagnosis::random::Random,
     level: Level,
     ready: [f64; READY],
@@ -19,12 +19,12 @@ pub struct NormalDeviates {
 
 impl NormalDeviates {
     /// A generator whose numbers depend only on the seed.
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self::of(servotwin_diagnosis::random::Random::new(seed))
     }
 
     /// One of many independent generators with the same seed.
-    pub fn stream(seed: u64, number: u64) -> Self {
+    pub(crate) fn stream(seed: u64, number: u64) -> Self {
         Self::of(servotwin_diagnosis::random::Random::stream(seed, number))
     }
 
@@ -33,7 +33,7 @@ impl NormalDeviates {
     }
 
     /// The next deviate, with mean 0 and variance 1.
-    pub fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         if self.next == READY {
             dispatch(self.level, Refill { bits: &mut self.bits, ready: &mut self.ready });
             self.next = 0;
@@ -44,7 +44,7 @@ impl NormalDeviates {
     }
 
     /// A uniform deviate in (0, 1].
-    pub fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         uniform(&mut self.bits)
     }
 }

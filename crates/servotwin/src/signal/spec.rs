@@ -84,10 +84,10 @@ pub(crate) struct Parameter {
     /// Its name in text and files.
     pub name: &'static str,
     /// Its type.
-    pub sort: Sort,
+    pub(crate) sort: Sort,
     range: Range,
     /// Its default.
-    pub fallback: Fallback,
+    pub(crate) fallback: Fallback,
     /// A one-line description.
     pub summary: &'static str,
 }
@@ -197,13 +197,13 @@ impl Parameter {
 #[derive(Debug)]
 pub(crate) struct Kind {
     /// Name in texts and files.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// A one-line description.
-    pub summary: &'static str,
+    pub(crate) summary: &'static str,
     /// A text that is valid for an angle.
-    pub example: &'static str,
+    pub(crate) example: &'static str,
     /// The parameters that it accepts.
-    pub parameters: &'static [Parameter],
+    pub(crate) parameters: &'static [Parameter],
     /// Builds the function of time from checked arguments. Fails if they are incompatible.
     pub(super) build: fn(&Given) -> Result<Piecewise, SignalError>,
 }
@@ -228,9 +228,9 @@ pub(super) struct Given<'a> {
     kind: &'static Kind,
     arguments: &'a [Option<Argument>],
     /// The unit of the input.
-    pub unit: Unit,
+    pub(crate) unit: Unit,
     /// Duration of the run, s.
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
 }
 
 impl<'a> Given<'a> {

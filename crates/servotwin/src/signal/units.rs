@@ -7,9 +7,9 @@ use servotwin_model::spec::Unit;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Measure {
     /// The base unit.
-    pub unit: Unit,
+    pub(crate) unit: Unit,
     /// Whether it is per second.
-    pub per_second: bool,
+    pub(crate) per_second: bool,
 }
 
 impl Measure {

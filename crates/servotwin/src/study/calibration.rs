@@ -30,7 +30,7 @@ section! {
 #[derive(Clone, Debug)]
 pub struct Calibration {
     /// One signal for each input of the system.
-    pub inputs: Vec<Piecewise>,
+    pub(crate) inputs: Vec<Piecewise>,
     /// Length of the calibration flight, s.
     pub duration_s: f64,
     judge: usize,
@@ -74,7 +74,7 @@ impl Calibration {
 
     /// The index of a variant's specimen in its pool.
     /// `case` is the index of its operating case, and `seed` that of the variant.
-    pub fn specimen(&self, purpose: Purpose, case: usize, seed: Seed) -> usize {
+    pub(crate) fn specimen(&self, purpose: Purpose, case: usize, seed: Seed) -> usize {
         let dealt = seed.choices(Stream::Pool).index(self.in_each_case);
         (case * self.in_each_case + dealt) % self.specimens(purpose)
     }

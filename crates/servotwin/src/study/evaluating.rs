@@ -12,18 +12,18 @@ words!(Criterion, [("gini", Criterion::Gini), ("entropy", Criterion::Entropy)].i
 section! {
     /// A study's settings of training and evaluation; `None` means the usual value.
     #[derive(Default)]
-    pub struct Evaluating {
-        may pub seed: Option<u64> = SEED, "seed of the splits into training and test";
-        may pub random_thirds: Option<usize> = ROUNDS,
+    pub(crate) struct Evaluating {
+        may pub(crate) seed: Option<u64> = SEED, "seed of the splits into training and test";
+        may pub(crate) random_thirds: Option<usize> = ROUNDS,
             "number of repeats that hold out a random third";
-        may pub folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
-        may pub learned_bands: Option<At<Vec<At<Scenario>>>>,
+        may pub(crate) folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
+        may pub(crate) learned_bands: Option<At<Vec<At<Scenario>>>>,
             "scenarios with learned bands; the others use 3 %";
-        may pub classifiers: Option<At<Vec<At<Scenario>>>>,
+        may pub(crate) classifiers: Option<At<Vec<At<Scenario>>>>,
             "scenarios in which classifiers are compared";
-        may pub comparison: Rounds, "how the comparison of classifiers holds out rows";
-        may pub committee: Boosting, "committee of boosted trees";
-        may pub trees: Names<Growing>, "the nine trees of each scenario";
+        may pub(crate) comparison: Rounds, "how the comparison of classifiers holds out rows";
+        may pub(crate) committee: Boosting, "committee of boosted trees";
+        may pub(crate) trees: Names<Growing>, "the nine trees of each scenario";
     }
 }
 
@@ -31,10 +31,10 @@ section! {
     /// How the nine trees are grown.
     #[derive(Copy, Default)]
     pub struct Growing {
-        may pub criterion: Option<Criterion>, "measure of impurity";
-        may pub depth: Option<usize> = Value::Whole(1.0, 100.0),
+        may pub(crate) criterion: Option<Criterion>, "measure of impurity";
+        may pub(crate) depth: Option<usize> = Value::Whole(1.0, 100.0),
             "maximum number of questions on a path";
-        may pub leaf_rows: Option<usize> = SOME_SPECIMENS, "minimum number of rows in a leaf";
+        may pub(crate) leaf_rows: Option<usize> = SOME_SPECIMENS, "minimum number of rows in a leaf";
     }
 }
 
@@ -44,24 +44,24 @@ const FOLDS: Value = Value::Whole(2.0, 1000.0);
 section! {
     /// How often rows are held out.
     #[derive(Copy, Default)]
-    pub struct Rounds {
-        may pub random_thirds: Option<usize> = ROUNDS,
+    pub(crate) struct Rounds {
+        may pub(crate) random_thirds: Option<usize> = ROUNDS,
             "number of repeats that hold out a random third";
-        may pub folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
+        may pub(crate) folds: Option<usize> = FOLDS, "number of folds that hold out kinds and intensities";
     }
 }
 
 section! {
     /// How the committee's boosted trees are grown.
     #[derive(Copy, Default)]
-    pub struct Boosting {
-        may pub trees: Option<usize> = Value::Whole(1.0, MAX_TREES as f64),
+    pub(crate) struct Boosting {
+        may pub(crate) trees: Option<usize> = Value::Whole(1.0, MAX_TREES as f64),
             "number of trees at each stage of the hierarchy";
-        may pub depth: Option<usize> = Value::Whole(1.0, MAX_DEPTH as f64),
+        may pub(crate) depth: Option<usize> = Value::Whole(1.0, MAX_DEPTH as f64),
             "maximum number of questions on a path";
-        may pub learning_rate: Option<f64> = Value::Number(1e-3, 1.0, ""),
+        may pub(crate) learning_rate: Option<f64> = Value::Number(1e-3, 1.0, ""),
             "factor on the contribution of each tree";
-        may pub feature_share: Option<f64> = Value::Number(1e-3, 1.0, ""),
+        may pub(crate) feature_share: Option<f64> = Value::Number(1e-3, 1.0, ""),
             "share of the features that each tree may use";
     }
 }

@@ -14,7 +14,7 @@ pub struct Class {
     /// The action of the flight control computer, e.g. `shut_down`.
     pub command: String,
     /// Fault names without the actuator, e.g. `leakage_a.leakage`.
-    pub kinds: Vec<String>,
+    pub(crate) kinds: Vec<String>,
 }
 
 impl Class {
@@ -98,6 +98,6 @@ impl Reader<'_> {
 }
 
 /// Prefixes a name with its unit. An empty unit name stands for the whole system.
-pub fn full_name(unit: &str, rest: &str) -> String {
+pub(crate) fn full_name(unit: &str, rest: &str) -> String {
     if unit.is_empty() { rest.into() } else { format!("{unit}.{rest}") }
 }

@@ -44,9 +44,9 @@ section! {
     /// The targets of the diagnosis at work.
     #[derive(Copy, PartialEq, Serialize, Deserialize)]
     pub struct Limits {
-        may pub latency_s: f64 = Value::Number(0.0, 1e4, "s") => 1.0,
+        may pub(crate) latency_s: f64 = Value::Number(0.0, 1e4, "s") => 1.0,
             "latency limit for 95 % of visible shutdown faults";
-        may pub latency_unfitted_s: f64 = Value::Number(0.0, 1e4, "s") => 2.0,
+        may pub(crate) latency_unfitted_s: f64 = Value::Number(0.0, 1e4, "s") => 2.0,
             "the same limit for a twin that is not fitted";
         may pub false_alarms_per_h: f64 = Value::Number(0.0, 1e4, "1/h") => 1e-3,
             "limit on false alarms of healthy actuators";
@@ -65,27 +65,27 @@ pub struct Environment {
     /// One signal for each input of the system.
     pub inputs: Vec<Piecewise>,
     /// Parameters that the environment changes (temperatures): component, parameter, value.
-    pub parameters: Vec<(usize, usize, f64)>,
+    pub(crate) parameters: Vec<(usize, usize, f64)>,
 }
 
 /// What all flights of a study have in common.
 #[derive(Clone, Debug)]
 pub struct Flights {
     /// Length of a flight with a fault, s.
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// The range of a fault's onset, s.
-    pub onset_s: [f64; 2],
+    pub(crate) onset_s: [f64; 2],
     /// Lengths of the windows, s, ascending.
-    pub windows_s: Vec<f64>,
+    pub(crate) windows_s: Vec<f64>,
     /// The targets of the diagnosis.
-    pub limits: Limits,
+    pub(crate) limits: Limits,
     /// Plants that differ from their twin in structure.
-    pub other_plant: Option<OtherPlant>,
+    pub(crate) other_plant: Option<OtherPlant>,
     /// What each specimen with tolerances draws, besides its tolerances.
-    pub draws: Vec<PlantDraw>,
+    pub(crate) draws: Vec<PlantDraw>,
     /// What each test on the ground draws, besides what its specimen is: the changes since the first test. Empty in
     /// flight.
-    pub wear: Vec<PlantDraw>,
+    pub(crate) wear: Vec<PlantDraw>,
     /// The minimum number of actuators that stay on; `None` for the usual one.
     pub(super) least_on: Option<u32>,
     pub(super) varied: Varied,
@@ -95,26 +95,26 @@ pub struct Flights {
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentRanges {
     /// The patterns of the commands, each with the number of its ranges.
-    pub commands: Vec<(String, usize)>,
+    pub(crate) commands: Vec<(String, usize)>,
     /// Inputs and parameters of the system with their ranges, SI.
     pub ranges: Vec<(String, [f64; 2])>,
     /// The range of a fault's onset, s.
-    pub onset_s: [f64; 2],
+    pub(crate) onset_s: [f64; 2],
     /// Length of a flight, s.
     pub duration_s: f64,
 }
 
 /// An environment by its place in [`EnvironmentRanges`].
 #[derive(Clone, Copy, Debug)]
-pub struct ChosenEnvironment<'c> {
+pub(crate) struct ChosenEnvironment<'c> {
     /// The seed of the random part of the command.
-    pub seed: Seed,
+    pub(crate) seed: Seed,
     /// The index of the pattern of the command.
-    pub pattern: usize,
+    pub(crate) pattern: usize,
     /// The place in each range of the pattern, from 0 to 1.
-    pub command: &'c [f64],
+    pub(crate) command: &'c [f64],
     /// The place in each range of inputs and parameters, from 0 to 1.
-    pub shares: &'c [f64],
+    pub(crate) shares: &'c [f64],
 }
 
 impl Flights {
@@ -177,13 +177,13 @@ impl Text {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Varied {
     /// The patterns of the commands.
-    pub commands: Vec<At<String>>,
+    pub(crate) commands: Vec<At<String>>,
     /// Ranges of inputs.
-    pub inputs: Ranges,
+    pub(crate) inputs: Ranges,
     /// Ranges of inputs that every actuator has.
-    pub unit_inputs: Ranges,
+    pub(crate) unit_inputs: Ranges,
     /// Ranges of parameters that every actuator has.
-    pub unit_parameters: Ranges,
+    pub(crate) unit_parameters: Ranges,
 }
 
 impl Varied {

@@ -23,14 +23,17 @@ pub mod suites;
 mod training;
 mod warning;
 
-pub use calibration::Calibration;
-pub use evaluating::Evaluating;
+pub(crate) use calibration::Calibration;
+pub(crate) use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
-pub use flights::{ChosenEnvironment, Environment, EnvironmentRanges, Flights};
-pub use other_plant::{OtherPlant, PlantDraw};
-pub use reactions::{Reaction, Reactions};
-pub use realism::{MAX_DEVIATION, Plants, Realism, Scenario, Section, Tolerance};
-pub use seed::{Seed, Stream};
+pub use flights::Environment;
+pub(crate) use flights::{ChosenEnvironment, EnvironmentRanges, Flights};
+pub(crate) use other_plant::{OtherPlant, PlantDraw};
+pub use reactions::Reaction;
+pub(crate) use reactions::Reactions;
+pub use realism::Scenario;
+pub(crate) use realism::{MAX_DEVIATION, Plants, Realism, Section, Tolerance};
+pub(crate) use seed::{Seed, Stream};
 pub use suites::{Purpose, Suite};
 pub use training::Training;
 
@@ -182,7 +185,7 @@ pub struct Study {
     /// The training flights, if they differ from those of the evaluation.
     pub training: Option<Training>,
     /// The settings of training and evaluation in the file.
-    pub evaluating: Evaluating,
+    pub(crate) evaluating: Evaluating,
     /// The reactions of the flight control computer to raised actions.
     pub reactions: Reactions,
     /// Whether the study has its full sizes, rather than those of its section `[quick]`.
@@ -302,7 +305,7 @@ impl Study {
     ///
     /// # Errors
     /// A command cannot be flown.
-    pub fn chosen_environments(
+    pub(crate) fn chosen_environments(
         &self,
         chosen: &[ChosenEnvironment],
     ) -> Result<Option<Vec<Environment>>, TomlError> {
@@ -402,7 +405,7 @@ impl Study {
     }
 
     /// Whether the sensors of all actuators correspond, so that features can take each actuator's view.
-    pub fn has_like_units(&self) -> bool {
+    pub(crate) fn has_like_units(&self) -> bool {
         self.sensors.rotations(self.units.len()).is_some()
     }
 

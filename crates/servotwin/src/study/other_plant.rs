@@ -40,24 +40,24 @@ section! {
 
 /// How the plants of a study differ from their twin.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OtherPlant {
+pub(crate) struct OtherPlant {
     /// Components of another kind.
-    pub kinds: Vec<(usize, &'static str)>,
+    pub(crate) kinds: Vec<(usize, &'static str)>,
     /// The range of a sensor's latency, s.
-    pub latency_s: [f64; 2],
+    pub(crate) latency_s: [f64; 2],
     /// What each specimen draws.
-    pub draws: Vec<PlantDraw>,
+    pub(crate) draws: Vec<PlantDraw>,
 }
 
 /// Parameters that share one draw in each specimen.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PlantDraw {
+pub(crate) struct PlantDraw {
     /// Names as (component, parameter): a component of another kind has parameters that the twin lacks.
-    pub parameters: Vec<(usize, String)>,
+    pub(crate) parameters: Vec<(usize, String)>,
     /// The range of the draw.
-    pub range: [f64; 2],
+    pub(crate) range: [f64; 2],
     /// Whether it is a factor, rather than an offset in the parameter's unit.
-    pub is_factor: bool,
+    pub(crate) is_factor: bool,
 }
 
 impl OtherPlant {
@@ -99,7 +99,7 @@ pub(super) fn draws(
 ///
 /// # Panics
 /// The draws were read for a system with other components.
-pub fn apply_draws(
+pub(crate) fn apply_draws(
     draws: &[PlantDraw],
     scatter: f64,
     parts: &[Instance],

@@ -64,7 +64,7 @@ impl Study {
     }
 
     /// The text of the study in its full size.
-    pub fn full_text(&self) -> String {
+    pub(crate) fn full_text(&self) -> String {
         if self.is_full { self.text.clone() } else { with_flag(&self.text, "full") }
     }
 }

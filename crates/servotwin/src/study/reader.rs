@@ -15,12 +15,12 @@ pub(super) struct Noted;
 
 /// The state of a parser that reads one study.
 pub(super) struct Reader<'a> {
-    pub path: &'a str,
+    pub(crate) path: &'a str,
     /// The text of the file.
-    pub source: &'a str,
-    pub text: &'a Text,
-    pub system: &'a System,
-    pub mistakes: RefCell<Collector>,
+    pub(crate) source: &'a str,
+    pub(crate) text: &'a Text,
+    pub(crate) system: &'a System,
+    pub(crate) mistakes: RefCell<Collector>,
 }
 
 impl<'a> Reader<'a> {

@@ -27,13 +27,13 @@ section! {
 
 /// Parameters that share one random deviation in each specimen.
 #[derive(Clone, Debug)]
-pub struct Tolerance {
+pub(crate) struct Tolerance {
     /// Indices (component, parameter).
-    pub parameters: Vec<(usize, usize)>,
+    pub(crate) parameters: Vec<(usize, usize)>,
     /// One standard deviation.
-    pub sigma: f64,
+    pub(crate) sigma: f64,
     /// Whether `sigma` is in the parameters' unit, rather than a share of their values.
-    pub absolute: bool,
+    pub(crate) absolute: bool,
 }
 
 /// The differences that the realistic scenario adds to the ideal one.
@@ -62,7 +62,7 @@ words!(Scenario, Scenario::ALL.into_iter().map(|scenario| (scenario.name(), scen
 
 /// The plants in a scenario, and their twins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Plants {
+pub(crate) enum Plants {
     /// The plant equals the twin.
     Twin,
     /// A new specimen for every variant, with the nominal twin.
@@ -75,9 +75,9 @@ pub enum Plants {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Section {
     /// The name of the section.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// An example of the section in one line.
-    pub example: &'static str,
+    pub(crate) example: &'static str,
 }
 
 pub(super) const REALISTIC: Section = Section {
@@ -111,12 +111,12 @@ impl Scenario {
     }
 
     /// Whether sensors have noise and quantization.
-    pub fn has_noise(self) -> bool {
+    pub(crate) fn has_noise(self) -> bool {
         self != Scenario::Ideal
     }
 
     /// The scenario's plants and twins.
-    pub fn plants(self) -> Plants {
+    pub(crate) fn plants(self) -> Plants {
         match self {
             Scenario::Ideal | Scenario::Noise => Plants::Twin,
             Scenario::Fitted => Plants::Pool,
@@ -140,7 +140,7 @@ impl Scenario {
     }
 
     /// The sections that the scenario needs and the study lacks.
-    pub fn lacks(self, study: &Study) -> Vec<Section> {
+    pub(crate) fn lacks(self, study: &Study) -> Vec<Section> {
         let needed = [
             (REALISTIC, self.has_noise() && study.realism.is_none()),
             (FITTED, self.plants() == Plants::Pool && study.calibration.is_none()),
@@ -173,14 +173,19 @@ impl Realism {
 
     /// The parameters of a specimen, as (component, parameter, value) within the allowed ranges. Its deviations are
     /// `scatter` times as large as declared.
-    pub fn specimen(&self, study: &Study, seed: Seed, scatter: f64) -> Vec<(usize, usize, f64)> {
+    pub(crate) fn specimen(
+        &self,
+        study: &Study,
+        seed: Seed,
+        scatter: f64,
+    ) -> Vec<(usize, usize, f64)> {
         let mut random = seed.stream(Stream::Tolerances);
         let deviations: Vec<f64> = self.tolerances.iter().map(|_| random.normal()).collect();
         self.specimen_with(study, &deviations, scatter)
     }
 
     /// The parameters of a specimen with these deviations, one for each tolerance, in standard deviations.
-    pub fn specimen_with(
+    pub(crate) fn specimen_with(
         &self,
         study: &Study,
         deviations: &[f64],
@@ -207,7 +212,7 @@ impl Realism {
     }
 
     /// Every tolerance of every actuator, in the order of the file.
-    pub fn tolerances(&self) -> &[Tolerance] {
+    pub(crate) fn tolerances(&self) -> &[Tolerance] {
         &self.tolerances
     }
 }
@@ -227,7 +232,7 @@ impl Canonical for Tolerance {
 }
 
 /// The largest deviation of a specimen, in standard deviations.
-pub const MAX_DEVIATION: f64 = 3.0;
+pub(crate) const MAX_DEVIATION: f64 = 3.0;
 
 /// Finds the component and parameter indices of a name.
 pub(super) fn find(

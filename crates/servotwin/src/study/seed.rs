@@ -8,7 +8,7 @@ use servotwin_model::hash::Fingerprint;
 
 /// The root of the random numbers of a run, an environment or a specimen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Seed(u64);
+pub(crate) struct Seed(u64);
 
 /// What random numbers are for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,36 +37,34 @@ pub enum Stream {
     Windows,
     /// Noise of a reading that a fault changes.
     Reading,
-    /// Perturbations of a row.
-    Perturbation,
     /// Points of a search.
-    Search,
+    Search = 13,
     /// What differs between two tests of an actuator.
     Wear,
 }
 
 impl Seed {
     /// The seed of a number of what is drawn, such as the name of a suite.
-    pub fn of(study_seed: u64, drawn: &str, number: u64) -> Seed {
+    pub(crate) fn of(study_seed: u64, drawn: &str, number: u64) -> Seed {
         let mut hash = Fingerprint::default();
         hash.add("servotwin 1").add(&study_seed).add(drawn).add(&number);
         Seed(hash.value())
     }
 
     /// The random numbers of a stream.
-    pub fn stream(self, stream: Stream) -> NormalDeviates {
+    pub(crate) fn stream(self, stream: Stream) -> NormalDeviates {
         NormalDeviates::stream(self.0, stream as u64)
     }
 
     /// The same as a generator of whole numbers.
-    pub fn choices(self, stream: Stream) -> Random {
+    pub(crate) fn choices(self, stream: Stream) -> Random {
         Random::stream(self.0, stream as u64)
     }
 }
 
 impl Study {
     /// The seed of a number of what is drawn, such as the name of a suite.
-    pub fn seed_of(&self, drawn: &str, number: usize) -> Seed {
+    pub(crate) fn seed_of(&self, drawn: &str, number: usize) -> Seed {
         Seed::of(self.seed, drawn, number as u64)
     }
 }

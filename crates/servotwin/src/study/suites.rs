@@ -152,7 +152,7 @@ pub const LEARN: &str = "learn";
 /// Healthy flights in many environments, of which training keeps the windows that leave the bands of [`LEARN`].
 pub const HARD_NEGATIVES: &str = "hard_negatives";
 /// Healthy flights that set the margin of a shutdown.
-pub const HELD_OUT: &str = "held_out";
+pub(crate) const HELD_OUT: &str = "held_out";
 /// Flights with the faults of the study, and healthy ones.
 pub const JUDGE: &str = "judge";
 /// Flights with faults that training does not contain.
@@ -166,7 +166,7 @@ pub(crate) const MISSING_SENSORS: &str = "missing_sensors";
 /// Healthy flights, each in an environment of its own.
 pub const HEALTHY: &str = "healthy";
 /// The same by plants that differ from their twin in structure.
-pub const HEALTHY_OTHER_STRUCTURE: &str = "healthy_other_structure";
+pub(crate) const HEALTHY_OTHER_STRUCTURE: &str = "healthy_other_structure";
 
 /// The name under which users run all suites of records.
 pub const RECORDS: &str = "records";
@@ -182,7 +182,7 @@ pub const EFFECTS: &str = "effects";
 /// environments of `held_out`, at most 1 % of environments have one (95 %, rule of three). Their specimens differ one and
 /// a half times as much as declared: the factor of safety between the loads that a structure may see and those that it
 /// must withstand (CS 25.303).
-pub const KNOWN: [(&str, Purpose, &str); 11] = [
+pub(crate) const KNOWN: [(&str, Purpose, &str); 11] = [
     (LEARN, Purpose::Train, ""),
     (HARD_NEGATIVES, Purpose::Train, "healthy = 1"),
     (HELD_OUT, Purpose::Tune, "environments = 300\nhealthy = 1\nscatter = 1.5"),
@@ -218,61 +218,61 @@ pub struct Suite {
     /// The seed of everything that is drawn.
     pub seed: u64,
     /// The name from which its random numbers come: its own, or that of the suite that it is like.
-    pub draws: String,
+    pub(crate) draws: String,
     /// The scenarios in which it is flown.
-    pub scenarios: Vec<Scenario>,
+    pub(crate) scenarios: Vec<Scenario>,
     /// The number of environments.
     pub environments: usize,
     /// The number of flights of every fault at every intensity.
-    pub repeats: usize,
+    pub(crate) repeats: usize,
     /// Whether its faults are those that training does not contain.
-    pub is_unseen: bool,
+    pub(crate) is_unseen: bool,
     /// The number of healthy flights in each environment.
-    pub healthy: usize,
+    pub(crate) healthy: usize,
     /// The length of a flight with a fault, s.
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// The length of a healthy flight, s.
-    pub healthy_duration_s: f64,
+    pub(crate) healthy_duration_s: f64,
     /// The range of the onset, s; `None` if faults are present before the first sample.
-    pub onset_s: Option<[f64; 2]>,
+    pub(crate) onset_s: Option<[f64; 2]>,
     /// Whether its plants have another structure than their twin.
-    pub has_other_plants: bool,
+    pub(crate) has_other_plants: bool,
     /// Whether the twin of every plant is fitted to its calibration flight.
-    pub is_fitted: bool,
+    pub(crate) is_fitted: bool,
     /// The factor of all tolerances and draws.
-    pub scatter: f64,
+    pub(crate) scatter: f64,
     /// Whether every flight is judged once without each sensor.
-    pub misses_sensors: bool,
+    pub(crate) misses_sensors: bool,
     /// Whether its runs are flown in closed loop. Their environments are the operating cases in turn; all runs of an
     /// environment have one specimen and one noise; and every fault of the system, whether a class lists it or not,
     /// begins at half and at full intensity in the middle of the range of the onset. No key says otherwise.
-    pub is_closed_loop: bool,
+    pub(crate) is_closed_loop: bool,
     /// Whether it is flown only when it is named.
-    pub is_on_request: bool,
+    pub(crate) is_on_request: bool,
     /// Whether its runs are the records of a data set. Their environments are operating cases, and every fault is simulated
     /// in each of them.
-    pub is_records: bool,
+    pub(crate) is_records: bool,
     varied: Varied,
 }
 
 impl Suite {
     /// Whether it is flown for judging in a scenario.
-    pub fn is_flown_in(&self, scenario: Scenario) -> bool {
+    pub(crate) fn is_flown_in(&self, scenario: Scenario) -> bool {
         self.purpose == Purpose::Test && self.scenarios.contains(&scenario)
     }
 
     /// The root of the random numbers of a run.
-    pub fn seed_of(&self, number: usize) -> Seed {
+    pub(crate) fn seed_of(&self, number: usize) -> Seed {
         Seed::of(self.seed, &self.draws, number as u64)
     }
 
     /// The root of the random numbers of an environment, and of a plant that makes all flights there.
-    pub fn seed_of_environment(&self, number: usize) -> Seed {
+    pub(crate) fn seed_of_environment(&self, number: usize) -> Seed {
         Seed::of(self.seed, &format!("{}/environment", self.draws), number as u64)
     }
 
     /// The root of the random numbers of a specimen whose twin is fitted: of the pool of records, or of an environment.
-    pub fn seed_of_fitted(&self, number: usize) -> Seed {
+    pub(crate) fn seed_of_fitted(&self, number: usize) -> Seed {
         match self.is_records {
             true => Seed::of(self.seed, &format!("{}/pool", self.draws), number as u64),
             false => self.seed_of_environment(number),
@@ -280,7 +280,7 @@ impl Suite {
     }
 
     /// The length of the longest run in an environment, s.
-    pub fn longest_s(&self) -> f64 {
+    pub(crate) fn longest_s(&self) -> f64 {
         if self.healthy > 0 || self.is_records {
             self.duration_s.max(self.healthy_duration_s)
         } else {
@@ -471,12 +471,12 @@ impl Study {
     }
 
     /// All suites of flights, by name.
-    pub fn suites(&self) -> impl Iterator<Item = &Suite> {
+    pub(crate) fn suites(&self) -> impl Iterator<Item = &Suite> {
         self.suites.values()
     }
 
     /// What varies between the environments of a suite.
-    pub fn ranges_of(&self, suite: &Suite) -> EnvironmentRanges {
+    pub(crate) fn ranges_of(&self, suite: &Suite) -> EnvironmentRanges {
         let onset_s = suite.onset_s.unwrap_or_default();
         suite.varied.ranges(&self.units, onset_s, suite.duration_s)
     }

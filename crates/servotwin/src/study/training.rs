@@ -106,7 +106,7 @@ impl Training {
     }
 
     /// The intensity of the n-th variant of a fault whose intensity in the study is `of_study`.
-    pub fn intensity(&self, of_study: f64, n: usize) -> f64 {
+    pub(crate) fn intensity(&self, of_study: f64, n: usize) -> f64 {
         let offset = self.intensity_spread * (2.0 * halton(n as u64 + 1, 2) - 1.0);
         rounded((of_study + offset).clamp(LEAST_INTENSITY, 1.0))
     }

@@ -9,7 +9,7 @@ use servotwin_model::spec::Unit;
 
 /// Noise and quantization of one sensor, in physical units.
 #[derive(Clone, Copy, Debug)]
-pub struct Imperfection {
+pub(crate) struct Imperfection {
     sigma: f64,
     /// The step of the converter; zero for none.
     step: f64,
@@ -17,7 +17,7 @@ pub struct Imperfection {
 
 impl Imperfection {
     /// Reads the sensor's component: `noise_sigma` is relative to its full scale, and `bits` divide the whole range.
-    pub fn of(system: &System, sensor: usize) -> Self {
+    pub(crate) fn of(system: &System, sensor: usize) -> Self {
         let instance = &system.network().components[system.sensors[sensor].component];
         Self::of_component(instance.component, &instance.parameters)
     }
@@ -36,7 +36,7 @@ impl Imperfection {
 
     /// The standard deviation of a sample, in physical units: noise, and quantization as a uniform distribution over a
     /// step.
-    pub fn deviation(self) -> f64 {
+    pub(crate) fn deviation(self) -> f64 {
         (self.sigma * self.sigma + self.step * self.step / 12.0).sqrt()
     }
 
@@ -73,16 +73,16 @@ pub(crate) fn scale_within_noise(
 
 /// The imperfections of several sensors, in their order.
 #[derive(Clone, Debug)]
-pub struct Imperfections(Vec<Imperfection>);
+pub(crate) struct Imperfections(Vec<Imperfection>);
 
 impl Imperfections {
     /// The imperfections of a system's sensors, given by index.
-    pub fn of(system: &System, sensors: &[usize]) -> Self {
+    pub(crate) fn of(system: &System, sensors: &[usize]) -> Self {
         Self(sensors.iter().map(|&sensor| Imperfection::of(system, sensor)).collect())
     }
 
     /// Applies the imperfections to one sample of all sensors, in physical units.
-    pub fn apply(&self, sample: &mut [f64], noise: &mut NormalDeviates) {
+    pub(crate) fn apply(&self, sample: &mut [f64], noise: &mut NormalDeviates) {
         for (value, imperfection) in sample.iter_mut().zip(&self.0) {
             *value = imperfection.apply(*value, noise);
         }

@@ -29,7 +29,7 @@
 
 mod check;
 mod fluid;
-pub mod imperfection;
+pub(crate) mod imperfection;
 pub mod listing;
 mod read;
 pub mod reservoir;
@@ -39,8 +39,9 @@ mod scope;
 
 pub(crate) use fluid::{POINT, keys_of};
 pub use listing::ListedFault;
-pub use reservoir::Reservoir;
-pub use rewrite::{NewValue, RewriteError};
+pub(crate) use reservoir::Reservoir;
+pub(crate) use rewrite::NewValue;
+pub use rewrite::RewriteError;
 pub use schema::of_file as schema;
 
 use crate::built_in;
@@ -178,7 +179,12 @@ impl System {
     ///
     /// # Errors
     /// The allowed values, in words.
-    pub fn allows(&self, component: usize, parameter: usize, value: f64) -> Result<(), String> {
+    pub(crate) fn allows(
+        &self,
+        component: usize,
+        parameter: usize,
+        value: f64,
+    ) -> Result<(), String> {
         let instance = &self.network().components[component];
         let (min, max) = instance.range(parameter);
         if (min..=max).contains(&value) {
@@ -285,7 +291,7 @@ impl System {
     }
 
     /// The variables that some sensors measure, each given by its index.
-    pub fn sensor_slots(&self, sensors: &[usize]) -> Vec<Slot> {
+    pub(crate) fn sensor_slots(&self, sensors: &[usize]) -> Vec<Slot> {
         let slot = |&sensor: &usize| {
             let name = &self.sensors[sensor].signal;
             self.program.observable(name).expect("a sensor's signal is an output").slot

@@ -106,10 +106,10 @@ impl Read for Connection {
 
 /// A named declaration, with its place and whether it is used.
 pub(super) struct Named<T> {
-    pub name: String,
-    pub at: TextSpan,
-    pub used: bool,
-    pub value: T,
+    pub(crate) name: String,
+    pub(crate) at: TextSpan,
+    pub(crate) used: bool,
+    pub(crate) value: T,
 }
 
 /// The target of a connection's end.
@@ -121,14 +121,14 @@ enum Resolved {
 /// The parsed file, as far as it was understood.
 #[derive(Default)]
 pub(super) struct Reader {
-    pub mistakes: Collector,
-    pub fluids: Vec<Named<Option<Fluid>>>,
-    pub assemblies: Vec<Named<Scope>>,
-    pub scope: Scope,
-    pub sensors: Vec<Sensor>,
-    pub reservoirs: Vec<Reservoir>,
-    pub name: String,
-    pub title: String,
+    pub(crate) mistakes: Collector,
+    pub(crate) fluids: Vec<Named<Option<Fluid>>>,
+    pub(crate) assemblies: Vec<Named<Scope>>,
+    pub(crate) scope: Scope,
+    pub(crate) sensors: Vec<Sensor>,
+    pub(crate) reservoirs: Vec<Reservoir>,
+    pub(crate) name: String,
+    pub(crate) title: String,
 }
 
 /// A word that names nothing.

@@ -26,13 +26,13 @@ pub struct Reservoir {
     /// The id, unique among reservoirs.
     pub id: String,
     /// The fluid that can leak before the pump has none, m³.
-    pub volume_m3: f64,
+    pub(crate) volume_m3: f64,
     /// The component that delivers its fluid, a pressure source.
-    pub supply: usize,
+    pub(crate) supply: usize,
     /// The input that gives the pressure of this source.
-    pub input: usize,
+    pub(crate) input: usize,
     /// The component that takes the fluid back, a tank.
-    pub tank: usize,
+    pub(crate) tank: usize,
 }
 
 /// The fluid in a reservoir during a run.
@@ -87,7 +87,7 @@ impl Level {
 }
 
 /// The share of its pressure that a pump delivers from a reservoir with this fluid, equation (R2).
-pub fn pressure_share(fluid_m3: f64, volume_m3: f64) -> f64 {
+pub(crate) fn pressure_share(fluid_m3: f64, volume_m3: f64) -> f64 {
     (fluid_m3 / (LOW * volume_m3)).min(1.0)
 }
 

@@ -10,15 +10,15 @@ use servotwin_model::network::{FLUID_PARAMETERS, Network};
 
 /// A parameter with its new value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct NewValue {
+pub(crate) struct NewValue {
     /// The index of the component.
-    pub component: usize,
+    pub(crate) component: usize,
     /// The index of the parameter.
-    pub parameter: usize,
+    pub(crate) parameter: usize,
     /// Its value, SI.
-    pub value: f64,
+    pub(crate) value: f64,
     /// A one-line comment written after the value.
-    pub comment: String,
+    pub(crate) comment: String,
 }
 
 /// Why a system file cannot have new values.
@@ -53,7 +53,11 @@ impl System {
     ///
     /// # Errors
     /// The layout of the file does not allow a parameter to be written, or the system is impossible with the values.
-    pub fn rewritten(&self, head: &[String], values: &[NewValue]) -> Result<String, RewriteError> {
+    pub(crate) fn rewritten(
+        &self,
+        head: &[String],
+        values: &[NewValue],
+    ) -> Result<String, RewriteError> {
         let document = TomlText::parse(&self.text, FORMAT, &mut Collector::default());
         let root = document.as_ref().map(TomlText::root).unwrap_or_default();
         let components = table(&root, "components").unwrap_or_default();

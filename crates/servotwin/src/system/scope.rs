@@ -12,15 +12,15 @@ use std::collections::BTreeMap;
 pub(super) struct Part {
     pub id: String,
     /// The place of its name; for an assembly's component, within the assembly.
-    pub at: TextSpan,
-    pub component: &'static Component,
+    pub(crate) at: TextSpan,
+    pub(crate) component: &'static Component,
     /// The values in SI; NaN where a required one is missing.
-    pub parameters: Vec<f64>,
-    pub faults: Vec<f64>,
+    pub(crate) parameters: Vec<f64>,
+    pub(crate) faults: Vec<f64>,
     /// The index of its declared fluid.
-    pub fluid: Option<usize>,
+    pub(crate) fluid: Option<usize>,
     /// Whether all its values could be read.
-    pub sound: bool,
+    pub(crate) sound: bool,
 }
 
 impl Part {
@@ -33,21 +33,21 @@ impl Part {
 /// A port with its place in a connection.
 #[derive(Clone)]
 pub(super) struct End {
-    pub port: PortOf,
-    pub at: TextSpan,
+    pub(crate) port: PortOf,
+    pub(crate) at: TextSpan,
 }
 
 /// An external input.
 #[derive(Clone)]
 pub(super) struct Input {
-    pub id: String,
-    pub at: TextSpan,
-    pub unit: Unit,
+    pub(crate) id: String,
+    pub(crate) at: TextSpan,
+    pub(crate) unit: Unit,
     /// The place of the unit.
-    pub unit_at: TextSpan,
+    pub(crate) unit_at: TextSpan,
     /// NaN if the file has no readable value.
-    pub default: f64,
-    pub targets: Vec<End>,
+    pub(crate) default: f64,
+    pub(crate) targets: Vec<End>,
 }
 
 /// Help for signals with several sources.
@@ -56,15 +56,15 @@ pub(super) const ONE_SOURCE: &str = "a signal has one source: keep one of them";
 /// The content of a system or of an assembly.
 #[derive(Clone, Default)]
 pub(super) struct Scope {
-    pub parts: Vec<Part>,
+    pub(crate) parts: Vec<Part>,
     /// The index in `parts` of each component.
     places: BTreeMap<String, usize>,
-    pub inputs: Vec<Input>,
-    pub connections: Vec<Vec<End>>,
+    pub(crate) inputs: Vec<Input>,
+    pub(crate) connections: Vec<Vec<End>>,
     /// Names that are declared but could not be read: references to them are not reported again.
-    pub broken: Vec<String>,
+    pub(crate) broken: Vec<String>,
     /// Whether all components and connections could be read.
-    pub complete: bool,
+    pub(crate) complete: bool,
 }
 
 impl Scope {

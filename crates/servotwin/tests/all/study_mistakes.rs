@@ -1,6 +1,6 @@
 //! Study files: each broken one is told what is wrong, exactly as in the `.expected` file beside it.
 //!
-//! `UPDATE=1 cargo test -p servotwin study_mistakes` writes the expected files anew.
+//! `UPDATE=1 cargo test -p servotwin --test all study_mistakes` writes the expected files anew.
 
 use crate::golden;
 use servotwin::built_in;

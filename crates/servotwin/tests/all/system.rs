@@ -1,7 +1,7 @@
 //! System files: good ones become systems, and each broken one is told what is
 //! wrong, exactly as in the `.expected` file beside it.
 //!
-//! `UPDATE=1 cargo test -p servotwin system` writes the expected files anew.
+//! `UPDATE=1 cargo test -p servotwin --test all system` writes the expected files anew.
 
 use crate::golden;
 use servotwin::system::System;
