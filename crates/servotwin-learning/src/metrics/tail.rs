@@ -69,7 +69,7 @@ pub struct Tail {
 }
 
 impl Tail {
-    /// Fits the tail of block maxima and extrapolates it to a level. `None` with fewer than [`LEAST_EXCESSES`] excesses,
+    /// Fits the tail of block maxima and extrapolates it to a level. `None` with fewer than 30 excesses,
     /// or if the threshold is not below the level: then counting gives more.
     pub fn fit(maxima: &[f64], level: f64) -> Option<Self> {
         let mut sorted: Vec<f64> = maxima.iter().copied().filter(|value| !value.is_nan()).collect();
