@@ -1,8 +1,8 @@
 /* Integrates the aileron with CVODE: the C that servotwin-model's c_source wrote,
  * BDF with Newton and a dense difference Jacobian, relative tolerance 1e-10 and
  * absolute tolerance 1e-10 of every state's scale, restarted wherever an input
- * has a break. Reads cases.txt (format: crates/servotwin-system/examples/
- * write_peer_input.rs), prints a table of all states. See run.sh. */
+ * has a break. Reads cases.txt (format: crates/servotwin/examples/write_peer_input.rs),
+ * prints a table of all states. See run.sh. */
 
 #include "generated/aileron.c"
 

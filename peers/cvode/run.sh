@@ -4,7 +4,7 @@
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 root="$here/../.."
-(cd "$root" && cargo run --quiet --release -p servotwin-system --example write_peer_input -- "$here/generated")
+(cd "$root" && cargo run --quiet --release -p servotwin --example write_peer_input -- "$here/generated")
 cc -std=c11 -O2 -ffp-contract=off -Wall -o "$here/generated/aileron" "$here/aileron.c" \
     -lsundials_cvode -lsundials_nvecserial -lsundials_sunmatrixdense -lsundials_sunlinsoldense -lm
 "$here/generated/aileron" "$here/generated/cases.txt" > "$root/golden/cvode_aileron.csv"

@@ -20,7 +20,7 @@ enum Owner {
 
 /// What `numpy.asarray` looks into; it keeps the numbers alive.
 #[pyclass(frozen, module = "servotwin._servotwin")]
-pub struct Numbers {
+pub(crate) struct Numbers {
     owner: Owner,
     shape: Vec<usize>,
 }
@@ -59,7 +59,7 @@ fn as_array<'py>(py: Python<'py>, numbers: Numbers) -> PyResult<Bound<'py, PyAny
 }
 
 /// A column of a table, which the array keeps alive; texts become an array of objects.
-pub fn column<'py>(
+pub(crate) fn column<'py>(
     py: Python<'py>,
     table: &Arc<servotwin::table::Table>,
     column: usize,
@@ -74,13 +74,17 @@ pub fn column<'py>(
 }
 
 /// Numbers in a shape, row by row.
-pub fn own(py: Python<'_>, values: Vec<f64>, shape: Vec<usize>) -> PyResult<Bound<'_, PyAny>> {
+pub(crate) fn own(
+    py: Python<'_>,
+    values: Vec<f64>,
+    shape: Vec<usize>,
+) -> PyResult<Bound<'_, PyAny>> {
     assert_eq!(values.len(), shape.iter().product::<usize>(), "as many numbers as the shape has");
     as_array(py, Numbers { owner: Owner::Own(values), shape })
 }
 
 /// Whole numbers.
-pub fn places(py: Python<'_>, values: Vec<i64>) -> PyResult<Bound<'_, PyAny>> {
+pub(crate) fn places(py: Python<'_>, values: Vec<i64>) -> PyResult<Bound<'_, PyAny>> {
     let shape = vec![values.len()];
     as_array(py, Numbers { owner: Owner::Places(values), shape })
 }
@@ -89,17 +93,17 @@ pub fn places(py: Python<'_>, values: Vec<i64>) -> PyResult<Bound<'_, PyAny>> {
 ///
 /// # Errors
 /// It is no number, or too large.
-pub fn real(given: &Bound<'_, PyAny>) -> PyResult<f64> {
+pub(crate) fn real(given: &Bound<'_, PyAny>) -> PyResult<f64> {
     given.extract().map_err(|error| too_large(given, error))
 }
 
 /// The same of a number that may be None.
-pub fn real_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+pub(crate) fn real_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
     if given.is_none() { Ok(None) } else { Ok(Some(real(given)?)) }
 }
 
 /// The same of several numbers.
-pub fn reals(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+pub(crate) fn reals(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     given.extract().map_err(|error| too_large(given, error))
 }
 
@@ -107,12 +111,12 @@ pub fn reals(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
 ///
 /// # Errors
 /// It is negative or too large, or no whole number.
-pub fn count_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<u64>> {
+pub(crate) fn count_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<u64>> {
     given.extract().map_err(|error| too_large(given, error))
 }
 
 /// As [`count_or_none`], for a number of threads.
-pub fn threads_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<usize>> {
+pub(crate) fn threads_or_none(given: &Bound<'_, PyAny>) -> PyResult<Option<usize>> {
     Ok(count_or_none(given)?.map(|count| count as usize))
 }
 
@@ -151,7 +155,7 @@ fn kind_of(array: &Bound<'_, PyAny>) -> PyResult<String> {
 ///
 /// # Errors
 /// It is none.
-pub fn numbers(values: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
+pub(crate) fn numbers(values: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
     let (array, address, shape) = interface(values, "float64")?;
     let count = shape.iter().product();
     let mut copy = vec![0.0; count];
@@ -168,7 +172,7 @@ pub fn numbers(values: &Bound<'_, PyAny>) -> PyResult<(Vec<f64>, Vec<usize>)> {
 ///
 /// # Errors
 /// It is no array of whole numbers.
-pub fn whole_numbers(values: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
+pub(crate) fn whole_numbers(values: &Bound<'_, PyAny>) -> PyResult<Vec<i64>> {
     let (array, address, shape) = interface(values, "int64")?;
     let count = shape.iter().product();
     let mut copy = vec![0; count];
@@ -202,7 +206,7 @@ fn interface<'py>(
 ///
 /// # Errors
 /// It has more than one dimension, or holds neither numbers nor truth values nor texts.
-pub fn values(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Values> {
+pub(crate) fn values(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Values> {
     let array = unmasked(given)?;
     let dimensions: usize = array.getattr("ndim")?.extract()?;
     if dimensions != 1 {
@@ -241,7 +245,7 @@ pub fn values(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Values> {
 }
 
 /// A table whose columns are shown.
-pub type Shared = Arc<servotwin::table::Table>;
+pub(crate) type Shared = Arc<servotwin::table::Table>;
 
 impl From<servotwin::table::Table> for table::Table {
     fn from(table: servotwin::table::Table) -> Self {

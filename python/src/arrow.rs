@@ -292,7 +292,7 @@ impl Drop for ArrowArrayStream {
 }
 
 /// A table as a stream, for `__arrow_c_stream__`.
-pub fn stream<'py>(py: Python<'py>, table: &Arc<Table>) -> PyResult<Bound<'py, PyCapsule>> {
+pub(crate) fn stream<'py>(py: Python<'py>, table: &Arc<Table>) -> PyResult<Bound<'py, PyCapsule>> {
     let owner = Box::new(StreamOwner { table: table.clone(), is_told: false });
     let stream = ArrowArrayStream {
         get_schema: Some(get_schema),
@@ -305,12 +305,12 @@ pub fn stream<'py>(py: Python<'py>, table: &Arc<Table>) -> PyResult<Bound<'py, P
 }
 
 /// The columns of a table, for `__arrow_c_schema__`.
-pub fn schema<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyCapsule>> {
+pub(crate) fn schema<'py>(py: Python<'py>, table: &Table) -> PyResult<Bound<'py, PyCapsule>> {
     PyCapsule::new_with_value(py, ArrowSchema::of_table(table), c"arrow_schema")
 }
 
 /// A table as schema and one batch, for `__arrow_c_array__`.
-pub fn array<'py>(
+pub(crate) fn array<'py>(
     py: Python<'py>,
     table: &Arc<Table>,
 ) -> PyResult<(Bound<'py, PyCapsule>, Bound<'py, PyCapsule>)> {

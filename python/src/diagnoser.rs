@@ -14,7 +14,7 @@ use std::sync::atomic::Ordering;
 
 /// The diagnosis after a sample, which `Diagnoser.push` returns.
 #[pyclass(frozen, module = "servotwin", get_all)]
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// The number of the sample, from 0.
     sample: u64,
     /// The finding in words: `actuator_1 / shut_down / leak`.
@@ -56,18 +56,18 @@ impl Outcome {
 /// >>> diagnoser.push(inputs, measured, expected).finding  # doctest: +SKIP
 /// 'healthy'
 #[pyclass(module = "servotwin")]
-pub struct Diagnoser {
+pub(crate) struct Diagnoser {
     session: Session,
 }
 
 impl Diagnoser {
     /// A diagnoser before its first sample.
-    pub fn fresh(diagnoser: diagnoser::Diagnoser) -> Result<Self, Failure> {
+    pub(crate) fn fresh(diagnoser: diagnoser::Diagnoser) -> Result<Self, Failure> {
         Ok(Diagnoser { session: Session::new(Arc::new(diagnoser))? })
     }
 
     /// A copy of what was trained.
-    pub fn trained(&self) -> Arc<diagnoser::Diagnoser> {
+    pub(crate) fn trained(&self) -> Arc<diagnoser::Diagnoser> {
         self.session.diagnoser().clone()
     }
 

@@ -24,19 +24,19 @@ enum Detail {
 
 /// A mistake of a file.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub(crate) struct Place {
     file: String,
     mistake: Diagnostic,
 }
 
 impl Place {
     /// A mistake of the file with this path.
-    pub fn new(file: &str, mistake: Diagnostic) -> Self {
+    pub(crate) fn new(file: &str, mistake: Diagnostic) -> Self {
         Place { file: file.into(), mistake }
     }
 
     /// The Python object.
-    pub fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    pub(crate) fn to_python<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let class = py.import("servotwin.errors")?.getattr("Mistake")?;
         let Diagnostic { line, column, width, message, help, range, allowed, .. } = &self.mistake;
         let (help, allowed) = (help.as_ref(), allowed.as_ref());
@@ -46,7 +46,7 @@ impl Place {
 
 /// An error on its way to Python.
 #[derive(Clone, Debug)]
-pub struct Failure {
+pub(crate) struct Failure {
     class: &'static str,
     message: String,
     details: Vec<(&'static str, Detail)>,
@@ -58,19 +58,19 @@ impl Failure {
     }
 
     /// A value that is not as it must be.
-    pub fn value(message: impl Display) -> Self {
+    pub(crate) fn value(message: impl Display) -> Self {
         Self::new("InputError", message)
     }
 
     /// A number outside its range.
-    pub fn range(name: &str, value: f64, (least, largest): (f64, f64), unit: &str) -> Self {
+    pub(crate) fn range(name: &str, value: f64, (least, largest): (f64, f64), unit: &str) -> Self {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let text = format!("{name} is {value}{unit}, but must be within {least} … {largest}{unit}");
         Self::value(text).within((least, largest))
     }
 
     /// A column that a table does not have.
-    pub fn no_column(given: &str, known: Vec<String>) -> Self {
+    pub(crate) fn no_column(given: &str, known: Vec<String>) -> Self {
         let near = nearest(given, known.iter().map(String::as_str)).map(str::to_owned);
         let hint =
             near.as_ref().map_or_else(String::new, |name| format!("; did you mean '{name}'?"));
@@ -78,12 +78,12 @@ impl Failure {
     }
 
     /// The same error with what is allowed.
-    pub fn within(self, (least, largest): (f64, f64)) -> Self {
+    pub(crate) fn within(self, (least, largest): (f64, f64)) -> Self {
         self.with("range", Detail::Range(least, largest))
     }
 
     /// The same error with a word in front, such as the input that it is about.
-    pub fn about(mut self, what: &str) -> Self {
+    pub(crate) fn about(mut self, what: &str) -> Self {
         self.message = format!("{what}: {}", self.message);
         self
     }
@@ -94,12 +94,12 @@ impl Failure {
     }
 
     /// A stage of a study that cannot be done.
-    pub fn stage(message: impl Display) -> Self {
+    pub(crate) fn stage(message: impl Display) -> Self {
         Self::new("StageError", message)
     }
 
     /// The same error with the file that it is about.
-    pub fn in_file(self, file: impl Display) -> Self {
+    pub(crate) fn in_file(self, file: impl Display) -> Self {
         self.with("file", Detail::Text(file.to_string()))
     }
 

@@ -15,22 +15,22 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// What work and interpreter tell each other.
 #[derive(Default)]
-pub struct Watch {
+pub(crate) struct Watch {
     /// Set when the work shall stop.
-    pub cancel: AtomicBool,
+    pub(crate) cancel: AtomicBool,
     /// What is being done, how much of it is done, and how much there is.
     told: Mutex<Option<(String, usize, usize)>>,
 }
 
 impl Watch {
     /// So many threads, or one for each processor, which stop when the work shall.
-    pub fn workers(&self, threads: Option<usize>) -> Workers<'_> {
+    pub(crate) fn workers(&self, threads: Option<usize>) -> Workers<'_> {
         let threads = threads.map_or(Workers::all(), |threads| Workers::new(threads.max(1)));
         threads.stopped_by(&self.cancel)
     }
 
     /// Tells what is being done and how far it is.
-    pub fn tell(&self, what: &str, done: usize, all: usize) {
+    pub(crate) fn tell(&self, what: &str, done: usize, all: usize) {
         let mut told = self.told.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         *told = Some((what.into(), done, all));
     }
@@ -48,7 +48,7 @@ impl Watch {
 ///
 /// # Panics
 /// If the work does.
-pub fn long<T: Send>(
+pub(crate) fn long<T: Send>(
     py: Python<'_>,
     progress: Option<&Py<PyAny>>,
     work: impl FnOnce(&Watch) -> T + Send,

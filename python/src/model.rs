@@ -25,14 +25,14 @@ impl From<Error> for Failure {
 
 /// A trained classifier.
 #[pyclass(frozen, module = "servotwin._servotwin")]
-pub struct Model {
+pub(crate) struct Model {
     inner: Arc<Trained>,
 }
 
 /// Trains a classifier: settings as JSON, rows of features, places of classes, weights.
 #[pyfunction]
 #[pyo3(signature = (settings, features, rows, classes, labels, weights = None))]
-pub fn fit(
+pub(crate) fn fit(
     py: Python<'_>,
     settings: &str,
     features: Vec<String>,
@@ -144,7 +144,7 @@ impl Model {
 /// `Results.trees` and `servotwin.trees` return trees of a study, `CartClassifier.tree_` that of a
 /// classifier.
 #[pyclass(frozen, module = "servotwin")]
-pub struct Tree {
+pub(crate) struct Tree {
     inner: Inner,
     features: Vec<String>,
     classes: Vec<String>,
@@ -152,13 +152,13 @@ pub struct Tree {
 
 /// The trees of a diagnoser's first window, by the names of their stages.
 #[pyfunction]
-pub fn read_trees(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Tree)>> {
+pub(crate) fn read_trees(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Tree)>> {
     let diagnoser = py.detach(|| model_file::read_diagnoser(path)).map_err(Failure::from)?;
     Ok(stage_trees(&diagnoser.lengths[0].panel.trees))
 }
 
 /// The trees of a hierarchy, by the names of their stages.
-pub fn stage_trees(hierarchy: &Hierarchy) -> Vec<(String, Tree)> {
+pub(crate) fn stage_trees(hierarchy: &Hierarchy) -> Vec<(String, Tree)> {
     let names = &hierarchy.names;
     let trees = hierarchy.stages.iter().filter_map(|stage| {
         let Trained::Cart(tree) = &stage.model else { return None };

@@ -38,7 +38,12 @@ use std::ffi::CString;
 /// StageError
 ///     If the diagnoser belongs to another study.
 #[pyfunction]
-pub fn watch(py: Python<'_>, study: &Study, diagnoser: &Diagnoser, log: &Table) -> PyResult<Table> {
+pub(crate) fn watch(
+    py: Python<'_>,
+    study: &Study,
+    diagnoser: &Diagnoser,
+    log: &Table,
+) -> PyResult<Table> {
     let (study, trained, log) = (&*study.inner, diagnoser.trained(), &*log.inner);
     let watched = long(py, None, |watch| watch_table(study, &trained, log, &watch.cancel))?;
     let TableFindings { changes: found, warnings } = watched.map_err(|error| match error {
@@ -70,7 +75,7 @@ pub fn watch(py: Python<'_>, study: &Study, diagnoser: &Diagnoser, log: &Table) 
 
 /// A fit of the twin to a record, which `fit_record` returns.
 #[pyclass(frozen, module = "servotwin", get_all)]
-pub struct Fitted {
+pub(crate) struct Fitted {
     /// Whether parameters within their tolerances explain the record.
     is_update: bool,
     /// The verdict as a sentence.
@@ -114,7 +119,7 @@ impl Fitted {
 ///     If the fit fails.
 #[pyfunction]
 #[pyo3(signature = (study, log, *, threads = None))]
-pub fn fit_record(
+pub(crate) fn fit_record(
     py: Python<'_>,
     study: &Study,
     log: &Table,

@@ -25,7 +25,7 @@ use std::path::PathBuf;
 /// StageError
 ///     If the folder has neither an evaluation nor flights.
 #[pyclass(frozen, module = "servotwin")]
-pub struct Results {
+pub(crate) struct Results {
     inner: StudyResults,
 }
 
@@ -136,7 +136,7 @@ fn python<'py>(py: Python<'py>, result: &impl serde::Serialize) -> PyResult<Boun
 /// Runs a whole study.
 #[pyfunction]
 #[pyo3(signature = (study, out, fitted = false, replace = false, threads = None, progress = None))]
-pub fn run_study(
+pub(crate) fn run_study(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,

@@ -18,13 +18,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 type Mapping<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
 
 /// How the solver steps, as Python gives it.
-pub struct Steps<'a> {
+pub(crate) struct Steps<'a> {
     /// The method's name.
-    pub method: &'a str,
+    pub(crate) method: &'a str,
     /// The allowed error of a step; that of runs without.
-    pub tolerance: Option<f64>,
+    pub(crate) tolerance: Option<f64>,
     /// A fixed step instead of error control, s.
-    pub step_s: Option<f64>,
+    pub(crate) step_s: Option<f64>,
 }
 
 impl Steps<'_> {
@@ -47,7 +47,7 @@ impl Steps<'_> {
 ///
 /// # Errors
 /// An unknown name, or a number outside its range.
-pub fn resolve(
+pub(crate) fn resolve(
     system: &Inner,
     steps: Option<&Steps>,
     faults: Mapping,
@@ -196,7 +196,7 @@ fn run(
     noise = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
-pub fn simulate(
+pub(crate) fn simulate(
     py: Python<'_>,
     system: &System,
     inputs: Option<&Bound<'_, PyDict>>,
@@ -260,7 +260,7 @@ pub fn simulate(
     method = "rodas4p2", tolerance = None, step_s = None, threads = None, progress = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
-pub fn simulate_many(
+pub(crate) fn simulate_many(
     py: Python<'_>,
     system: &System,
     variants: Vec<Bound<'_, PyDict>>,

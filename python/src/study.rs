@@ -31,9 +31,9 @@ use std::sync::Arc;
 /// >>> results = servotwin.Study().run("out")  # doctest: +SKIP
 /// >>> results.table("noise").to_pandas()  # doctest: +SKIP
 #[pyclass(frozen, module = "servotwin")]
-pub struct Study {
+pub(crate) struct Study {
     /// The study.
-    pub inner: Arc<Inner>,
+    pub(crate) inner: Arc<Inner>,
     path: String,
 }
 
@@ -196,7 +196,7 @@ impl Study {
 ///
 /// # Errors
 /// There is none of this name.
-pub fn scenario(name: &str) -> Result<Scenario, Failure> {
+pub(crate) fn scenario(name: &str) -> Result<Scenario, Failure> {
     let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
     found.ok_or_else(|| {
         let known = Scenario::ALL.map(Scenario::name).join(", ");
@@ -206,7 +206,7 @@ pub fn scenario(name: &str) -> Result<Scenario, Failure> {
 
 /// Writes the report of a folder; its file.
 #[pyfunction]
-pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
+pub(crate) fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
     let folder = Folder::new(out);
     let result = long(py, None, |_| -> Result<PathBuf, Failure> {
         let (study, _hold) = folder.open()?;
@@ -219,7 +219,12 @@ pub fn write_report(py: Python<'_>, out: PathBuf) -> PyResult<PathBuf> {
 /// The data set of a scenario in a folder.
 #[pyfunction]
 #[pyo3(signature = (out, scenario = "noise", training = false))]
-pub fn data_set(py: Python<'_>, out: PathBuf, scenario: &str, training: bool) -> PyResult<Table> {
+pub(crate) fn data_set(
+    py: Python<'_>,
+    out: PathBuf,
+    scenario: &str,
+    training: bool,
+) -> PyResult<Table> {
     let purpose = if training { Purpose::Train } else { Purpose::Test };
     let path = Folder::new(out).data_set(self::scenario(scenario)?, purpose);
     let table = py.detach(|| servotwin::table::read(path)).map_err(Failure::from)?;
@@ -228,14 +233,14 @@ pub fn data_set(py: Python<'_>, out: PathBuf, scenario: &str, training: bool) ->
 
 /// The columns among these that are features of a data set.
 #[pyfunction]
-pub fn feature_columns(names: Vec<String>) -> Vec<String> {
+pub(crate) fn feature_columns(names: Vec<String>) -> Vec<String> {
     let features = feature_columns_of(names.iter().map(String::as_str));
     features.into_iter().map(str::to_owned).collect()
 }
 
 /// Reads the text of a study as results keep it, with its system.
 #[pyfunction]
-pub fn study_of(py: Python<'_>, out: PathBuf) -> PyResult<Study> {
+pub(crate) fn study_of(py: Python<'_>, out: PathBuf) -> PyResult<Study> {
     let folder = Folder::new(out);
     let path = folder.study().display().to_string();
     let inner = py.detach(|| folder.read_study()).map_err(Failure::from)?;

@@ -25,16 +25,16 @@ use std::sync::Arc;
 /// MistakesError
 ///     If the file has mistakes.
 #[pyclass(frozen, module = "servotwin")]
-pub struct System {
+pub(crate) struct System {
     /// The compiled system.
-    pub inner: Arc<Inner>,
+    pub(crate) inner: Arc<Inner>,
     /// The file, as it was named.
     path: String,
 }
 
 impl System {
     /// The system of a study.
-    pub fn parsed(text: &str, path: &str) -> Result<Self, Failure> {
+    pub(crate) fn parsed(text: &str, path: &str) -> Result<Self, Failure> {
         let inner = Arc::new(Inner::parse(text, path)?);
         Ok(System { inner, path: path.into() })
     }

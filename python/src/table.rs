@@ -11,11 +11,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What a run's figure shows.
-pub struct Drawing {
+pub(crate) struct Drawing {
     /// The title.
-    pub title: String,
+    pub(crate) title: String,
     /// The columns after the time.
-    pub recorded: Vec<Recorded>,
+    pub(crate) recorded: Vec<Recorded>,
 }
 
 /// Named columns of one length with their units.
@@ -32,15 +32,15 @@ pub struct Drawing {
 /// metadata : dict of str, optional
 ///     Notes about the whole table.
 #[pyclass(frozen, module = "servotwin", mapping)]
-pub struct Table {
+pub(crate) struct Table {
     /// The columns.
-    pub inner: array::Shared,
+    pub(crate) inner: array::Shared,
     drawing: Option<Arc<Drawing>>,
 }
 
 impl Table {
     /// A table; with a drawing where it is a run.
-    pub fn new(table: tables::Table, drawing: Option<Drawing>) -> Self {
+    pub(crate) fn new(table: tables::Table, drawing: Option<Drawing>) -> Self {
         Table { inner: Arc::new(table), drawing: drawing.map(Arc::new) }
     }
 

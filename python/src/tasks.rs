@@ -63,7 +63,7 @@ impl At<'_> {
 #[pyfunction]
 #[pyo3(signature = (study, out, suites, scenarios = None, share = None, threads = None, progress = None))]
 #[expect(clippy::too_many_arguments, reason = "they are Python's")]
-pub fn run_suites(
+pub(crate) fn run_suites(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
@@ -98,7 +98,7 @@ pub fn run_suites(
 /// The tasks of suites.
 #[pyfunction]
 #[pyo3(signature = (study, suites, scenarios = None))]
-pub fn tasks_of(
+pub(crate) fn tasks_of(
     py: Python<'_>,
     study: &Study,
     suites: Vec<String>,
@@ -116,7 +116,7 @@ pub fn tasks_of(
 /// Computes the files of a task in a folder that may hold nothing but what it needs.
 #[pyfunction]
 #[pyo3(signature = (study, out, task, threads = None))]
-pub fn run_task(
+pub(crate) fn run_task(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
@@ -133,7 +133,7 @@ pub fn run_task(
 /// Writes a file that tasks need.
 #[pyfunction]
 #[pyo3(signature = (study, out, file, threads = None))]
-pub fn prepare_file(
+pub(crate) fn prepare_file(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,
@@ -147,7 +147,7 @@ pub fn prepare_file(
 /// Joins the parts of suites in a folder.
 #[pyfunction]
 #[pyo3(signature = (study, out, suites, scenarios = None, threads = None))]
-pub fn join_suites(
+pub(crate) fn join_suites(
     py: Python<'_>,
     study: &Study,
     out: PathBuf,

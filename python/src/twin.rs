@@ -52,7 +52,7 @@ self_cell!(
 /// step_s : float, optional
 ///     A fixed step instead of error control, s.
 #[pyclass(module = "servotwin")]
-pub struct Twin {
+pub(crate) struct Twin {
     running: Running,
     recorded: Vec<Recorded>,
     buses: Vec<Bus>,

@@ -29,7 +29,7 @@ def test_a_description_has_states_at_rest_and_stable_eigenvalues(root):
 
 
 def test_mistakes_have_file_line_column_and_range(tmp_path, root):
-    broken = root / "crates/servotwin-system/tests/broken_systems/05_parameter_out_of_range.toml"
+    broken = root / "crates/servotwin/tests/broken_systems/05_parameter_out_of_range.toml"
     with pytest.raises(servotwin.MistakesError) as raised:
         servotwin.System(broken)
     error = raised.value
@@ -51,7 +51,7 @@ def test_mistakes_have_file_line_column_and_range(tmp_path, root):
 
 
 def test_every_broken_system_is_refused_with_a_place(root):
-    files = sorted((root / "crates/servotwin-system/tests/broken_systems").glob("*.toml"))
+    files = sorted((root / "crates/servotwin/tests/broken_systems").glob("*.toml"))
     assert len(files) > 70
     for file in files:
         mistakes = servotwin.System.check(file)

@@ -8,13 +8,13 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 /// The compiled equations with CVODE behind them.
-pub struct Equations {
+pub(crate) struct Equations {
     binary: PathBuf,
 }
 
 impl Equations {
     /// Writes and compiles the C of a system.
-    pub fn compile(program: &Program) -> Self {
+    pub(crate) fn compile(program: &Program) -> Self {
         let folder = std::env::temp_dir().join(format!("servotwin-bench-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder for the C source");
         let (source, binary) = (folder.join("peer.c"), folder.join("peer"));
@@ -35,7 +35,7 @@ impl Equations {
     }
 
     /// Runs all variants, one after the other.
-    pub fn solve(&self, task: &Task, tolerance: f64) -> Work {
+    pub(crate) fn solve(&self, task: &Task, tolerance: f64) -> Work {
         let program = task.program;
         let command = task.inputs[task.moving];
         let mut numbers = vec![

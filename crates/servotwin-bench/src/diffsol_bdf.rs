@@ -62,7 +62,7 @@ impl Equations<'_> {
 }
 
 /// Runs all variants, one after the other.
-pub fn solve(task: &Task, tolerance: f64) -> Work {
+pub(crate) fn solve(task: &Task, tolerance: f64) -> Work {
     let mut work = Work { runs: Vec::new(), seconds: 0.0, steps: 0.0 };
     for variant in 0..task.faults.len() {
         let begin = processor_seconds();

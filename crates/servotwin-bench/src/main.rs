@@ -13,38 +13,38 @@
 mod cvode;
 mod diffsol_bdf;
 
+use servotwin::compiled::Compiled;
+use servotwin::ensemble::{Ensemble, Sink, Variant};
+use servotwin::study::{FaultCase, Study};
 use servotwin_model::lanes::Level;
 use servotwin_model::program::{FaultAt, Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::solver::{SolverSettings, Statistics};
-use servotwin_system::compiled::Compiled;
-use servotwin_system::ensemble::{Ensemble, Sink, Variant};
-use servotwin_system::study::{FaultCase, Study};
 use std::time::Instant;
 
 /// Everything that all solvers are given.
-pub struct Task<'a> {
+pub(crate) struct Task<'a> {
     /// The aileron.
-    pub program: &'a Program,
+    pub(crate) program: &'a Program,
     /// Its step in machine code, as runs have it.
-    pub compiled: &'a Compiled,
+    pub(crate) compiled: &'a Compiled,
     /// One per external input; only the command moves.
-    pub inputs: Vec<&'a Piecewise>,
+    pub(crate) inputs: Vec<&'a Piecewise>,
     /// The command's place among them.
-    pub moving: usize,
+    pub(crate) moving: usize,
     /// One fault per variant.
-    pub faults: Vec<FaultAt>,
+    pub(crate) faults: Vec<FaultAt>,
     /// The states at time zero of each variant.
-    pub starts: Vec<Vec<f64>>,
+    pub(crate) starts: Vec<Vec<f64>>,
     /// Length of each run, s.
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// Time between samples, s.
-    pub period_s: f64,
+    pub(crate) period_s: f64,
 }
 
 impl Task<'_> {
     /// Number of samples of each run.
-    pub fn samples(&self) -> usize {
+    pub(crate) fn samples(&self) -> usize {
         (self.duration_s / self.period_s).round() as usize + 1
     }
 
@@ -65,20 +65,20 @@ impl Task<'_> {
 }
 
 /// The samples of one variant, all states one after the other.
-pub type Run = Vec<f64>;
+pub(crate) type Run = Vec<f64>;
 
 /// What a solver needed.
-pub struct Work {
+pub(crate) struct Work {
     /// The samples of every variant.
-    pub runs: Vec<Run>,
+    pub(crate) runs: Vec<Run>,
     /// Seconds of the processor for all variants.
-    pub seconds: f64,
+    pub(crate) seconds: f64,
     /// Steps of all variants.
-    pub steps: f64,
+    pub(crate) steps: f64,
 }
 
 /// Seconds of the processor that this process has used.
-pub fn processor_seconds() -> f64 {
+pub(crate) fn processor_seconds() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").expect("Linux");
     let after_name = text.rsplit(')').next().unwrap_or_default();
     let fields: Vec<f64> =

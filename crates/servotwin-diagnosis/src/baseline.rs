@@ -59,9 +59,9 @@ pub(crate) struct Baseline {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Stored {
     /// Number of samples learned from.
-    pub samples: u64,
+    pub(crate) samples: u64,
     /// The mean residuals, in the sensors' units.
-    pub means: Vec<f64>,
+    pub(crate) means: Vec<f64>,
 }
 
 impl Baseline {

@@ -209,7 +209,7 @@ impl Stage {
     }
 
     /// The nodes from the root to the leaf for a row of all features; empty unless the model is a CART tree.
-    pub fn path(&self, row: &[f64]) -> Vec<usize> {
+    pub(crate) fn path(&self, row: &[f64]) -> Vec<usize> {
         let Model::Cart(tree) = &self.model else {
             return vec![];
         };

@@ -72,13 +72,13 @@ pub struct Sliding {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Stored {
     /// The statistics of the base pane.
-    pub base: Vec<f64>,
+    pub(crate) base: Vec<f64>,
     /// Statistics of the newest full base pane, if a span has not taken it yet.
-    pub full: Vec<f64>,
+    pub(crate) full: Vec<f64>,
     /// Index of the span that takes it next.
-    pub turn: usize,
+    pub(crate) turn: usize,
     /// State of each span.
-    pub spans: Vec<StoredSpan>,
+    pub(crate) spans: Vec<StoredSpan>,
 }
 
 /// A stored span.
@@ -86,11 +86,11 @@ pub(crate) struct Stored {
 #[serde(deny_unknown_fields)]
 pub(crate) struct StoredSpan {
     /// Number of completed panes.
-    pub ended: u64,
+    pub(crate) ended: u64,
     /// The statistics of the open pane.
-    pub open: Vec<f64>,
+    pub(crate) open: Vec<f64>,
     /// Statistics of the full panes.
-    pub panes: Vec<Vec<f64>>,
+    pub(crate) panes: Vec<Vec<f64>>,
 }
 
 impl SpanWindow {

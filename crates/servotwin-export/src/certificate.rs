@@ -20,17 +20,17 @@ const NEVER_COMPARED: [&str; 3] = [
 #[derive(Debug, Clone, Serialize)]
 pub struct Certificate {
     /// Whether every build decides as the diagnoser.
-    pub holds: bool,
+    pub(crate) holds: bool,
     /// What was exported.
-    pub export: Description,
+    pub(crate) export: Description,
     /// The SHA-256 of each file that was compiled.
-    pub compiled_sha256: BTreeMap<String, String>,
+    pub(crate) compiled_sha256: BTreeMap<String, String>,
     /// How the text differs from what servotwin exports; then nothing is compiled.
-    pub differences: Vec<RowDifference>,
+    pub(crate) differences: Vec<RowDifference>,
     /// What each build was compared on.
-    pub builds: Vec<ProofEvidence>,
+    pub(crate) builds: Vec<ProofEvidence>,
     /// What was not compared.
-    pub not_compared: Vec<String>,
+    pub(crate) not_compared: Vec<String>,
 }
 
 impl Certificate {
@@ -48,7 +48,7 @@ impl Certificate {
     }
 
     /// The verdict in one sentence.
-    pub fn verdict(&self) -> &'static str {
+    pub(crate) fn verdict(&self) -> &'static str {
         match self.holds {
             true => "Every build gives the bits of the trained diagnosis.",
             false if self.differences.is_empty() => {

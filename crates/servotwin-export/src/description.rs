@@ -20,7 +20,7 @@ pub struct Description {
     /// The twin.
     pub twin: TwinDescription,
     /// The SHA-256 of the system, the study and the data sets that lie beside the diagnoser.
-    pub sources_sha256: BTreeMap<String, String>,
+    pub(crate) sources_sha256: BTreeMap<String, String>,
     /// The SHA-256 of each file when it was written.
     pub files_sha256: BTreeMap<String, String>,
 }
@@ -32,7 +32,7 @@ pub struct TwinDescription {
     /// The study, by the name or the file that was given.
     pub study: PathBuf,
     /// A number that other equations of the twin do not have.
-    pub system: u64,
+    pub(crate) system: u64,
     /// Whether its steps are fixed.
     pub has_fixed_step: bool,
 }

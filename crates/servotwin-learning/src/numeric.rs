@@ -91,9 +91,9 @@ pub(crate) fn mean_and_deviation(column: &[f64], weight: impl Fn(usize) -> f64) 
 /// Constant features get the scale 0, so that they vanish.
 #[derive(Debug, Clone)]
 pub(crate) struct Standardiser {
-    pub means: Vec<f64>,
+    pub(crate) means: Vec<f64>,
     /// One over the standard deviation, or 0.
-    pub scales: Vec<f64>,
+    pub(crate) scales: Vec<f64>,
 }
 
 impl Standardiser {

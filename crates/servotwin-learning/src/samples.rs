@@ -219,11 +219,11 @@ impl Samples {
 /// Classifiers with parameters per class learn only these, so that an empty class cannot cause a division by zero.
 pub(crate) struct PresentClasses {
     /// The original label of each present class, ascending.
-    pub labels: Vec<u32>,
+    pub(crate) labels: Vec<u32>,
     /// For every row, the index of its label in `labels`; 0 for rows of a class without weight.
-    pub of_row: Vec<usize>,
+    pub(crate) of_row: Vec<usize>,
     /// The weight of each present class, positive.
-    pub weights: Vec<f64>,
+    pub(crate) weights: Vec<f64>,
 }
 
 impl PresentClasses {

@@ -33,9 +33,9 @@ const RANGE_M: (f64, f64) = (-2_000.0, 20_000.0);
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Air<S> {
     /// Density, kg/m³.
-    pub density_kg_m3: S,
+    pub(crate) density_kg_m3: S,
     /// Speed of sound, m/s.
-    pub sound_speed_m_s: S,
+    pub(crate) sound_speed_m_s: S,
 }
 
 /// Equations (A1)–(A3).

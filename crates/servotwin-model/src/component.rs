@@ -26,7 +26,7 @@ pub struct Component {
     pub(crate) connect: fn(&mut Wiring),
     /// Checks whether the parameters fit together, each of which is within its declared range; describes what does not
     /// fit and names the parameters.
-    pub check: fn(&[f64]) -> Result<(), String>,
+    pub(crate) check: fn(&[f64]) -> Result<(), String>,
     /// A sensor's measuring span for its parameters, in the unit of its reading; `None` for other components. The
     /// sensor's `noise_sigma` and `bits` refer to it.
     pub span: fn(&[f64]) -> Option<MeasuringSpan>,

@@ -85,9 +85,9 @@ impl<V: Scalar<Base = V>> Partial<V> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dual<V, const N: usize> {
     /// The value.
-    pub value: V,
+    pub(crate) value: V,
     /// The partial derivatives with respect to the `N` inputs.
-    pub partials: [Partial<V>; N],
+    pub(crate) partials: [Partial<V>; N],
 }
 
 /// Combines the partial derivatives of two numbers into those of the result. This is a macro because

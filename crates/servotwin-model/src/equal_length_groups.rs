@@ -12,8 +12,8 @@ use alloc::vec::Vec;
 /// Consecutive items of one shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct EqualLengthGroup<S> {
-    pub shape: S,
-    pub count: usize,
+    pub(crate) shape: S,
+    pub(crate) count: usize,
 }
 
 /// Evaluates an expression with a length that the compiler knows if it is at most eight.

@@ -10,12 +10,12 @@ use crate::scalar::Scalar;
 /// The numbers from which an equation computes its constants.
 pub(crate) struct Given<'a, S> {
     /// The component's parameters with the faults applied, in declared order.
-    pub parameters: &'a [S],
+    pub(crate) parameters: &'a [S],
     /// The fluid of the component's circuit at its temperature.
-    pub fluid: &'a FluidState<S>,
+    pub(crate) fluid: &'a FluidState<S>,
     /// Which of several blocks with the same equation this is (for example the edge of
     /// a valve): the number that the component assigned when it wired the block.
-    pub which: usize,
+    pub(crate) which: usize,
 }
 
 impl<S> core::ops::Index<usize> for Given<'_, S> {

@@ -59,10 +59,10 @@ pub struct StateOf {
 /// A clock of sampled equations.
 #[derive(Clone, Debug)]
 pub(crate) struct Ticking {
-    pub period_s: f64,
-    pub sequence: Sequence,
+    pub(crate) period_s: f64,
+    pub(crate) sequence: Sequence,
     /// (slot of a new value, slot of the held value that it replaces).
-    pub exchanges: Vec<(Slot, Slot)>,
+    pub(crate) exchanges: Vec<(Slot, Slot)>,
 }
 
 /// A compiled system.

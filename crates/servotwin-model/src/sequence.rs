@@ -17,16 +17,16 @@ use core::marker::PhantomData;
 /// Blocks of one kind that can run in any order among each other.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
-    pub kind: BlockKind,
+    pub(crate) kind: BlockKind,
     /// Whether any output is subtracted. Most groups only add.
-    pub subtracts: bool,
+    pub(crate) subtracts: bool,
     /// Whether any output joins a sum that already has a term. Most sums have one term.
-    pub joins: bool,
-    pub count: usize,
+    pub(crate) joins: bool,
+    pub(crate) count: usize,
     /// Index of the group's first entry in each list.
-    pub inputs: usize,
-    pub outputs: usize,
-    pub constants: usize,
+    pub(crate) inputs: usize,
+    pub(crate) outputs: usize,
+    pub(crate) constants: usize,
 }
 
 /// The targets of a block's output. An unused target is the bin slot.
@@ -35,21 +35,21 @@ pub(crate) struct Target {
     /// The sum that the output is added to, and the offset of the sum so far. The sum so
     /// far is in the same slot, or for a sum's first block in the slot that holds −0, so
     /// that sums need not be cleared.
-    pub add: LaneOffset,
-    pub add_so_far: LaneOffset,
+    pub(crate) add: LaneOffset,
+    pub(crate) add_so_far: LaneOffset,
     /// The same for the sum that it is subtracted from.
-    pub subtract: LaneOffset,
-    pub subtract_so_far: LaneOffset,
+    pub(crate) subtract: LaneOffset,
+    pub(crate) subtract_so_far: LaneOffset,
 }
 
 /// Blocks in the order of their evaluation.
 #[derive(Clone, Debug)]
 pub(crate) struct Sequence {
-    pub groups: Vec<Group>,
-    pub inputs: Vec<LaneOffset>,
-    pub outputs: Vec<Target>,
+    pub(crate) groups: Vec<Group>,
+    pub(crate) inputs: Vec<LaneOffset>,
+    pub(crate) outputs: Vec<Target>,
     /// The blocks in order, for the constants and the Jacobian.
-    pub blocks: Vec<Block>,
+    pub(crate) blocks: Vec<Block>,
     /// Required length of the variable array.
     memory: usize,
     /// Number of constants of its blocks and those of earlier sequences.

@@ -376,7 +376,7 @@ pub struct Port {
     /// mechanical port is free.
     pub optional: bool,
     /// Range of a signal input that has no default parameter.
-    pub range: Option<(f64, f64)>,
+    pub(crate) range: Option<(f64, f64)>,
     /// One line of documentation.
     pub summary: &'static str,
 }
@@ -387,15 +387,15 @@ pub struct State {
     /// The name, ending in its unit's suffix.
     pub name: &'static str,
     /// The unit.
-    pub unit: Unit,
+    pub(crate) unit: Unit,
     /// The magnitude that errors are measured against.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// Permitted error per `scale` in a step, as a multiple of that of other states.
-    pub error_weight: f64,
+    pub(crate) error_weight: f64,
     /// The initial guess for the steady-state search.
     pub start: Start,
     /// Lower bound in the steady-state search; minus infinity for no bound.
-    pub lowest: f64,
+    pub(crate) lowest: f64,
     /// One line of documentation.
     pub summary: &'static str,
 }
@@ -452,7 +452,7 @@ pub mod declare {
     pub(crate) use parameters;
 
     /// A parameter with a default.
-    pub const fn parameter(
+    pub(crate) const fn parameter(
         name: &'static str,
         default: f64,
         range: (f64, f64),
@@ -476,7 +476,7 @@ pub mod declare {
     }
 
     /// A parameter that every system file must give.
-    pub const fn required(
+    pub(crate) const fn required(
         name: &'static str,
         range: (f64, f64),
         summary: &'static str,

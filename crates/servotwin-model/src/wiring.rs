@@ -81,15 +81,15 @@ impl Output {
 /// A wired equation block of a component.
 #[derive(Clone, Debug)]
 pub(crate) struct Block {
-    pub kind: EquationIndex,
-    pub component: usize,
-    pub which: usize,
-    pub inputs: Vec<Variable>,
-    pub outputs: Vec<Output>,
+    pub(crate) kind: EquationIndex,
+    pub(crate) component: usize,
+    pub(crate) which: usize,
+    pub(crate) inputs: Vec<Variable>,
+    pub(crate) outputs: Vec<Output>,
     /// Index of the clock that runs it; `None` for continuous equations.
-    pub clock: Option<usize>,
+    pub(crate) clock: Option<usize>,
     /// Whether it runs before all others ([`Wiring::opening_equation`]).
-    pub is_opening: bool,
+    pub(crate) is_opening: bool,
 }
 
 impl Block {
@@ -136,32 +136,32 @@ pub(crate) enum Role {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
     /// Pressure; position; angle; or the signal.
-    pub first: Variable,
+    pub(crate) first: Variable,
     /// Velocity; rate.
-    pub second: Variable,
+    pub(crate) second: Variable,
     /// Flow; force; moment.
-    pub sum: Sum,
+    pub(crate) sum: Sum,
 }
 
 /// A clock of sampled equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Clock {
-    pub component: usize,
-    pub period_s: f64,
+    pub(crate) component: usize,
+    pub(crate) period_s: f64,
 }
 
 /// Everything that the components' wiring has added so far.
 #[derive(Default)]
 pub(crate) struct Collected {
-    pub roles: Vec<Role>,
-    pub blocks: Vec<Block>,
-    pub clocks: Vec<Clock>,
+    pub(crate) roles: Vec<Role>,
+    pub(crate) blocks: Vec<Block>,
+    pub(crate) clocks: Vec<Clock>,
     /// (clock, new value, held value).
-    pub exchanges: Vec<(usize, Variable, Variable)>,
+    pub(crate) exchanges: Vec<(usize, Variable, Variable)>,
     /// The nodes of all connected ports, in the order of components.
-    pub nodes: Vec<(PortOf, Node)>,
+    pub(crate) nodes: Vec<(PortOf, Node)>,
     /// (state, variable recorded in its place).
-    pub shown: Vec<(Variable, Variable)>,
+    pub(crate) shown: Vec<(Variable, Variable)>,
 }
 
 impl Collected {
@@ -186,7 +186,7 @@ impl Collected {
 }
 
 /// One component's view of the network.
-pub struct Wiring<'a> {
+pub(crate) struct Wiring<'a> {
     pub(crate) collected: &'a mut Collected,
     pub(crate) component: usize,
     pub(crate) kind: &'static str,

@@ -11,15 +11,15 @@ const INTENSITIES: [f64; 2] = [0.3, 1.0];
 /// One fault with its time series.
 pub struct Example {
     /// The fault's name.
-    pub fault: String,
+    pub(crate) fault: String,
     /// The fault class, e.g. `external_leakage`.
-    pub detail: String,
+    pub(crate) detail: String,
     /// The name of the operating case.
-    pub case: String,
+    pub(crate) case: String,
     /// Samples of the twin, one vector for each measured sensor.
-    pub twin: Vec<Vec<f64>>,
+    pub(crate) twin: Vec<Vec<f64>>,
     /// Intensity and samples of each faulty plant.
-    pub runs: Vec<(f64, Vec<Vec<f64>>)>,
+    pub(crate) runs: Vec<(f64, Vec<Vec<f64>>)>,
 }
 
 /// Simulates the examples of a study, without noise.

@@ -70,16 +70,16 @@ pub struct Section {
 }
 
 /// Writes a section, or nothing if the study has no content for it.
-pub type SectionWriter = fn(&Material, &mut Document);
+pub(crate) type SectionWriter = fn(&Material, &mut Document);
 
 /// Sections that answer the same question. On screen the reader picks one of them; on paper they follow one another.
 pub struct Chapter {
     /// The anchor of the chapter in the HTML file.
     pub id: &'static str,
     /// The heading of the chapter.
-    pub title: &'static str,
+    pub(crate) title: &'static str,
     /// Whether the chapter is evidence for other chapters and stands in the appendix.
-    pub is_appendix: bool,
+    pub(crate) is_appendix: bool,
     /// The sections of the chapter. The first is shown in front.
     pub sections: &'static [Section],
 }

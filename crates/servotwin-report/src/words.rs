@@ -54,7 +54,7 @@ pub fn percent(share: Option<f64>) -> String {
 }
 
 /// A rate with its interval: `99.84 % [99.67 … 99.92]`. The brackets are square because parentheses may follow.
-pub fn rate(rate: Option<Rate>) -> String {
+pub(crate) fn rate(rate: Option<Rate>) -> String {
     match rate {
         Some(Rate { share: Some(share), low, high, .. }) => {
             let [share, low, high] = [share, low, high].map(|part| 100.0 * part);

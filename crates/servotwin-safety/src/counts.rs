@@ -33,21 +33,21 @@ pub(crate) enum FaultIntensities {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct ActionCounts {
     /// All of them.
-    pub flown: u64,
+    pub(crate) flown: u64,
     /// The right action was not the first one.
-    pub missed: u64,
+    pub(crate) missed: u64,
     /// Nothing was raised, or nothing was visible.
-    pub hidden: u64,
+    pub(crate) hidden: u64,
     /// Nothing was visible.
-    pub invisible: u64,
+    pub(crate) invisible: u64,
     /// Another action was raised for the right actuator.
-    pub other_action: u64,
+    pub(crate) other_action: u64,
     /// Another actuator was shut down.
-    pub wrong_shutdown: u64,
+    pub(crate) wrong_shutdown: u64,
     /// Of the hidden ones: their faults were tested on the ground.
-    pub tested: u64,
+    pub(crate) tested: u64,
     /// Of these: the test passed them.
-    pub passed: u64,
+    pub(crate) passed: u64,
 }
 
 /// Judged flights of one suite and scenario.

@@ -51,7 +51,7 @@ pub struct RatedFault {
     /// The full name, e.g. `actuator_1.leakage_a.leakage`.
     pub id: String,
     /// The name without the actuator.
-    pub kind: String,
+    pub(crate) kind: String,
 }
 
 /// The faults of a study, which fault trees and the rate of the function need rates for.

@@ -73,17 +73,17 @@ impl EvidenceBasis {
 /// An output folder with results.
 pub struct StudyResultsFolder {
     /// The folder.
-    pub folder: Folder,
+    pub(crate) folder: Folder,
     /// Its study.
     pub study: Study,
     /// What its results were made of.
-    pub basis: EvidenceBasis,
+    pub(crate) basis: EvidenceBasis,
     /// The evaluation; `None` if the study was not evaluated yet.
-    pub evaluation: Option<Results>,
+    pub(crate) evaluation: Option<Results>,
     /// The flights; `None` if none were judged.
-    pub flights: Option<FlightResults>,
+    pub(crate) flights: Option<FlightResults>,
     /// The scenario that is quoted.
-    pub scenario: Scenario,
+    pub(crate) scenario: Scenario,
 }
 
 impl StudyResultsFolder {

@@ -136,9 +136,9 @@ pub(crate) fn values_in(frame: &[u8]) -> impl Iterator<Item = f32> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Newest {
     /// The number of the sample in its flight.
-    pub sample: u64,
+    pub(crate) sample: u64,
     /// When it was published, ms since 1970. It is no part of a session.
-    pub unix_ms: f64,
+    pub(crate) unix_ms: f64,
 }
 
 impl Newest {
@@ -214,13 +214,13 @@ impl Default for Feed {
 /// What a new viewer gets before it listens.
 pub(crate) struct Begin {
     /// The last frames.
-    pub frames: Vec<Arc<[u8]>>,
+    pub(crate) frames: Vec<Arc<[u8]>>,
     /// All events that are kept, as a list in JSON.
-    pub events: String,
+    pub(crate) events: String,
     /// The present state of the diagnosis, as JSON.
-    pub state: Arc<str>,
+    pub(crate) state: Arc<str>,
     /// Everything that comes later.
-    pub later: Receiver<Message>,
+    pub(crate) later: Receiver<Message>,
 }
 
 impl Feed {

@@ -13,7 +13,7 @@ const STEP: f64 = 0.01;
 /// How a fault begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum InjectedOnset {
+pub(crate) enum InjectedOnset {
     /// At once, and it stays.
     Step,
     /// It rises to its intensity within [`RAMP_S`].
@@ -26,13 +26,13 @@ pub enum InjectedOnset {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Injection {
     /// The fault's name, e.g. `actuator_1.leakage_a.leakage`.
-    pub name: String,
+    pub(crate) name: String,
     /// The fault at its full intensity, 0 to 1.
-    pub fault: FaultAt,
+    pub(crate) fault: FaultAt,
     /// How it begins.
-    pub onset: InjectedOnset,
+    pub(crate) onset: InjectedOnset,
     /// When it was injected, s.
-    pub since_s: f64,
+    pub(crate) since_s: f64,
 }
 
 impl Injection {

@@ -9,9 +9,9 @@ use servotwin_watch::player::{
 /// A file beside the page.
 pub(crate) struct Part {
     /// The name by which the page loads it.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// The media type.
-    pub media_type: &'static str,
+    pub(crate) media_type: &'static str,
     /// The content.
     pub text: &'static str,
 }

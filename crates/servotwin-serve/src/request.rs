@@ -38,11 +38,11 @@ pub enum Request {
 #[serde(deny_unknown_fields)]
 pub struct Inject {
     /// The fault's name.
-    pub fault: String,
+    pub(crate) fault: String,
     /// Its intensity, 0 to 1.
-    pub intensity: f64,
+    pub(crate) intensity: f64,
     /// How it begins.
-    pub onset: InjectedOnset,
+    pub(crate) onset: InjectedOnset,
 }
 
 /// Why a request is refused.

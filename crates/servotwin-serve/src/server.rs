@@ -95,7 +95,7 @@ pub enum ServeError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Access {
     /// The address.
-    pub address: SocketAddr,
+    pub(crate) address: SocketAddr,
     /// The token that a viewer needs; `None` on this machine alone.
     pub token: Option<String>,
 }

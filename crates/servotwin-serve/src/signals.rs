@@ -24,7 +24,7 @@ type Value = Box<dyn Fn(&ShownSample) -> f64>;
 #[derive(Default)]
 pub struct Signals {
     /// The signals in the order of a frame.
-    pub list: Vec<PlayerSignal>,
+    pub(crate) list: Vec<PlayerSignal>,
     values: Vec<Value>,
 }
 

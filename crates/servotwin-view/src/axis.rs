@@ -3,19 +3,19 @@
 /// A tick with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
-    pub at: f64,
-    pub label: String,
+    pub(crate) at: f64,
+    pub(crate) label: String,
 }
 
 /// A range with ticks, linear or logarithmic.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Axis {
-    pub low: f64,
-    pub high: f64,
-    pub log: bool,
-    pub ticks: Vec<Tick>,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) log: bool,
+    pub(crate) ticks: Vec<Tick>,
     /// The labels' common factor, such as `×10⁶`; empty for one.
-    pub factor: String,
+    pub(crate) factor: String,
 }
 
 impl Axis {

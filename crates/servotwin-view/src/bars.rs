@@ -12,13 +12,13 @@ use super::svg::{Area, Canvas, Type};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bars {
     /// The title of the horizontal axis, with its unit.
-    pub x_label: String,
+    pub(crate) x_label: String,
     /// The names of the series; a single series has no legend.
-    pub series: Vec<String>,
+    pub(crate) series: Vec<String>,
     /// Styles of the series; the others get the default style of their index.
     pub looks: Vec<Look>,
     /// The groups, from top to bottom.
-    pub groups: Vec<Group>,
+    pub(crate) groups: Vec<Group>,
     /// The range of the axis; `None` for zero to the largest value.
     pub range: Option<(f64, f64)>,
     /// Decimal places of the values beside the bars.
@@ -29,18 +29,18 @@ pub struct Bars {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Group {
     /// The label at the left.
-    pub label: String,
+    pub(crate) label: String,
     /// A bar for each series; `None` without a result.
-    pub bars: Vec<Option<Bar>>,
+    pub(crate) bars: Vec<Option<Bar>>,
 }
 
 /// A value with its confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bar {
     /// The value.
-    pub value: f64,
+    pub(crate) value: f64,
     /// The interval's ends, if known.
-    pub interval: Option<(f64, f64)>,
+    pub(crate) interval: Option<(f64, f64)>,
 }
 
 impl Bar {

@@ -19,13 +19,13 @@ use std::path::Path;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Document {
     /// The key in JSON and the anchor in HTML.
-    pub id: Cow<'static, str>,
+    pub(crate) id: Cow<'static, str>,
     /// The heading of a section.
     pub title: String,
     /// The first line.
     pub verdict: Option<Verdict>,
     /// Everything else, in the order for readers.
-    pub blocks: Vec<Block>,
+    pub(crate) blocks: Vec<Block>,
     /// The form for terminals and pages.
     pub form: Form,
     /// The exit code of the command. 1 for a verdict that calls for a person.
@@ -87,11 +87,11 @@ pub type Fact = (&'static str, Cow<'static, str>, Value);
 #[derive(Debug, Clone, PartialEq)]
 pub struct Block {
     /// The key in JSON. Facts without one are facts of the document itself.
-    pub id: Cow<'static, str>,
+    pub(crate) id: Cow<'static, str>,
     /// Whether a terminal shows it with `--details` only.
     pub is_detail: bool,
     /// What it holds.
-    pub content: Content,
+    pub(crate) content: Content,
 }
 
 /// What a block holds.
@@ -132,20 +132,20 @@ pub enum Content {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     /// The columns.
-    pub columns: Vec<Column>,
+    pub(crate) columns: Vec<Column>,
     /// The rows, one value for each column, and whether the row is emphasized.
     pub rows: Vec<(Vec<Value>, bool)>,
     /// One sentence or a title; may be empty.
-    pub caption: String,
+    pub(crate) caption: String,
 }
 
 /// A column of a table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
     /// The key in JSON, without the suffix of the unit. Empty for a column that programs do not need.
-    pub id: Cow<'static, str>,
+    pub(crate) id: Cow<'static, str>,
     /// The heading. Empty for a column that people do not need; a space for one that needs no heading.
-    pub heading: Cow<'static, str>,
+    pub(crate) heading: Cow<'static, str>,
 }
 
 /// A row of a table: values of several types.
@@ -197,7 +197,7 @@ impl Verdict {
 
 impl Call {
     /// The name in JSON and in style sheets.
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Call::Good => "good",
             Call::Neutral => "neutral",

@@ -17,9 +17,9 @@ pub(super) const TITLE_BELOW: f64 = 34.0;
 /// A plotting area with its two axes.
 #[derive(Debug, Clone)]
 pub(super) struct Frame {
-    pub area: Area,
-    pub x: Axis,
-    pub y: Axis,
+    pub(crate) area: Area,
+    pub(crate) x: Axis,
+    pub(crate) y: Axis,
 }
 
 impl Frame {

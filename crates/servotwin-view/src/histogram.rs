@@ -17,9 +17,9 @@ use super::svg::{Anchor, Area, Canvas, Type};
 #[derive(Debug, Clone, PartialEq)]
 pub struct HistogramGrid<'a> {
     /// The title of every horizontal axis, with its unit.
-    pub x_label: String,
+    pub(crate) x_label: String,
     /// The names of the overlaid series, the same in every panel.
-    pub series: Vec<String>,
+    pub(crate) series: Vec<String>,
     /// Styles of the series; the others get the default style of their index.
     pub looks: Vec<Look>,
     /// The panels.
@@ -32,9 +32,9 @@ pub struct HistogramGrid<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct HistogramPanel<'a> {
     /// The title.
-    pub title: String,
+    pub(crate) title: String,
     /// The values of each series.
-    pub values: Vec<Cow<'a, [f64]>>,
+    pub(crate) values: Vec<Cow<'a, [f64]>>,
 }
 
 impl<'a> HistogramPanel<'a> {

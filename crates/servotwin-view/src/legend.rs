@@ -24,8 +24,8 @@ pub(super) enum Swatch {
 /// A name with its swatch.
 #[derive(Debug, Clone)]
 pub(super) struct LegendEntry {
-    pub name: String,
-    pub swatch: Swatch,
+    pub(crate) name: String,
+    pub(crate) swatch: Swatch,
 }
 
 /// The height of one row.

@@ -43,7 +43,7 @@ pub struct Figure {
     pub height: f64,
     /// The drawn values as a table with a header row, for readers who cannot hover over the figure. Empty if the table
     /// would be too long.
-    pub values: Vec<Vec<String>>,
+    pub(crate) values: Vec<Vec<String>>,
 }
 
 /// Maximum number of rows in a figure's table of values.

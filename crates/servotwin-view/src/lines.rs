@@ -12,11 +12,11 @@ use super::time_series::runs;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines {
     /// The figure's title, may be empty.
-    pub title: String,
+    pub(crate) title: String,
     /// The title of the horizontal axis, with its unit.
-    pub x_label: String,
+    pub(crate) x_label: String,
     /// The title of the vertical axis, with its unit.
-    pub y_label: String,
+    pub(crate) y_label: String,
     /// Whether the horizontal axis is logarithmic.
     pub x_log: bool,
     /// The range of the vertical axis; `None` for that of the data.
@@ -29,15 +29,15 @@ pub struct Lines {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve {
     /// The name in the legend.
-    pub name: String,
+    pub(crate) name: String,
     /// The points, from left to right.
     pub points: Vec<(f64, f64)>,
     /// The interval of each point's `y`; empty for none.
-    pub intervals: Vec<(f64, f64)>,
+    pub(crate) intervals: Vec<(f64, f64)>,
     /// Whether the points have markers; otherwise only the line is drawn.
-    pub marked: bool,
+    pub(crate) marked: bool,
     /// The style; `None` for the default style of the curve's index.
-    pub look: Option<Look>,
+    pub(crate) look: Option<Look>,
 }
 
 impl Curve {

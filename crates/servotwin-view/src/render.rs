@@ -15,14 +15,13 @@ mod tests {
     use super::*;
     use crate::document::{Document, Form, Table, Value, Verdict, fact, line};
     use crate::row;
-    use servotwin_model::spec::Unit;
 
     fn document() -> Document {
         let values =
             [("fault_class", Value::name("control_valve")), ("time", Value::seconds(1.39, 3))];
         let sentence = line("Stop: {fault_class}, since {time}.", values);
         let mut document = Document::new("watch", Verdict::act(sentence));
-        let stroke = Value::quantity(0.0125, Unit::Metre);
+        let stroke = Value { suffix: "_m", ..Value::number(0.0125, "12.5 mm") };
         document.facts("", [fact("stroke", "stroke", stroke), fact("steps", "", 3_u32)]);
         let mut table = Table::new([("log", "log"), ("duration", "lasts"), ("", "remark")]);
         for flight in 0..12_u32 {

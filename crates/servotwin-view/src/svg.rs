@@ -9,10 +9,10 @@ use servotwin_io::text::escaped;
 /// A rectangle in SVG units; `y` grows downwards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Area {
-    pub x: f64,
-    pub y: f64,
-    pub width: f64,
-    pub height: f64,
+    pub(crate) x: f64,
+    pub(crate) y: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
 }
 
 impl Area {
@@ -36,14 +36,14 @@ pub(super) enum Anchor {
 /// The style of a text.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Type {
-    pub size: f64,
-    pub anchor: Anchor,
-    pub bold: bool,
-    pub colour: &'static str,
+    pub(crate) size: f64,
+    pub(crate) anchor: Anchor,
+    pub(crate) bold: bool,
+    pub(crate) colour: &'static str,
     /// Rotation in degrees, clockwise.
-    pub turn: f64,
+    pub(crate) turn: f64,
     /// A white rim, for text over lines.
-    pub rim: bool,
+    pub(crate) rim: bool,
 }
 
 impl Type {

@@ -50,28 +50,26 @@ pub struct Panel<'a> {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series<'a> {
     /// The name in the legend.
-    pub name: String,
+    pub(crate) name: String,
     /// The times.
-    pub x: Cow<'a, [f64]>,
+    pub(crate) x: Cow<'a, [f64]>,
     /// The values; non-finite ones make a gap.
-    pub y: Cow<'a, [f64]>,
+    pub(crate) y: Cow<'a, [f64]>,
     /// The style; `None` for the default style of its index in the panel.
-    pub look: Option<Look>,
-    /// Whether every value has a marker, for a few separate events.
-    pub is_marked: bool,
+    pub(crate) look: Option<Look>,
 }
 
 /// A shaded band between two lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band<'a> {
     /// The name in the legend.
-    pub name: String,
+    pub(crate) name: String,
     /// The times; empty for a band of constant limits.
-    pub x: Cow<'a, [f64]>,
+    pub(crate) x: Cow<'a, [f64]>,
     /// The lower limit.
-    pub low: Cow<'a, [f64]>,
+    pub(crate) low: Cow<'a, [f64]>,
     /// The upper limit.
-    pub high: Cow<'a, [f64]>,
+    pub(crate) high: Cow<'a, [f64]>,
 }
 
 impl<'a> Series<'a> {
@@ -81,13 +79,7 @@ impl<'a> Series<'a> {
         x: impl Into<Cow<'a, [f64]>>,
         y: impl Into<Cow<'a, [f64]>>,
     ) -> Self {
-        Self { name: name.into(), x: x.into(), y: y.into(), look: None, is_marked: false }
-    }
-
-    /// Gives every value a marker.
-    pub fn marked(mut self) -> Self {
-        self.is_marked = true;
-        self
+        Self { name: name.into(), x: x.into(), y: y.into(), look: None }
     }
 
     /// Sets the style.
@@ -137,10 +129,7 @@ impl<'a> Panel<'a> {
         let series = self.series.iter().enumerate();
         let line = |(index, series): (usize, &Series)| LegendEntry {
             name: series.name.clone(),
-            swatch: match series.is_marked {
-                true => Swatch::Marked(look_or_nth(series.look, index)),
-                false => Swatch::Line(look_or_nth(series.look, index)),
-            },
+            swatch: Swatch::Line(look_or_nth(series.look, index)),
         };
         let band = self
             .band
@@ -288,9 +277,6 @@ fn draw_series(canvas: &mut Canvas, series: &Series, look: Look, frame: &Frame) 
         match run.as_slice() {
             [only] => canvas.circle(*only, 1.2, &format!(" fill=\"{}\"", look.colour)),
             run => canvas.path(run, &style),
-        }
-        if series.is_marked {
-            run.iter().for_each(|at| legend::marker(canvas, look, *at));
         }
     }
 }

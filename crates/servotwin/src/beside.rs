@@ -6,8 +6,8 @@
 use crate::moment::rounded;
 use crate::system::imperfection::Imperfection;
 use crate::system::{Sensor, System};
+use crate::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 use servotwin_model::spec::Unit;
-use servotwin_system::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 use std::borrow::Cow;
 
 /// Largest share of the difference that a mistake may leave unexplained.
@@ -91,9 +91,9 @@ impl Spread {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct TwinComparison {
     /// Spread of the sensor's values.
-    pub own: Spread,
+    pub(crate) own: Spread,
     /// Spread of the twin's values.
-    pub twin: Spread,
+    pub(crate) twin: Spread,
     product: f64,
 }
 
@@ -152,13 +152,13 @@ impl TwinComparison {
 /// A sensor, as a log has it.
 pub struct SensorColumn<'s> {
     /// Its name in sentences.
-    pub name: Cow<'s, str>,
+    pub(crate) name: Cow<'s, str>,
     /// The sensor of the system.
-    pub sensor: &'s Sensor,
+    pub(crate) sensor: &'s Sensor,
     /// The standard deviation of its noise, SI.
-    pub deviation: f64,
+    pub(crate) deviation: f64,
     /// The unit in which the log is read.
-    pub unit: &'static NamedUnit,
+    pub(crate) unit: &'static NamedUnit,
 }
 
 impl<'s> SensorColumn<'s> {
@@ -176,7 +176,7 @@ pub struct OtherUnit {
     /// The index of the sensor.
     pub sensor: usize,
     /// Its values are this many times those of the twin.
-    pub ratio: f64,
+    pub(crate) ratio: f64,
     /// How it was read.
     pub misread: Misread,
 }

@@ -38,7 +38,7 @@
 //! # 3. Run a study, and 4. train
 //!
 //! A [`Study`](study::Study) lists faults, intensities and operating cases.
-//! [`Study::run`](job::RunStudy::run) simulates them all, trains the diagnosis and evaluates it on new commands.
+//! [`Study::run`](study::Study::run) simulates them all, trains the diagnosis and evaluates it on new commands.
 //! The crate `servotwin-report` makes a page of the results.
 //!
 //! ```no_run
@@ -69,30 +69,56 @@
 //! ```
 //!
 //! [`fit`] estimates the parameters of a twin, or the intensity of a fault, from a record.
-//! Files, signals and simulation are modules of [`servotwin_system`], whose page has a map of them; paths through this
-//! crate lead to the same types.
 //! The book in the folder `docs` explains the methods; five short programs stand in the folder `examples`.
+//!
+//! # All modules
+//!
+//! | task | modules |
+//! |---|---|
+//! | describe a file format as data | [`format`](mod@format) (keys and values), [`kind`] (which type of file a text is), [`units`] (names of units) |
+//! | help a writer of files | [`catalogue`] (components as documents), [`template`] (files to start with), [`built_in`] (files that names select) |
+//! | read files | [`system`] (components and connections), [`signal`] (functions of time), [`study`] (faults, operating cases, scenarios) |
+//! | run variants | [`compiled`] (steps made by the machine's C compiler), [`ensemble`] (threads × lanes), [`parallel`] (other work on threads) |
+//! | simulate by names | [`simulate`] (names in, a table out), [`recording`] (what a run records), [`validity`] (pressures and pistons outside the model) |
+//! | analyze the steady state | [`rest`] (states, eigenvalues and description), [`plausibility`] (warnings) |
+//! | run a study | [`job`] (all work in its output folder), [`run`] (suites in lanes), [`records`] (windows of records), [`learn`] (training and evaluation), [`flight`] (flights), [`measure`] (outcomes counted) |
+//! | work with measured signals | [`live`] (twin and diagnosis, sample by sample), [`fit`] (parameters from records), [`recordings`] (studies of recordings), [`beside`] (a sensor beside its twin) |
 
 pub mod beside;
+pub mod built_in;
+pub mod catalogue;
+pub mod compiled;
+mod eigenvalues;
+pub mod ensemble;
 pub mod fit;
 pub mod flight;
+pub mod format;
 pub mod job;
+pub mod kind;
 pub mod learn;
 pub mod live;
 pub mod measure;
+pub mod parallel;
+pub mod plausibility;
 pub mod prelude;
+pub mod recording;
 pub mod recordings;
 pub mod records;
+pub mod rest;
 pub mod run;
+pub mod signal;
+pub mod simulate;
+pub mod study;
+pub mod system;
+pub mod template;
+pub mod units;
+pub mod validity;
 
 #[doc(no_inline)]
 pub use servotwin_io::{
     files, leftovers, manifest, moment, nearest, sanitize, table, text, toml_text,
 };
 #[doc(no_inline)]
-pub use servotwin_system::{
-    built_in, catalogue, compiled, ensemble, format, kind, parallel, plausibility, recording, rest,
-    shown, signal, simulate, study, system, template, units, validity,
-};
-#[doc(no_inline)]
 pub use servotwin_view as view;
+#[doc(no_inline)]
+pub use servotwin_view::shown;

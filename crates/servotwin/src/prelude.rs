@@ -1,7 +1,7 @@
 //! The types that most programs need: `use servotwin::prelude::*`.
 
 pub use crate::fit::{Fit, FitError, FitRecord, FitResults};
-pub use crate::job::{Job, JobError, RunStudy, StudyEvent, StudyResults, StudyRun};
+pub use crate::job::{Job, JobError, StudyEvent, StudyResults, StudyRun};
 pub use crate::learn::model_file::read_diagnoser;
 pub use crate::live::monitor::Monitor;
 pub use crate::live::observer::{DiagnosisState, Finding};

@@ -240,7 +240,7 @@ fn every_page_with_short_commands_is_run() {
 }
 
 /// The template that a page shows beside a shipped system.
-const DUAL: &str = include_str!("../../../servotwin-system/src/template/dual_system.toml");
+const DUAL: &str = include_str!("../../../servotwin/src/template/dual_system.toml");
 
 /// The book shows parts of shipped files and templates as they are.
 #[test]

@@ -696,7 +696,7 @@ fn sensors_show_their_noise() {
 #[test]
 fn a_cavity_is_noted_with_place_time_and_duration() {
     let folder = Folder::new("cavity");
-    let slam = include_str!("../../../servotwin-system/tests/cavitation/slam.toml");
+    let slam = include_str!("../../../servotwin/tests/cavitation/slam.toml");
     std::fs::write(folder.file("slam.toml"), slam).unwrap();
     let system = folder.file("slam.toml");
     let opening = "opening=ramp:rate=100,to=1,at=0.05s + ramp:rate=-2000,to=-1,at=0.15s";

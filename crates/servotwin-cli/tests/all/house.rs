@@ -92,7 +92,10 @@ fn edges(sources_folder: &Path) -> Edges {
     let declared = fs::read_to_string(root.iter().find(|file| file.exists()).unwrap()).unwrap();
     let modules: BTreeSet<String> = declared
         .lines()
-        .filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';'))
+        .filter_map(|line| {
+            let line = line.trim_start_matches("pub ").trim_start_matches("pub(crate) ");
+            line.strip_prefix("mod ")?.strip_suffix(';')
+        })
         .map(str::to_owned)
         .collect();
     let mut found = Edges::new();
@@ -162,22 +165,12 @@ fn a_cycle_is_found() {
 
 #[test]
 fn leaves_depend_on_nothing_above_them() {
-    let allowed: [(&str, &[&str]); 7] = [
+    let allowed: [(&str, &[&str]); 6] = [
         ("servotwin-io", &[]),
         ("servotwin-model", &[]),
         ("servotwin-diagnosis", &[]),
         ("servotwin-learning", &["servotwin-diagnosis"]),
         ("servotwin-view", &["servotwin-io", "servotwin-model"]),
-        (
-            "servotwin-system",
-            &[
-                "servotwin-io",
-                "servotwin-model",
-                "servotwin-diagnosis",
-                "servotwin-learning",
-                "servotwin-view",
-            ],
-        ),
         (
             "servotwin",
             &[
@@ -186,7 +179,6 @@ fn leaves_depend_on_nothing_above_them() {
                 "servotwin-diagnosis",
                 "servotwin-learning",
                 "servotwin-view",
-                "servotwin-system",
             ],
         ),
     ];

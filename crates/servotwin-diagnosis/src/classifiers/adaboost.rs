@@ -45,7 +45,7 @@ impl Classifier for Model {
         require_sound(!self.trees.is_empty(), "a boosted model has trees")?;
         for tree in &self.trees {
             tree.branches.check(self.features)?;
-            same_length("decisions", tree.branches.len(), tree.decisions.len())?;
+            same_length("decisions", tree.branches.node_count(), tree.decisions.len())?;
             let known = tree.decisions.iter().all(|&class| (class as usize) < self.classes);
             require_sound(known, "trees must decide known classes")?;
         }

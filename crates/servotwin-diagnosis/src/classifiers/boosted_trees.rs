@@ -71,7 +71,7 @@ impl Classifier for Model {
         same_length("priors", self.present.len() - fixed, self.priors.len())?;
         for tree in &self.trees {
             tree.branches.check(self.features)?;
-            let values = tree.branches.len() * self.priors.len();
+            let values = tree.branches.node_count() * self.priors.len();
             same_length("values of leaves", values, tree.values.len())?;
         }
         Ok(())

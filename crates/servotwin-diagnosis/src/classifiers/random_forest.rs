@@ -43,10 +43,10 @@ impl VotingTree {
 
     fn check(&self, features: usize, classes: usize) -> Result<(), Error> {
         self.branches.check(features)?;
-        same_length("starts", self.branches.len() + 1, self.starts.len())?;
+        same_length("starts", self.branches.node_count() + 1, self.starts.len())?;
         same_length("shares", self.classes.len(), self.shares.len())?;
         let ascending = self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
-        let ends = self.starts[self.branches.len()] as usize == self.shares.len();
+        let ends = self.starts[self.branches.node_count()] as usize == self.shares.len();
         let known = self.classes.iter().all(|&class| (class as usize) < classes);
         require_sound(ascending && ends && known, "leaf shares must be listed node by node")
     }

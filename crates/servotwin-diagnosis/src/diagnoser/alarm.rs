@@ -22,11 +22,11 @@ use crate::hierarchy::Names;
 /// What is raised, and the rules of raising.
 #[derive(Debug, Clone)]
 pub(super) struct Alarms {
-    pub hypotheses: Hypotheses,
+    pub(crate) hypotheses: Hypotheses,
     switches_off: Vec<bool>,
     least_on: usize,
     recover_samples: u64,
-    pub state: AlarmState,
+    pub(crate) state: AlarmState,
 }
 
 /// What alarms remember.
@@ -34,13 +34,13 @@ pub(super) struct Alarms {
 #[serde(deny_unknown_fields)]
 pub(super) struct AlarmState {
     /// The action whose evidence has not ended for long enough.
-    pub active: Option<Raised>,
+    pub(crate) active: Option<Raised>,
     /// First sample without evidence for the active action.
     recovering_since: Option<u64>,
     /// For each actuator, the shutdown that was raised and not withdrawn.
-    pub stands: Vec<Option<Raised>>,
+    pub(crate) stands: Vec<Option<Raised>>,
     /// Actuators that were switched off.
-    pub is_off: Vec<bool>,
+    pub(crate) is_off: Vec<bool>,
     /// Actuators that are on but not judged.
     is_inhibited: Vec<bool>,
 }
@@ -48,9 +48,9 @@ pub(super) struct AlarmState {
 /// What a decision is made from.
 #[derive(Clone, Copy)]
 pub(super) struct Basis<'b> {
-    pub diagnoser: &'b Diagnoser,
-    pub guard: &'b Guard,
-    pub evidence: &'b Evidence,
+    pub(crate) diagnoser: &'b Diagnoser,
+    pub(crate) guard: &'b Guard,
+    pub(crate) evidence: &'b Evidence,
 }
 
 impl Alarms {

@@ -150,17 +150,17 @@ impl Boundary {
 /// A new window of a length, with the reading of a boundary.
 #[derive(Clone, Copy)]
 pub(super) struct NewWindow<'w> {
-    pub window: &'w Window,
-    pub bands: &'w [SensorBand],
-    pub sensors: &'w [DiagnosedSensor],
+    pub(crate) window: &'w Window,
+    pub(crate) bands: &'w [SensorBand],
+    pub(crate) sensors: &'w [DiagnosedSensor],
     /// The number of panes of a window, and the share of it that is new.
-    pub panes: u32,
-    pub share: f64,
-    pub period_s: f64,
+    pub(crate) panes: u32,
+    pub(crate) share: f64,
+    pub(crate) period_s: f64,
     /// The input at the last sample, SI.
-    pub reading: f64,
+    pub(crate) reading: f64,
     /// The range of the true value, SI, if the sensor has not agreed with the twin yet.
-    pub possible: Option<[f64; 2]>,
+    pub(crate) possible: Option<[f64; 2]>,
 }
 
 /// Sums over windows of a residual and the twin's signal.

@@ -120,8 +120,8 @@ impl Allowances {
 /// [`crate::hierarchy::Hierarchy::probabilities_into`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Hypotheses {
-    pub actuators: usize,
-    pub actions: usize,
+    pub(crate) actuators: usize,
+    pub(crate) actions: usize,
 }
 
 impl Hypotheses {

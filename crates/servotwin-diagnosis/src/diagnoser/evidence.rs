@@ -21,7 +21,7 @@ use crate::windows::Windows;
 /// The evidence of all window lengths.
 #[derive(Debug, Clone)]
 pub(super) struct Evidence {
-    pub lengths: Vec<LengthEvidence>,
+    pub(crate) lengths: Vec<LengthEvidence>,
 }
 
 /// Judges the windows of one length and gathers their evidence.
@@ -34,13 +34,13 @@ pub(super) struct LengthEvidence {
     tuning: Tuning,
     limits: DecisionLimits,
     /// Samples of a full window.
-    pub samples: u64,
+    pub(crate) samples: u64,
     views: Views,
     of_trees: Scratch,
     of_committee: Scratch,
     common_mode: CommonMode,
     /// Whether the newest sample completed a window that was judged.
-    pub is_new: bool,
+    pub(crate) is_new: bool,
     state: LengthState,
 }
 
@@ -61,7 +61,7 @@ pub(super) struct LengthState {
 #[serde(deny_unknown_fields)]
 pub(super) struct Judgement {
     /// The sensor with the largest residual in parts of its band, and that residual.
-    pub worst: (usize, f64),
+    pub(crate) worst: (usize, f64),
     /// The trees' hypothesis; `None` if every residual is in its band.
     of_trees: Option<usize>,
     /// The trees' detail.

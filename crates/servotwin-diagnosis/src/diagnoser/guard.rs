@@ -43,12 +43,12 @@ const LARGEST_DIFFERENCE: f64 = 4.0;
 /// What a session receives at once, in the order of its diagnoser.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Received<'s> {
-    pub inputs: &'s [f64],
+    pub(crate) inputs: &'s [f64],
     /// NaN means missing.
-    pub measured: &'s [f64],
-    pub twin: &'s [f64],
+    pub(crate) measured: &'s [f64],
+    pub(crate) twin: &'s [f64],
     /// Number of the sample.
-    pub sample: u64,
+    pub(crate) sample: u64,
 }
 
 /// Whether a sample is judged.
@@ -83,10 +83,10 @@ pub(super) struct Guard {
     /// Number of samples that are not judged after a start or a restart.
     settle_samples: u64,
     /// The measured values, with stand-ins for masked and lost sensors.
-    pub measured: Vec<f64>,
+    pub(crate) measured: Vec<f64>,
     /// The sensors with stand-in values.
-    pub stands_in: Vec<bool>,
-    pub state: GuardState,
+    pub(crate) stands_in: Vec<bool>,
+    pub(crate) state: GuardState,
 }
 
 /// What a guard remembers.

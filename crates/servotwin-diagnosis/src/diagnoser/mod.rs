@@ -45,7 +45,7 @@ pub use boundary::Boundary;
 pub use environment::{InputChecks, Why};
 pub use healthy_evidence::{HealthyEvidence, ShutdownMargin};
 pub use novelty::Novelty;
-pub use outcome::{Alarm, IndexedFinding, Outcome, Raised, UnjudgedCounts};
+pub use outcome::{Alarm, IndexedFinding, Outcome, Raised};
 pub use recorded::{Nominal, Nominals, Recorded};
 pub use scatter::{Scatter, ScatterTest};
 pub use session::{Session, StoredSession};

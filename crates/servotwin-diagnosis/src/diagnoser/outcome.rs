@@ -101,11 +101,11 @@ pub struct Raised {
 /// Sizes of a diagnoser's lists, to check stored indices.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Places {
-    pub hypotheses: Hypotheses,
-    pub details: usize,
-    pub lengths: usize,
-    pub sensors: usize,
-    pub inputs: usize,
+    pub(crate) hypotheses: Hypotheses,
+    pub(crate) details: usize,
+    pub(crate) lengths: usize,
+    pub(crate) sensors: usize,
+    pub(crate) inputs: usize,
 }
 
 impl Places {

@@ -51,13 +51,13 @@ pub struct Constant {
     /// Its value.
     pub value: f64,
     /// Its usual value, which the origin explains.
-    pub usual: f64,
+    pub(crate) usual: f64,
     /// Whether the value is usual; some constants have two usual values.
-    pub is_usual: bool,
+    pub(crate) is_usual: bool,
     /// The unit; empty for a number or a share.
     pub unit: &'static str,
     /// Where the usual value comes from.
-    pub origin: Origin,
+    pub(crate) origin: Origin,
     /// One sentence.
     pub meaning: &'static str,
     /// The page of the book that derives or measures it, relative to `docs/`.

@@ -35,13 +35,8 @@ pub struct Branches {
 
 impl Branches {
     /// Number of nodes.
-    pub fn len(&self) -> usize {
+    pub fn node_count(&self) -> usize {
         self.feature.len()
-    }
-
-    /// Whether there are no nodes; never true for a grown tree.
-    pub fn is_empty(&self) -> bool {
-        self.feature.is_empty()
     }
 
     /// The test of a node as (feature, threshold); `None` for a leaf.
@@ -96,17 +91,17 @@ impl Branches {
 
     /// The tests of all inner nodes as (feature, threshold).
     pub fn splits(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
-        (0..self.len()).filter_map(|node| self.split(node))
+        (0..self.node_count()).filter_map(|node| self.split(node))
     }
 
     /// Whether the tree was trained with rows without a value.
-    pub fn knows_missing(&self) -> bool {
+    pub(crate) fn knows_missing(&self) -> bool {
         !self.missing_left.is_empty()
     }
 
     /// Checks equal lengths, and that children come after their parent, so that every walk ends.
     pub(crate) fn check(&self, features: usize) -> Result<(), Error> {
-        let nodes = self.len();
+        let nodes = self.node_count();
         for length in [self.threshold.len(), self.left.len(), self.right.len()] {
             same_length("tree nodes", nodes, length)?;
         }
@@ -134,7 +129,7 @@ impl Branches {
         self.threshold.push(0.0);
         self.left.push(0);
         self.right.push(0);
-        self.len() - 1
+        self.node_count() - 1
     }
 
     /// Turns a leaf into a test with these children.
@@ -152,13 +147,13 @@ pub struct LeafReport {
     /// Number of the node.
     pub node: usize,
     /// The class that it decides.
-    pub class: u32,
+    pub(crate) class: u32,
     /// Share of the decided class among the weights of the leaf.
     pub purity: f64,
     /// Training rows in the leaf.
     pub rows: u32,
     /// Weight of these rows.
-    pub weight: f64,
+    pub(crate) weight: f64,
     /// Number of tests on the way to the leaf.
     pub depth: usize,
 }
@@ -252,7 +247,7 @@ impl Tree {
     }
 
     /// Number of features in a row.
-    pub fn features(&self) -> usize {
+    pub(crate) fn features(&self) -> usize {
         self.features
     }
 
@@ -263,7 +258,7 @@ impl Tree {
 
     /// Number of nodes, leaves included.
     pub fn nodes(&self) -> usize {
-        self.branches.len()
+        self.branches.node_count()
     }
 
     /// The arrays for prediction.

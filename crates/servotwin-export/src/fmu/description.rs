@@ -29,16 +29,16 @@ impl Version {
 pub(super) struct Description<'d> {
     pub version: Version,
     /// A C identifier.
-    pub name: &'d str,
-    pub title: &'d str,
+    pub(crate) name: &'d str,
+    pub(crate) title: &'d str,
     /// The importing tool must show this text to the binary.
-    pub token: &'d str,
-    pub sources: &'d [&'d str],
-    pub variables: &'d Variables,
+    pub(crate) token: &'d str,
+    pub(crate) sources: &'d [&'d str],
+    pub(crate) variables: &'d Variables,
     /// The states and inputs that each slot of a program depends on; a host may integrate its states. Without them the FMU
     /// serves co-simulation only.
-    pub dependencies: Option<&'d [BTreeSet<usize>]>,
-    pub period_s: f64,
+    pub(crate) dependencies: Option<&'d [BTreeSet<usize>]>,
+    pub(crate) period_s: f64,
 }
 
 impl Description<'_> {

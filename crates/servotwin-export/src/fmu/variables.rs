@@ -39,24 +39,24 @@ pub(super) enum VariableKind {
 /// A variable of an FMU, in SI units.
 #[derive(Clone, Debug)]
 pub(super) struct Variable {
-    pub name: String,
-    pub reference: usize,
-    pub kind: VariableKind,
-    pub unit: Unit,
+    pub(crate) name: String,
+    pub(crate) reference: usize,
+    pub(crate) kind: VariableKind,
+    pub(crate) unit: Unit,
     /// The unit that people read, where it is another one.
-    pub display: Option<&'static str>,
-    pub description: String,
-    pub start: Option<f64>,
+    pub(crate) display: Option<&'static str>,
+    pub(crate) description: String,
+    pub(crate) start: Option<f64>,
     /// The least and the largest value, as far as there are limits.
-    pub range: [Option<f64>; 2],
-    pub nominal: Option<f64>,
+    pub(crate) range: [Option<f64>; 2],
+    pub(crate) nominal: Option<f64>,
     /// The place of the state whose derivative it is.
-    pub derivative_of: Option<usize>,
+    pub(crate) derivative_of: Option<usize>,
 }
 
 /// All variables, and which of them are states and their derivatives.
 pub(super) struct Variables {
-    pub all: Vec<Variable>,
+    pub(crate) all: Vec<Variable>,
     /// For each slot of the program, the place of its variable.
     of_slots: BTreeMap<usize, usize>,
     states: usize,

@@ -21,8 +21,8 @@ const LONGEST_COMMAND: usize = 1000;
 /// The outcome of a session, as flat lists: `prove_push` of the C text.
 #[derive(Default, PartialEq)]
 pub(super) struct SessionAnswer {
-    pub integers: Vec<i64>,
-    pub numbers: Vec<f64>,
+    pub(crate) integers: Vec<i64>,
+    pub(crate) numbers: Vec<f64>,
 }
 
 /// Runs a session and those of all compiled exports side by side. `tell` hears how many samples were compared.

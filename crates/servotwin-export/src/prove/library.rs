@@ -80,8 +80,8 @@ impl Build {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct LibraryAnswer {
-    pub decided: i32,
-    pub probability: f64,
+    pub(crate) decided: i32,
+    pub(crate) probability: f64,
 }
 
 /// `servotwin_diagnosis`.
@@ -98,8 +98,8 @@ pub(super) struct Diagnosis {
 /// Which hierarchy of which window length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct LibraryPlace {
-    pub is_committee: bool,
-    pub length: usize,
+    pub(crate) is_committee: bool,
+    pub(crate) length: usize,
 }
 
 impl fmt::Display for LibraryPlace {

@@ -45,30 +45,30 @@ pub struct RowDifference {
     /// The model.
     pub place: String,
     /// Its answer, and the right one.
-    pub what: String,
+    pub(crate) what: String,
 }
 
 /// What one build was compared on.
 #[derive(Debug, Clone, PartialEq, Serialize, Default)]
 pub struct ProofEvidence {
     /// The compiler with its flags.
-    pub command: String,
+    pub(crate) command: String,
     /// The compiler's version.
-    pub version: String,
+    pub(crate) version: String,
     /// Whether the start test knows the answers of training.
     pub is_exact: bool,
     /// Leaves of all trees.
-    pub leaves: u64,
+    pub(crate) leaves: u64,
     /// Leaves that no row reached, although one could.
-    pub leaves_not_reached: u64,
+    pub(crate) leaves_not_reached: u64,
     /// Nodes that no row can reach, because tests above them exclude each other.
-    pub unreachable_nodes: u64,
+    pub(crate) unreachable_nodes: u64,
     /// Thresholds of all trees, each compared one step below, at, and one step above, and without a value.
     pub thresholds: u64,
     /// Rows for leaves and thresholds.
     pub rows: u64,
     /// Random rows through whole hierarchies.
-    pub random_rows: u64,
+    pub(crate) random_rows: u64,
     /// Samples through the whole chain.
     pub samples: u64,
     /// Random points at which the equations of the twin and their gradients were compared.
@@ -76,11 +76,11 @@ pub struct ProofEvidence {
     /// Variants of the twin that were simulated to the end.
     pub variants: u64,
     /// Those of them that found no steady state to begin with.
-    pub unsettled: u64,
+    pub(crate) unsettled: u64,
     /// Samples of all variants.
     pub twin_samples: u64,
     /// Samples through twin and diagnosis together.
-    pub hybrid_samples: u64,
+    pub(crate) hybrid_samples: u64,
     /// Actions that were raised on the way, with their number.
     pub raised: BTreeMap<String, u64>,
     /// The first differences.
@@ -138,11 +138,11 @@ impl ProofEvidence {
 /// A study with its diagnoser and its twin.
 pub(crate) struct Subject<'s> {
     /// The study.
-    pub study: &'s Study,
+    pub(crate) study: &'s Study,
     /// The diagnoser.
-    pub diagnoser: &'s Arc<Diagnoser>,
+    pub(crate) diagnoser: &'s Arc<Diagnoser>,
     /// The twin.
-    pub twin: &'s ExportedTwin<'s>,
+    pub(crate) twin: &'s ExportedTwin<'s>,
 }
 
 /// The scope of a proof.

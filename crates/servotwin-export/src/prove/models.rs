@@ -42,7 +42,7 @@ fn trees(model: &Model) -> Vec<&Branches> {
 
 /// The leaves of a tree, ascending.
 fn leaves(branches: &Branches) -> impl Iterator<Item = usize> + '_ {
-    (0..branches.len()).filter(|node| branches.split(*node).is_none())
+    (0..branches.node_count()).filter(|node| branches.split(*node).is_none())
 }
 
 fn compare_stage(
@@ -63,7 +63,7 @@ fn compare_stage(
     let mut leaves_before = 0;
     for (tree, branches) in trees(&stage.model).into_iter().enumerate() {
         let own: Vec<usize> = leaves(branches).collect();
-        let mut reached = vec![false; branches.len()];
+        let mut reached = vec![false; branches.node_count()];
         let Rows { rows, unreachable } = Rows::of(branches);
         for row in &rows {
             if evidence.has_enough() {
@@ -87,7 +87,7 @@ fn compare_stage(
         evidence.leaves_not_reached += all.filter(|leaf| !reached[**leaf]).count() as u64;
         evidence.unreachable_nodes += unreachable.len() as u64;
         evidence.leaves += own.len() as u64;
-        evidence.thresholds += (branches.len() - own.len()) as u64;
+        evidence.thresholds += (branches.node_count() - own.len()) as u64;
         evidence.rows += rows.len() as u64;
         leaves_before += own.len();
     }

@@ -13,15 +13,15 @@ type Interval = (f64, f64);
 /// A row at a test of a tree.
 pub(super) struct TestRow {
     /// The tested node.
-    pub node: usize,
+    pub(crate) node: usize,
     /// All features that the tree reads on the way, by place in the stage's row.
-    pub values: BTreeMap<usize, f64>,
+    pub(crate) values: BTreeMap<usize, f64>,
 }
 
 /// The rows of a tree, and the nodes that no row reaches.
 pub(super) struct Rows {
-    pub rows: Vec<TestRow>,
-    pub unreachable: Vec<usize>,
+    pub(crate) rows: Vec<TestRow>,
+    pub(crate) unreachable: Vec<usize>,
 }
 
 impl Rows {

@@ -24,9 +24,9 @@ const BROKEN_SHARE: f64 = 5e-4;
 /// One sample, in SI units.
 #[derive(Debug, Clone)]
 pub(super) struct Sample {
-    pub inputs: Vec<f64>,
-    pub measured: Vec<f64>,
-    pub twin: Vec<f64>,
+    pub(crate) inputs: Vec<f64>,
+    pub(crate) measured: Vec<f64>,
+    pub(crate) twin: Vec<f64>,
 }
 
 /// What disturbs a sensor: its offset, and its slope over the twin's signal, in parts of scale.

@@ -50,14 +50,14 @@ impl Nodes {
     fn add(&mut self, tree: usize, branches: &Branches, columns: &[u32]) -> i32 {
         let (mut inner, mut leaves) = (self.features.len() as i32, self.leaves.len() as i32);
         let next = |counter: &mut i32| std::mem::replace(counter, *counter + 1);
-        let places: Vec<i32> = (0..branches.len())
+        let places: Vec<i32> = (0..branches.node_count())
             .map(|node| match branches.split(node) {
                 Some(_) => next(&mut inner),
                 None => -1 - next(&mut leaves),
             })
             .collect();
-        let mut depths = vec![0; branches.len()];
-        for node in 0..branches.len() {
+        let mut depths = vec![0; branches.node_count()];
+        for node in 0..branches.node_count() {
             let test = branches.split(node).zip(branches.children(node));
             let Some(((feature, threshold), (left, right))) = test else {
                 self.leaves.push((tree, node));

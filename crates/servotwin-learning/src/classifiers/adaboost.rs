@@ -22,7 +22,7 @@ use servotwin_diagnosis::tree::Tree;
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Maximum number of rounds, each of which adds a tree; at least 1.
-    pub rounds: usize,
+    pub(crate) rounds: usize,
     /// Depth of each tree; at least 1. `None` for the smallest depth with a leaf for every class: 1 for two classes, 4
     /// for thirteen. A tree without leaves for most classes is hardly better than chance, and so are many of them.
     pub max_depth: Option<usize>,

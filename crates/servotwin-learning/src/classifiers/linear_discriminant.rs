@@ -30,9 +30,9 @@ const NEGLIGIBLE: f64 = 1e-9;
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Initial ridge on the diagonal of the within-class correlations; 0 or more.
-    pub ridge: f64,
+    pub(crate) ridge: f64,
     /// First ridge for singular correlations; above 0.
-    pub first_ridge: f64,
+    pub(crate) first_ridge: f64,
 }
 
 impl Default for Settings {

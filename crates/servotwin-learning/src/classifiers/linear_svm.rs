@@ -23,11 +23,11 @@ use servotwin_diagnosis::random::Random;
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Weight C of the losses against the penalty; above 0.
-    pub cost: f64,
+    pub(crate) cost: f64,
     /// Tolerance of the spread of the projected gradients at which training stops; above 0.
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// Maximum number of passes over the rows; at least 1.
-    pub max_passes: usize,
+    pub(crate) max_passes: usize,
     /// Seed of the order of the rows.
     pub seed: u64,
 }

@@ -25,11 +25,11 @@ const MEMORY: usize = 10;
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Weight C of the losses against the penalty; above 0.
-    pub cost: f64,
+    pub(crate) cost: f64,
     /// Tolerance of the largest gradient component at which training stops; above 0.
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// Maximum number of steps; at least 1.
-    pub max_steps: usize,
+    pub(crate) max_steps: usize,
 }
 
 impl Default for Settings {

@@ -28,19 +28,19 @@ const ADAM_GUARD: f64 = 1e-8;
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Number of hidden units; at least 1.
-    pub hidden_units: usize,
+    pub(crate) hidden_units: usize,
     /// Weight α of the penalty; 0 or more.
-    pub penalty: f64,
+    pub(crate) penalty: f64,
     /// Adam's step size; above 0.
     pub learning_rate: f64,
     /// Maximum number of rows of a mini-batch; at least 1.
-    pub batch_rows: usize,
+    pub(crate) batch_rows: usize,
     /// Maximum number of passes over the rows; at least 1.
     pub max_epochs: usize,
     /// Training stops when the loss has not fallen by this much …
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// … in more than this many passes in a row.
-    pub patience: usize,
+    pub(crate) patience: usize,
     /// Seed of the initial weights and of the order of the rows.
     pub seed: u64,
 }

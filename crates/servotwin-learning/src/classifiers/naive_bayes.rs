@@ -19,7 +19,7 @@ use servotwin_diagnosis::error::{Error, require};
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     /// Share of the largest feature variance that is added to every variance; above 0.
-    pub variance_smoothing: f64,
+    pub(crate) variance_smoothing: f64,
 }
 
 impl Default for Settings {

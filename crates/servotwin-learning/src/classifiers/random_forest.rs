@@ -19,7 +19,7 @@ use servotwin_diagnosis::tree::Tree;
 /// Number of features drawn for each split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum DrawnFeatures {
+pub(crate) enum DrawnFeatures {
     /// The square root of their number, rounded down, at least 1.
     #[default]
     Sqrt,
@@ -44,9 +44,9 @@ pub struct Settings {
     /// Minimum number of different rows on both sides of a split; at least 1.
     pub min_samples_leaf: usize,
     /// Number of features drawn for each split.
-    pub drawn_features: DrawnFeatures,
+    pub(crate) drawn_features: DrawnFeatures,
     /// Whether each tree draws its rows with replacement; otherwise it takes all.
-    pub bootstrap: bool,
+    pub(crate) bootstrap: bool,
     /// Seed; each tree has its own stream.
     pub seed: u64,
 }

@@ -8,4 +8,4 @@ mod tail;
 pub use median::MedianTime;
 pub use rate::{Rate, Trial, binomial_tail, clopper_pearson_upper, find_share, poisson_mean};
 pub use score::{Prediction, Score};
-pub use tail::{LEAST_EXCESSES, Tail};
+pub use tail::Tail;

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 const ONE_OF: usize = 10;
 
 /// The smallest number of excesses from which a tail is fitted.
-pub const LEAST_EXCESSES: usize = 30;
+const LEAST_EXCESSES: usize = 30;
 
 /// The range of the shape ξ. Below, the likelihood has no regular maximum; above, excesses have no mean.
 const SHAPES: RangeInclusive<f64> = -0.5..=1.0;
@@ -57,9 +57,9 @@ pub struct Tail {
     /// The shape ξ: 0 for an exponential tail, negative for one that ends.
     pub shape: f64,
     /// The scale σ of the excesses.
-    pub scale: f64,
+    pub(crate) scale: f64,
     /// The level of the following probability.
-    pub level: f64,
+    pub(crate) level: f64,
     /// The probability that a block's largest value exceeds the level, by (1).
     pub probability: f64,
     /// Lower end of its 95 % interval.
@@ -69,7 +69,7 @@ pub struct Tail {
 }
 
 impl Tail {
-    /// Fits the tail of block maxima and extrapolates it to a level. `None` with fewer than [`LEAST_EXCESSES`] excesses,
+    /// Fits the tail of block maxima and extrapolates it to a level. `None` with fewer than 30 excesses,
     /// or if the threshold is not below the level: then counting gives more.
     pub fn fit(maxima: &[f64], level: f64) -> Option<Self> {
         let mut sorted: Vec<f64> = maxima.iter().copied().filter(|value| !value.is_nan()).collect();

@@ -15,13 +15,13 @@ const PURE: f64 = f64::EPSILON;
 /// Rules of splitting.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct SplitRules {
-    pub criterion: Criterion,
-    pub max_depth: usize,
-    pub min_rows_split: usize,
-    pub min_rows_leaf: usize,
-    pub min_impurity_decrease: f64,
+    pub(crate) criterion: Criterion,
+    pub(crate) max_depth: usize,
+    pub(crate) min_rows_split: usize,
+    pub(crate) min_rows_leaf: usize,
+    pub(crate) min_impurity_decrease: f64,
     /// Number of features drawn for each split; all if there are no more.
-    pub drawn_features: usize,
+    pub(crate) drawn_features: usize,
 }
 
 impl SplitRules {
@@ -33,10 +33,10 @@ impl SplitRules {
 
 /// The data and rules that a tree is grown from.
 pub(crate) struct Growth<'a> {
-    pub samples: &'a Samples,
+    pub(crate) samples: &'a Samples,
     /// Weight of each row; rows of weight 0 are ignored.
-    pub weights: &'a [f64],
-    pub rules: &'a SplitRules,
+    pub(crate) weights: &'a [f64],
+    pub(crate) rules: &'a SplitRules,
 }
 
 impl Growth<'_> {
@@ -57,11 +57,11 @@ pub(super) type Parent = Option<(usize, bool)>;
 
 /// A tree under construction. The current node is the last one added.
 pub(super) struct Building<'a> {
-    pub growth: &'a Growth<'a>,
-    pub tree: Tree,
+    pub(crate) growth: &'a Growth<'a>,
+    pub(crate) tree: Tree,
     total_weight: f64,
     /// Weights of the classes at the current node.
-    pub node_weights: Vec<f64>,
+    pub(crate) node_weights: Vec<f64>,
 }
 
 impl<'a> Building<'a> {

@@ -7,14 +7,14 @@ use servotwin_diagnosis::numeric::MAX_VALUE;
 /// A possible split of a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Candidate {
-    pub feature: usize,
-    pub threshold: f64,
+    pub(crate) feature: usize,
+    pub(crate) threshold: f64,
     /// The gap between the two values beside the threshold, over the range of the feature's values at the node.
-    pub margin: f64,
+    pub(crate) margin: f64,
     /// Score of the split; larger is better; comparable within one node.
-    pub score: f64,
+    pub(crate) score: f64,
     /// Whether rows without a value go left; `None` if the node has none.
-    pub missing_left: Option<bool>,
+    pub(crate) missing_left: Option<bool>,
 }
 
 /// Scores that differ by less than this part are equal: they differ only in the order of summation.
@@ -44,13 +44,13 @@ impl Candidate {
 /// The rows of a node with values, labels and weights.
 pub(crate) struct NodeRows<'a> {
     /// Rows in ascending order of the feature.
-    pub sorted: &'a [u32],
+    pub(crate) sorted: &'a [u32],
     /// The feature's value for every row of the samples.
-    pub column: &'a [f64],
+    pub(crate) column: &'a [f64],
     /// Label of every row of the samples.
-    pub labels: &'a [u32],
+    pub(crate) labels: &'a [u32],
     /// Weight of every row of the samples.
-    pub weights: &'a [f64],
+    pub(crate) weights: &'a [f64],
 }
 
 impl NodeRows<'_> {

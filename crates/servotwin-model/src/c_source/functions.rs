@@ -15,13 +15,13 @@ use alloc::vec::Vec;
 
 /// A function that writes entries of arrays.
 pub(super) struct Traced<'g> {
-    pub name: String,
+    pub(crate) name: String,
     /// Arrays that it only reads.
-    pub reads: &'static [&'static str],
+    pub(crate) reads: &'static [&'static str],
     /// Arrays that it writes, and may read.
-    pub writes: &'static [&'static str],
+    pub(crate) writes: &'static [&'static str],
     /// (array, index, value).
-    pub entries: Vec<(&'static str, usize, Symbol<'g>)>,
+    pub(crate) entries: Vec<(&'static str, usize, Symbol<'g>)>,
 }
 
 impl Traced<'_> {

@@ -48,8 +48,8 @@ pub(super) trait Dialect {
 
 /// Prints the expressions of one graph.
 pub(super) struct Printer<'a, D> {
-    pub dialect: D,
-    pub expressions: &'a [Expression],
+    pub(crate) dialect: D,
+    pub(crate) expressions: &'a [Expression],
 }
 
 impl<D: Dialect> Printer<'_, D> {
@@ -131,7 +131,7 @@ fn is_argument(expression: Expression) -> bool {
 
 /// The trace of a transcendental function.
 pub(super) struct Body {
-    pub expressions: Vec<Expression>,
+    pub(crate) expressions: Vec<Expression>,
     value: Operand,
 }
 

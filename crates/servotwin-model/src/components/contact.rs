@@ -17,15 +17,15 @@ pub(crate) const STRIBECK_CONSTANTS: usize = 5;
 /// The parameters of (CO1), for a force or an acceleration.
 pub(crate) struct Stribeck<S> {
     /// b, the viscous friction.
-    pub viscous: S,
+    pub(crate) viscous: S,
     /// F_C, the Coulomb friction.
-    pub coulomb: S,
+    pub(crate) coulomb: S,
     /// κ, the static over the Coulomb friction.
-    pub static_ratio: S,
+    pub(crate) static_ratio: S,
     /// v_s, the Stribeck velocity, m/s.
-    pub velocity: S,
+    pub(crate) velocity: S,
     /// v_0, the smoothing velocity, m/s.
-    pub smoothing: S,
+    pub(crate) smoothing: S,
 }
 
 /// The constants of [`stribeck`].

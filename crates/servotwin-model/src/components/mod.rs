@@ -5,7 +5,7 @@
 //! The line names the equation blocks that the file defines, so that programs can
 //! run them without indirection.
 
-pub use crate::component::{Component, MeasuringSpan, SteadyGain};
+pub use crate::component::{Component, MeasuringSpan};
 
 use crate::equation::{Equation, Given};
 use crate::scalar::Scalar;

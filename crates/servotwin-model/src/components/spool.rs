@@ -111,16 +111,16 @@ pub(crate) fn edges(wiring: &mut Wiring) -> [([Variable; 4], Output); 4] {
 
 /// The parameters of a spool's motion.
 pub(crate) struct Spool<S> {
-    pub stroke_m: S,
-    pub natural_frequency_hz: S,
-    pub damping_ratio: S,
-    pub slew_rate_m_s: S,
-    pub null_bias: S,
-    pub current_gain: S,
+    pub(crate) stroke_m: S,
+    pub(crate) natural_frequency_hz: S,
+    pub(crate) damping_ratio: S,
+    pub(crate) slew_rate_m_s: S,
+    pub(crate) null_bias: S,
+    pub(crate) current_gain: S,
     /// Difference to the command below which the spool sticks, per unit of the largest.
-    pub breakaway: S,
+    pub(crate) breakaway: S,
     /// Position per unit of stroke, stiffness and damping of the end stops.
-    pub stop: [S; 3],
+    pub(crate) stop: [S; 3],
 }
 
 /// Number of constants of [`spool_motion`].

@@ -116,11 +116,11 @@ pub struct FluidState<S> {
     pub kinematic_viscosity_m2_s: S,
     /// Dynamic viscosity per unit of that at `REFERENCE_TEMPERATURE_K`. Laminar resistances and viscous friction
     /// grow with it, laminar leakage falls with it.
-    pub relative_viscosity: S,
+    pub(crate) relative_viscosity: S,
     /// Constants of the effective bulk modulus.
     pub bulk: BulkModulus<S>,
     /// Temperature, K.
-    pub temperature_k: S,
+    pub(crate) temperature_k: S,
 }
 
 impl<S: Scalar<Base = S>> BulkModulus<S> {
@@ -174,13 +174,13 @@ pub struct BulkModulus<S> {
     /// `k_p`.
     pub slope: S,
     /// `a · p_0^(1/n)`.
-    pub gas: S,
+    pub(crate) gas: S,
     /// `−1/n`.
-    pub exponent: S,
+    pub(crate) exponent: S,
     /// `1/n`.
-    pub reciprocal_exponent: S,
+    pub(crate) reciprocal_exponent: S,
     /// `1/E_wall`, 1/Pa.
-    pub wall_compliance_per_pa: S,
+    pub(crate) wall_compliance_per_pa: S,
 }
 
 /// The temperature at which the parameters of laminar resistances, laminar leakage and seal friction hold, K.

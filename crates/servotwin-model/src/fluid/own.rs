@@ -13,7 +13,7 @@ use crate::hash::{Canonical, Fingerprint};
 use crate::scalar::{Scalar, lit};
 
 /// The word for `kind` in a system file.
-pub const NAME: &str = "own";
+pub(crate) const NAME: &str = "own";
 /// One line of documentation.
 pub(crate) const SUMMARY: &str = "a liquid by its own numbers";
 /// Temperatures for which data may be given, K; [`OwnLiquid::range_k`] may end earlier.

@@ -19,7 +19,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 /// The word for `kind` in a system file.
-pub const NAME: &str = "table";
+pub(crate) const NAME: &str = "table";
 /// One line of documentation.
 pub(crate) const SUMMARY: &str = "a liquid by its own numbers at several temperatures";
 /// The smallest distance of two points, K. Closer points would turn the rounding of a data sheet into a slope.

@@ -11,7 +11,7 @@ mod portable;
 mod single;
 
 use crate::scalar::Lanes;
-pub use portable::Portable;
+pub(crate) use portable::Portable;
 
 // Private, because their values may exist only where the processor supports them.
 #[cfg(target_arch = "x86_64")]

@@ -62,7 +62,7 @@ impl Swing {
 #[derive(Clone)]
 pub(super) struct Following {
     /// States and held values at the end of the search. A run without a steady state begins there.
-    pub search_end: (Vec<f64>, Vec<f64>),
+    pub(crate) search_end: (Vec<f64>, Vec<f64>),
     attempts: u64,
     window_end_s: f64,
     /// Indexed by state.

@@ -39,13 +39,13 @@ pub(super) enum Phase {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moving {
     /// Index of the input.
-    pub external: usize,
+    pub(crate) external: usize,
     /// Start of the piece, s.
-    pub from_s: f64,
+    pub(crate) from_s: f64,
     /// End of the piece, s; infinite for the last piece.
-    pub until_s: f64,
+    pub(crate) until_s: f64,
     /// The piece, in the time since `from_s`.
-    pub piece: Cubic,
+    pub(crate) piece: Cubic,
 }
 
 impl Moving {
@@ -79,31 +79,31 @@ impl Moving {
 /// The state of one lane.
 #[derive(Clone)]
 pub(super) struct LaneState {
-    pub phase: Phase,
-    pub time_s: f64,
+    pub(crate) phase: Phase,
+    pub(crate) time_s: f64,
     /// The step length that the error control requests, s.
-    pub wanted_s: f64,
+    pub(crate) wanted_s: f64,
     /// Length and end of the current step, s.
-    pub step_s: f64,
-    pub end_s: f64,
+    pub(crate) step_s: f64,
+    pub(crate) end_s: f64,
     /// The external inputs that change with time.
-    pub moving: Vec<Moving>,
+    pub(crate) moving: Vec<Moving>,
     /// The next time at which one of their pieces begins or ends, s, as of the last update.
-    pub next_break_s: f64,
-    pub sample_period_s: f64,
-    pub next_sample: u64,
+    pub(crate) next_break_s: f64,
+    pub(crate) sample_period_s: f64,
+    pub(crate) next_sample: u64,
     /// A time that no step may cross, s: the end of the run or a change of parameters.
-    pub halt_s: f64,
+    pub(crate) halt_s: f64,
     /// For each clock, the index of its next tick.
-    pub next_tick: Vec<u64>,
-    pub rejections: u32,
+    pub(crate) next_tick: Vec<u64>,
+    pub(crate) rejections: u32,
     /// Attempts within about [`MEMORY_S`] of simulated time.
-    pub attempt_rate_per_s: f64,
-    pub statistics: Statistics,
+    pub(crate) attempt_rate_per_s: f64,
+    pub(crate) statistics: Statistics,
     /// Why the variant could not be finished.
-    pub failure: Option<SolverFailure>,
+    pub(crate) failure: Option<SolverFailure>,
     /// Progress in [`Phase::Following`].
-    pub following: Option<Box<Following>>,
+    pub(crate) following: Option<Box<Following>>,
 }
 
 impl LaneState {

@@ -32,11 +32,11 @@ const AT_REST_PER_S: f64 = 1e-9;
 const MAX_SETTLING_S: f64 = 1e5;
 
 pub(super) struct LaneStepper<'p, V> {
-    pub program: &'p Program,
-    pub settings: SolverSettings,
+    pub(crate) program: &'p Program,
+    pub(crate) settings: SolverSettings,
     memory: StepMemory<'p, V>,
     /// One for each lane.
-    pub lane_states: Vec<LaneState>,
+    pub(crate) lane_states: Vec<LaneState>,
     /// The external inputs that change with time in any lane.
     moving: Vec<usize>,
     periods_s: Vec<f64>,
@@ -45,9 +45,9 @@ pub(super) struct LaneStepper<'p, V> {
 /// The numbers of a variant, besides its inputs.
 pub(super) struct Numbers<'n> {
     /// [`Program::block_constants`].
-    pub constants: &'n [f64],
+    pub(crate) constants: &'n [f64],
     /// [`Program::stand_in_values`].
-    pub stand_ins: &'n [f64],
+    pub(crate) stand_ins: &'n [f64],
 }
 
 impl<'p, V: Lanes> LaneStepper<'p, V> {

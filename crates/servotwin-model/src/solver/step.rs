@@ -23,21 +23,21 @@ pub(crate) fn input_bit(external: usize) -> u64 {
 /// The arrays of one step; the page of [`super`] draws them with their lengths.
 pub(super) struct StepArrays<V> {
     /// The constants of all blocks.
-    pub constants: Vec<V>,
+    pub(crate) constants: Vec<V>,
     /// The variable array of the program.
-    pub variables: Vec<V>,
+    pub(crate) variables: Vec<V>,
     /// The gradients of all sums, and the partial derivatives of all blocks.
-    pub gradients: Vec<V>,
+    pub(crate) gradients: Vec<V>,
     /// The factors of `I/(γh) − J`.
-    pub factors: Vec<V>,
+    pub(crate) factors: Vec<V>,
     /// The states at the beginning of the step.
-    pub y: Vec<V>,
+    pub(crate) y: Vec<V>,
     /// The stage vectors `U_i`, one after the other. The last one of a method is the error of its step.
-    pub stages: Vec<V>,
+    pub(crate) stages: Vec<V>,
     /// Values that a compiled step keeps from one evaluation to the next.
-    pub cached: Vec<V>,
+    pub(crate) cached: Vec<V>,
     /// The sources that changed after `cached` was computed: [`NUMBERS`] and [`input_bit`].
-    pub changed: u64,
+    pub(crate) changed: u64,
 }
 
 impl<V: Lanes> StepArrays<V> {

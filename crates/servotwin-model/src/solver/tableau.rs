@@ -18,15 +18,15 @@ pub struct Tableau {
     /// `γ`.
     pub gamma: f64,
     /// `a_ij`, row by row below the diagonal.
-    pub a: &'static [&'static [f64]],
+    pub(crate) a: &'static [&'static [f64]],
     /// `c_ij`, row by row below the diagonal.
-    pub c: &'static [&'static [f64]],
+    pub(crate) c: &'static [&'static [f64]],
     /// `α_i`.
     pub alpha: &'static [f64],
     /// `γ_i`.
     pub gamma_sum: &'static [f64],
     /// `h_mj`; empty if the method has no dense output.
-    pub dense: &'static [&'static [f64]],
+    pub(crate) dense: &'static [&'static [f64]],
     /// Order of the result; the error estimate is one order lower.
     pub order: u32,
 }

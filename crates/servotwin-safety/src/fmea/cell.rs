@@ -9,11 +9,11 @@ pub(crate) type Filled = Result<FmeaCell, FmeaCell>;
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct FmeaCell {
     /// The text; empty where only a person or a table of the user can fill it.
-    pub text: String,
+    pub(crate) text: String,
     /// The file and row, run or figure behind it. Empty if the text is.
-    pub evidence: String,
+    pub(crate) evidence: String,
     /// Whether the cell has no evidence: its text says what is missing.
-    pub is_missing: bool,
+    pub(crate) is_missing: bool,
 }
 
 impl FmeaCell {

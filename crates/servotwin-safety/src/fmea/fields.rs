@@ -13,27 +13,27 @@ use servotwin::system::ListedFault;
 /// Everything that cells are filled from.
 pub struct FmeaSources<'s> {
     /// The study, and through it the system.
-    pub study: &'s Study,
+    pub(crate) study: &'s Study,
     /// The output folder; `None` for a study without results.
-    pub results: Option<&'s StudyResultsFolder>,
+    pub(crate) results: Option<&'s StudyResultsFolder>,
     /// The records.
-    pub runs: Option<ResidualRuns>,
+    pub(crate) runs: Option<ResidualRuns>,
     /// The closed-loop flights.
-    pub flights: Option<FmeaFlights>,
+    pub(crate) flights: Option<FmeaFlights>,
     /// The judged tests on the ground; none if there are none.
-    pub tests: Vec<RunOutcome>,
+    pub(crate) tests: Vec<RunOutcome>,
     /// The user's failure rates.
-    pub rates: Option<FailureRates>,
+    pub(crate) rates: Option<FailureRates>,
 }
 
 /// A row of the sheet: a fault of the system.
-pub struct FmeaSubject<'s> {
+pub(crate) struct FmeaSubject<'s> {
     /// The fault as the catalogue declares it.
-    pub fault: &'s ListedFault,
+    pub(crate) fault: &'s ListedFault,
     /// The fault in the study; `None` if no class lists it.
-    pub case: Option<&'s FaultCase>,
+    pub(crate) case: Option<&'s FaultCase>,
     /// The fault without its actuator.
-    pub kind: String,
+    pub(crate) kind: String,
 }
 
 impl<'s> FmeaSubject<'s> {
@@ -48,52 +48,34 @@ impl<'s> FmeaSubject<'s> {
 pub struct FmeaField {
     /// The column's name.
     pub name: &'static str,
-    /// What it holds.
-    pub meaning: &'static str,
     /// Fills the cell.
     pub(crate) fill: fn(&FmeaSources, &FmeaSubject) -> Filled,
 }
 
-const fn field(
-    name: &'static str,
-    meaning: &'static str,
-    fill: fn(&FmeaSources, &FmeaSubject) -> Filled,
-) -> FmeaField {
-    FmeaField { name, meaning, fill }
+const fn field(name: &'static str, fill: fn(&FmeaSources, &FmeaSubject) -> Filled) -> FmeaField {
+    FmeaField { name, fill }
 }
 
 /// All fields, in the order of the sheet. A new field goes to the end of its group; the version of the seal then grows.
 pub const FIELDS: [FmeaField; 18] = [
-    field("actuator", "the actuator that the component belongs to", declared::actuator),
-    field("component", "the component and its kind in the catalog", declared::component),
-    field("fault_mode", "what fails, and how", declared::fault_mode),
-    field("physical_range", "the parameter without the fault and at intensity 1", declared::range),
-    field("local_effect", "the residuals that move", diagnosis::local_effect),
-    field(
-        "effect_on_actuator",
-        "what the actuator does, without the diagnosis",
-        effects::on_actuator,
-    ),
-    field("effect_on_system", "error, force fight and lost lanes", effects::on_system),
-    field("detection_means", "what reports the fault", diagnosis::means),
-    field(
-        "detection_latency",
-        "from the onset to the report and to the action",
-        diagnosis::latency,
-    ),
-    field("smallest_detectable", "the least detected intensity", diagnosis::smallest),
-    field("isolation", "whether this fault gets its right action", diagnosis::isolation),
-    field("confused_with", "the faults that it is taken for", diagnosis::confused_with),
-    field("action", "what the flight control computer does", declared::action),
-    field("severity", "by the rule of docs/safety.md, for this system alone", effects::severity),
-    field("failure_rate_per_h", "λ of the user's table", declared::failure_rate),
-    field("failure_rate_source", "where λ comes from", declared::failure_rate_source),
-    field(
-        "diagnostic_coverage",
-        "the share with the right action, above false alarms",
-        diagnosis::coverage,
-    ),
-    field("remarks", "for people", declared::remarks),
+    field("actuator", declared::actuator),
+    field("component", declared::component),
+    field("fault_mode", declared::fault_mode),
+    field("physical_range", declared::range),
+    field("local_effect", diagnosis::local_effect),
+    field("effect_on_actuator", effects::on_actuator),
+    field("effect_on_system", effects::on_system),
+    field("detection_means", diagnosis::means),
+    field("detection_latency", diagnosis::latency),
+    field("smallest_detectable", diagnosis::smallest),
+    field("isolation", diagnosis::isolation),
+    field("confused_with", diagnosis::confused_with),
+    field("action", declared::action),
+    field("severity", effects::severity),
+    field("failure_rate_per_h", declared::failure_rate),
+    field("failure_rate_source", declared::failure_rate_source),
+    field("diagnostic_coverage", diagnosis::coverage),
+    field("remarks", declared::remarks),
 ];
 
 /// A row with its cells, in the order of [`FIELDS`].

@@ -11,15 +11,15 @@ use servotwin::study::suites::EFFECTS;
 
 /// The flights of a folder.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FmeaFlights {
+pub(crate) struct FmeaFlights {
     /// One outcome for each fault and intensity, and that of the healthy flight.
-    pub outcomes: Vec<RunOutcome>,
+    pub(crate) outcomes: Vec<RunOutcome>,
     /// The operating case that was flown.
-    pub case: String,
+    pub(crate) case: String,
     /// The scenario of the diagnoser.
-    pub scenario: String,
+    pub(crate) scenario: String,
     /// What changed since the flights; `None` if they are of this model.
-    pub stale: Option<String>,
+    pub(crate) stale: Option<String>,
 }
 
 impl FmeaFlights {

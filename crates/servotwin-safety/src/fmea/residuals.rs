@@ -11,24 +11,24 @@ use std::collections::BTreeMap;
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct FaultRun {
     /// The row of the data set, from 1.
-    pub row: usize,
+    pub(crate) row: usize,
     /// The nominal intensity.
-    pub grade: f64,
+    pub(crate) grade: f64,
     /// The largest absolute residual of every sensor, in parts of its scale.
-    pub largest: Vec<f64>,
+    pub(crate) largest: Vec<f64>,
 }
 
 /// The runs of a data set, by fault.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ResidualRuns {
+pub(crate) struct ResidualRuns {
     /// The data set's file name.
-    pub file: String,
+    pub(crate) file: String,
     /// The labels of the sensors.
-    pub sensors: Vec<String>,
+    pub(crate) sensors: Vec<String>,
     /// The half width of every sensor's band, in parts of scale.
-    pub bands: Vec<f64>,
+    pub(crate) bands: Vec<f64>,
     /// Whether the bands were learned from healthy specimens; otherwise they are the paper's 3 %.
-    pub are_learned: bool,
+    pub(crate) are_learned: bool,
     runs: BTreeMap<String, Vec<FaultRun>>,
 }
 
@@ -36,11 +36,11 @@ pub struct ResidualRuns {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct MovedResidual {
     /// The sensor's label.
-    pub sensor: String,
+    pub(crate) sensor: String,
     /// The median of the largest residual, in parts of scale.
-    pub median: f64,
+    pub(crate) median: f64,
     /// The number of strong runs in which it left its band.
-    pub beyond: usize,
+    pub(crate) beyond: usize,
 }
 
 impl ResidualRuns {

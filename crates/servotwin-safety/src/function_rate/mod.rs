@@ -73,28 +73,28 @@ pub struct InputSensitivity {
     /// The input.
     pub input: String,
     /// Its value, and the ends of its interval.
-    pub value: CountedValue,
+    pub(crate) value: CountedValue,
     /// Where it comes from.
     pub evidence: String,
     /// Relative change of the probability of a failed function in a flight per relative change of the input.
     pub elasticity: f64,
     /// The probability with half of the input.
-    pub at_half: f64,
+    pub(crate) at_half: f64,
     /// The probability with twice the input.
-    pub at_double: f64,
+    pub(crate) at_double: f64,
     /// The probability with the input at the lower end of its interval.
-    pub at_low: f64,
+    pub(crate) at_low: f64,
     /// The probability with the input at the upper end of its interval.
-    pub at_high: f64,
+    pub(crate) at_high: f64,
 }
 
 /// The failure rate of the function of a study.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FunctionRate {
     /// The scenario of the flights.
-    pub scenario: String,
+    pub(crate) scenario: String,
     /// The exposure.
-    pub exposure: ExposureHours,
+    pub(crate) exposure: ExposureHours,
     /// One entry for each condition; the first has the flights as counted.
     pub conditions: Vec<ConditionRates>,
     /// One entry for each input, the largest elasticity first.

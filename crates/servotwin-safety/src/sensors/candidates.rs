@@ -28,7 +28,7 @@ pub struct CandidateSensor {
     /// Whether the system does not have it yet.
     pub is_extra: bool,
     /// Its cost, in the unit of the user's table; 1 without a table.
-    pub cost: f64,
+    pub(crate) cost: f64,
 }
 
 /// The candidates of a study, in the order of its sensors.
@@ -37,7 +37,7 @@ pub struct Candidates {
     /// The sensors.
     pub list: Vec<CandidateSensor>,
     /// Those that every set holds.
-    pub needed: SensorMask,
+    pub(crate) needed: SensorMask,
 }
 
 impl Candidates {

@@ -11,7 +11,7 @@ use servotwin_diagnosis::residual::BAND;
 /// The runs of a scenario, with a band for every candidate.
 pub struct SensorRuns {
     /// All rows; [`servotwin::learn::data_set::DataRow::largest`] has one value for each candidate.
-    pub data: DataSet,
+    pub(crate) data: DataSet,
     /// Half width of every candidate's band, in parts of scale.
     pub bands: Vec<f64>,
     /// How the study trains and judges.

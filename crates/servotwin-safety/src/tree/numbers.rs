@@ -127,7 +127,7 @@ pub struct BandDriver {
     /// Where its counts stand.
     pub evidence: String,
     /// The probability in the last flight with this parameter at its upper end and all others at their estimates.
-    pub probability: f64,
+    pub(crate) probability: f64,
 }
 
 /// The counted parameters, the one that widens the band most first.
@@ -155,15 +155,15 @@ fn band_drivers(
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EventImportance {
     /// The event's identifier.
-    pub event: String,
+    pub(crate) event: String,
     /// The event in words.
     pub title: String,
     /// Its probability.
-    pub probability: f64,
+    pub(crate) probability: f64,
     /// The upper end of its interval; the bound of an event that was never seen.
-    pub upper: f64,
+    pub(crate) upper: f64,
     /// ∂P/∂q.
-    pub birnbaum: f64,
+    pub(crate) birnbaum: f64,
     /// The share of the top event's probability that disappears if the event never happens: 1 − P(q = 0)/P.
     pub fussell_vesely: f64,
 }
@@ -172,9 +172,9 @@ pub struct EventImportance {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CutSet {
     /// The product of its events' probabilities.
-    pub probability: f64,
+    pub(crate) probability: f64,
     /// The same at the upper ends of their intervals.
-    pub upper: f64,
+    pub(crate) upper: f64,
     /// The identifiers of its events.
     pub events: Vec<String>,
 }
@@ -202,7 +202,7 @@ pub struct TopNumbers {
     /// What widens the band most.
     pub band_drivers: Vec<BandDriver>,
     /// The number of nodes of its decision diagram.
-    pub diagram_nodes: usize,
+    pub(crate) diagram_nodes: usize,
 }
 
 /// The number of listed cut sets.

@@ -26,13 +26,13 @@ pub struct TreeGate {
     /// An identifier of letters, digits, `_` and `-`.
     pub id: String,
     /// The event in words.
-    pub title: String,
+    pub(crate) title: String,
     /// Its kind.
-    pub kind: GateKind,
+    pub(crate) kind: GateKind,
     /// Its inputs, at least one.
-    pub inputs: Vec<TreeInput>,
+    pub(crate) inputs: Vec<TreeInput>,
     /// Whether figures show its inputs as a list in one box.
-    pub is_folded: bool,
+    pub(crate) is_folded: bool,
 }
 
 /// How long a failure may have been there.
@@ -61,11 +61,11 @@ pub enum EventLaw {
 #[derive(Debug, Clone, PartialEq)]
 pub struct BasicEvent {
     /// An identifier of letters, digits, `_` and `-`.
-    pub id: String,
+    pub(crate) id: String,
     /// The event in words.
-    pub title: String,
+    pub(crate) title: String,
     /// Its probability.
-    pub law: EventLaw,
+    pub(crate) law: EventLaw,
 }
 
 /// A top event.
@@ -74,7 +74,7 @@ pub struct TopEvent {
     /// The index of its gate.
     pub gate: usize,
     /// Whether it begins in the flight; otherwise it may be there since before.
-    pub begins: bool,
+    pub(crate) begins: bool,
 }
 
 /// A fault tree with one or more top events.

@@ -40,11 +40,6 @@ impl Value {
         Value::of(spoken(name), &name)
     }
 
-    /// An SI value in its display unit.
-    pub fn quantity(si: f64, unit: Unit) -> Self {
-        Value { suffix: unit.suffix(), ..Value::number(si, shown(si, unit)) }
-    }
-
     /// A number and what people read instead of it.
     pub fn number(number: f64, text: impl Into<String>) -> Self {
         Value::of(text, &number)

@@ -20,9 +20,9 @@ const AT_ONCE: usize = 96;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Specimen {
     /// The unknowns, in standard deviations of their tolerances.
-    pub z: Vec<f64>,
+    pub(crate) z: Vec<f64>,
     /// The parameters in the form of a variant: (component, parameter, value).
-    pub overrides: Vec<(usize, usize, f64)>,
+    pub(crate) overrides: Vec<(usize, usize, f64)>,
 }
 
 /// The fitted specimens, or why the twin of one cannot be simulated, and the standard error of each unknown, which all

@@ -59,13 +59,13 @@ pub struct FitRecord {
     /// Time between samples, s.
     pub period_s: f64,
     /// One signal per input of the system.
-    pub inputs: Vec<Piecewise>,
+    pub(crate) inputs: Vec<Piecewise>,
     /// The indices of the sensors in the system's list.
     pub sensors: Vec<usize>,
     /// The sensor values, ordered by sample, then sensor; SI, NaN where missing.
-    pub measured: Vec<f64>,
+    pub(crate) measured: Vec<f64>,
     /// The units in which the log gives the inputs of the system, followed by the sensors of the record; empty for SI.
-    pub units: Vec<&'static NamedUnit>,
+    pub(crate) units: Vec<&'static NamedUnit>,
     /// Values that were left out as impossible.
     pub left_out: Vec<LeftOut>,
     /// Values that are impossible, too, but too many to leave out: their column is likely in another unit.

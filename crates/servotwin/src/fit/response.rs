@@ -40,13 +40,13 @@ pub(super) type RunResiduals = Result<Residuals, FitError>;
 #[derive(Clone, Debug)]
 pub(super) struct Linear {
     /// The unknowns at the point.
-    pub z: Vec<f64>,
+    pub(crate) z: Vec<f64>,
     /// The residuals at `z`.
-    pub residuals: Residuals,
+    pub(crate) residuals: Residuals,
     /// For each unknown, the derivative of the twin's sensors, in their deviations (FR2).
-    pub columns: Vec<Vec<f64>>,
+    pub(crate) columns: Vec<Vec<f64>>,
     /// JᵀJ + Q: what the records show of the unknowns, and what is known before.
-    pub curvature: Symmetric,
+    pub(crate) curvature: Symmetric,
 }
 
 impl Linear {

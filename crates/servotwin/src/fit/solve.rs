@@ -34,17 +34,17 @@ const LEAST_PROGRESS: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub(super) struct Minimum {
     /// The linearization used last.
-    pub linear: Linear,
+    pub(crate) linear: Linear,
     /// The unknowns at the minimum.
-    pub z: Vec<f64>,
+    pub(crate) z: Vec<f64>,
     /// The residuals at `z`.
-    pub residuals: Residuals,
+    pub(crate) residuals: Residuals,
     /// F of (FS1).
-    pub cost: f64,
+    pub(crate) cost: f64,
     /// Whether the last step was below the convergence limit.
-    pub converged: bool,
+    pub(crate) converged: bool,
     /// Steps that were taken.
-    pub steps: usize,
+    pub(crate) steps: usize,
 }
 
 impl Fit<'_> {

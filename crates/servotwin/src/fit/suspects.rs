@@ -146,12 +146,12 @@ impl Cause {
 /// A cause of a certain size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Guess {
-    pub cause: Cause,
+    pub(crate) cause: Cause,
     /// F of (FF2), or with an onset of (FO1).
-    pub cost: f64,
-    pub size: f64,
+    pub(crate) cost: f64,
+    pub(crate) size: f64,
     /// When it begins, s; `None` if it precedes the records.
-    pub at_s: Option<f64>,
+    pub(crate) at_s: Option<f64>,
 }
 
 impl Guess {

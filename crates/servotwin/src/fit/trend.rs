@@ -37,7 +37,7 @@ pub struct Point {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrendState {
     /// The flight number.
-    pub at: f64,
+    pub(crate) at: f64,
     /// The estimated level.
     pub level: f64,
     /// The rate per flight.
@@ -52,9 +52,9 @@ pub struct Trend {
     /// The state after the last flight.
     pub last: TrendState,
     /// The factor s of (FT1), which scales the error variances.
-    pub spread: f64,
+    pub(crate) spread: f64,
     /// q of (FT1), per flight.
-    pub walk: f64,
+    pub(crate) walk: f64,
     /// The prediction horizon, in flights.
     horizon: f64,
 }

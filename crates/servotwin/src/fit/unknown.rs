@@ -55,7 +55,7 @@ impl Unknown {
     }
 
     /// The unknown of a tolerance.
-    pub fn tolerance(system: &System, tolerance: &Tolerance) -> Self {
+    pub(crate) fn tolerance(system: &System, tolerance: &Tolerance) -> Self {
         let components = &system.network().components;
         let member = |&(component, parameter): &(usize, usize)| {
             (component, parameter, components[component].parameters[parameter])

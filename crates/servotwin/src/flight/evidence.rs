@@ -5,11 +5,11 @@ use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 /// The largest evidence of any window length for any of some claims.
 pub(super) struct EvidencePeak {
     /// Actuators with their actions.
-    pub claims: Vec<(usize, usize)>,
+    pub(crate) claims: Vec<(usize, usize)>,
     /// For each length of windows.
-    pub by_length: Vec<f64>,
+    pub(crate) by_length: Vec<f64>,
     /// The largest probability that the committee gave any of the claims.
-    pub probability: f64,
+    pub(crate) probability: f64,
 }
 
 impl EvidencePeak {

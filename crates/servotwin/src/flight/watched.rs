@@ -17,24 +17,24 @@ use servotwin_diagnosis::panel::SensorBand;
 
 /// A diagnosis that watches a flight.
 #[derive(Clone)]
-pub struct Watching {
+pub(crate) struct Watching {
     /// Its session before the first sample.
-    pub session: Session,
+    pub(crate) session: Session,
     /// The index of the sensor that it lacks.
-    pub missing: Option<usize>,
+    pub(crate) missing: Option<usize>,
 }
 
 /// What happens in a flight, and what is right.
 #[derive(Default)]
 pub(crate) struct Truth {
     /// What is known of the flight before it is flown; the rest is default.
-    pub run: RunOutcome,
+    pub(crate) run: RunOutcome,
     /// The actuators at fault.
-    pub at_fault: Vec<usize>,
+    pub(crate) at_fault: Vec<usize>,
     /// Healthy actuators whose twin reads a wrong boundary sensor.
-    pub misinformed: Vec<usize>,
+    pub(crate) misinformed: Vec<usize>,
     /// What a search looks for that chose the flight.
-    pub objective: Option<SearchObjective>,
+    pub(crate) objective: Option<SearchObjective>,
 }
 
 impl Truth {
@@ -84,9 +84,9 @@ impl Truth {
 /// What became of a run.
 pub(crate) struct Flown {
     /// One outcome for each diagnosis.
-    pub outcomes: Vec<RunOutcome>,
+    pub(crate) outcomes: Vec<RunOutcome>,
     /// What became of the calibration flights of all runs beside it, where twins are fitted to plants of another structure.
-    pub calibration: Option<CalibrationRecords>,
+    pub(crate) calibration: Option<CalibrationRecords>,
 }
 
 /// Receives what became of a run, given by its number, when it has ended.
@@ -410,7 +410,7 @@ fn word(outcome: &Outcome, truth: &Truth) -> Word {
 /// Every action of a session, at the time it was raised.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RaisedLog {
-    pub raised: Vec<Raised>,
+    pub(crate) raised: Vec<Raised>,
 }
 
 impl RaisedLog {
@@ -432,9 +432,9 @@ pub(super) struct OutOfBands {
     /// One counter for each window length.
     out_of_band: Vec<OutOfBand>,
     /// The sample from which it is visible.
-    pub seen: Option<u64>,
+    pub(crate) seen: Option<u64>,
     /// How often a fault was called visible before the onset.
-    pub by_chance: u64,
+    pub(crate) by_chance: u64,
 }
 
 /// Consecutive windows that left a band.

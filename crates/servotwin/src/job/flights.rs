@@ -38,7 +38,7 @@ const SEALED: &str = "sealed_";
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightResults {
     /// The numbers of runs of all suites that were learned from or flown.
-    pub sizes: Vec<SuiteSize>,
+    pub(crate) sizes: Vec<SuiteSize>,
     /// Lengths of the sliding windows, s.
     pub windows_s: Vec<f64>,
     /// The targets of the study.
@@ -276,7 +276,7 @@ impl Job<'_> {
     ///
     /// # Errors
     /// As [`Job::fly`]; the results cannot be written.
-    pub fn fly_suites(
+    pub(crate) fn fly_suites(
         &self,
         suites: &[&Suite],
         scenarios: &[Scenario],

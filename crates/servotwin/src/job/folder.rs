@@ -59,7 +59,7 @@ impl Folder {
     }
 
     /// The file with the text of the system.
-    pub fn system(&self) -> PathBuf {
+    pub(crate) fn system(&self) -> PathBuf {
         self.0.join("system.toml")
     }
 

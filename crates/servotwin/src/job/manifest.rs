@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use servotwin_model::solver::{self, Control};
 use std::path::{Path, PathBuf};
 
-pub use crate::manifest::{FORMAT, FileHash};
+pub use crate::manifest::FORMAT;
+pub(crate) use crate::manifest::FileHash;
 
 /// The origin of the results in a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -55,7 +56,7 @@ pub struct DataSetEntry {
     /// Counts and solver effort, by kind of fault.
     pub efforts: Vec<KindEffort>,
     /// Variants that began without a steady state.
-    pub on_the_move: Vec<MovingVariant>,
+    pub(crate) on_the_move: Vec<MovingVariant>,
     /// Variants that were not simulated to the end.
     pub failed: Vec<FailedVariant>,
 }
@@ -76,22 +77,22 @@ pub struct KindEffort {
     /// Variants that began in motion, because no steady state was found.
     pub began_on_the_move: usize,
     /// Those of them with a measured limit cycle.
-    pub limit_cycles: usize,
+    pub(crate) limit_cycles: usize,
 }
 
 /// A variant that began in motion, because no steady state was found for it or for its twin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct MovingVariant {
+pub(crate) struct MovingVariant {
     /// The number of the variant.
-    pub variant: u32,
+    pub(crate) variant: u32,
     /// The name of its fault.
-    pub fault: String,
+    pub(crate) fault: String,
     /// The intensity of the fault.
-    pub intensity: f64,
+    pub(crate) intensity: f64,
     /// The name of the operating case.
-    pub case: String,
+    pub(crate) case: String,
     /// Whether a limit cycle was measured.
-    pub limit_cycle: bool,
+    pub(crate) limit_cycle: bool,
 }
 
 /// A variant whose simulation stopped early.

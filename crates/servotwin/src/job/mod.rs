@@ -26,7 +26,7 @@ pub use error::JobError;
 pub use folder::{Folder, Kept};
 pub use hold::{Among, Hold};
 pub use results::Results;
-pub use run::{RunStudy, StudyEvent, StudyResults, StudyRun};
+pub use run::{StudyEvent, StudyResults, StudyRun};
 pub use subject::Subject;
 
 use crate::learn::flips::Moving;

@@ -28,17 +28,17 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SuiteSize {
     /// The suite.
-    pub suite: String,
+    pub(crate) suite: String,
     /// The number of environments.
     pub environments: usize,
     /// The number of runs of every fault at every intensity.
     pub repeats: usize,
     /// The number of healthy runs in each environment.
-    pub healthy: usize,
+    pub(crate) healthy: usize,
     /// The length of a run with a fault, s.
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
     /// The length of a healthy run, s.
-    pub healthy_duration_s: f64,
+    pub(crate) healthy_duration_s: f64,
 }
 
 impl From<&Suite> for SuiteSize {

@@ -40,7 +40,7 @@ pub enum StudyEvent<'e> {
     Flown(&'e FlightResults),
 }
 
-/// Options of a study's run; see [`RunStudy::run`] for the usual way.
+/// Options of a study's run; see [`Study::run`] for the usual way.
 pub struct StudyRun<'r> {
     /// The study, its output folder, and who works on it. Every task begins with the number of its stage among all.
     pub job: Job<'r>,
@@ -62,27 +62,19 @@ pub struct StudyResults {
     pub evaluation: Results,
     /// The results of the flights; `None` for a study without flights.
     pub flights: Option<FlightResults>,
-    /// The lock that keeps other processes from writing into the folder while the caller of [`RunStudy::run`] holds the
+    /// The lock that keeps other processes from writing into the folder while the caller of [`Study::run`] holds the
     /// results.
     _hold: Option<Hold>,
 }
 
-/// Runs a whole study with one call, `study.run("out")`.
-///
-/// [`Study`] is a type of `servotwin-system`, which knows neither training nor evaluation.
-/// The prelude brings this trait with it.
-pub trait RunStudy {
+impl Study {
     /// Runs the whole study on all processors: simulates, trains and evaluates, and writes all results into a folder.
     /// `servotwin_report::write` turns them into one HTML file.
     /// An interrupted study resumes where it stopped and gives the same bytes.
     ///
     /// # Errors
     /// The folder belongs to another study or cannot be written; a stage fails.
-    fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError>;
-}
-
-impl RunStudy for Study {
-    fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError> {
+    pub fn run(&self, out: impl AsRef<Path>) -> Result<StudyResults, JobError> {
         StudyRun::new(Job::new(self, &Folder::new(out.as_ref()))).run()
     }
 }
@@ -97,7 +89,7 @@ impl<'r> StudyRun<'r> {
     /// early. Flights come last.
     ///
     /// # Errors
-    /// As [`RunStudy::run`]; [`RunError::Cancelled`].
+    /// As [`Study::run`]; [`RunError::Cancelled`].
     pub fn run(&self) -> Result<StudyResults, JobError> {
         let Job { study, folder, .. } = self.job;
         let named = self.only.or(self.fitted.then_some(Scenario::Fitted));

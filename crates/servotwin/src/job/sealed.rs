@@ -45,7 +45,7 @@ pub struct Opening {
     /// The seed of the environments.
     pub seed: u64,
     /// The commit of the repository with `-dirty` for uncommitted changes, or `none`.
-    pub commit: String,
+    pub(crate) commit: String,
 }
 
 /// How often sealed environments have been opened.

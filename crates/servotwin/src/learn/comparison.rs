@@ -20,7 +20,7 @@ const DEPTH: usize = 7;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Compared {
     /// The classifier's id.
-    pub classifier: String,
+    pub(crate) classifier: String,
     /// The classifier's display name.
     pub title: String,
     /// The stage: `A` or `B`.

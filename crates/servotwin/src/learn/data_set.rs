@@ -28,13 +28,13 @@ pub struct DataRow {
     /// Whether the row is for judging or for training.
     pub purpose: Purpose,
     /// The variant's number in its data set.
-    pub variant: usize,
+    pub(crate) variant: usize,
     /// Index in [`DataSet::cases`].
-    pub case: u32,
-    /// Index in [`DataSet::flown`].
-    pub flown: u32,
+    pub(crate) case: u32,
+    /// The number of the command flown, in the order of their first rows.
+    pub(crate) flown: u32,
     /// Index in [`DataSet::faults`].
-    pub fault: u32,
+    pub(crate) fault: u32,
     /// Index in [`DataSet::kinds`].
     pub kind: u32,
     /// Index in [`DataSet::intensities`]: the study's nominal intensity.
@@ -43,9 +43,9 @@ pub struct DataRow {
     pub own_intensity: f64,
     /// The number of its perturbation, from 1; 0 for the original window. Perturbed rows are used for training, never
     /// for judging.
-    pub moved: usize,
+    pub(crate) moved: usize,
     /// The factor by which the fault of its window was scaled.
-    pub factor: f64,
+    pub(crate) factor: f64,
     /// Whether the row has no fault.
     pub is_healthy: bool,
     /// Whether its simulation began without a steady state. Bands are not learned from such a row.
@@ -68,13 +68,13 @@ impl DataRow {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TrainingFilter {
     /// Lower limit for faults.
-    pub faults: f64,
+    pub(crate) faults: f64,
     /// Lower limit for copies with a weaker fault.
-    pub weaker: f64,
+    pub(crate) weaker: f64,
     /// Lower limit for healthy specimens.
-    pub healthy: f64,
+    pub(crate) healthy: f64,
     /// How many perturbed copies of each window are used.
-    pub moves: usize,
+    pub(crate) moves: usize,
 }
 
 impl Default for TrainingFilter {
@@ -107,19 +107,17 @@ pub struct DataSet {
     /// The sensors with known largest residuals.
     pub sensors: Vec<String>,
     /// Operating cases, in the order of their first rows.
-    pub cases: Vec<String>,
-    /// The commands flown, in the order of their first rows.
-    pub flown: Vec<String>,
+    pub(crate) cases: Vec<String>,
     /// Faults with their actuator, sorted by name.
-    pub faults: Vec<String>,
+    pub(crate) faults: Vec<String>,
     /// Faults without the actuator, sorted by name.
-    pub kinds: Vec<String>,
+    pub(crate) kinds: Vec<String>,
     /// The study's intensities, ascending.
-    pub intensities: Vec<f64>,
+    pub(crate) intensities: Vec<f64>,
     /// Number of rows that were not simulated to the end.
     pub failed: usize,
     /// Features with a single value in all fault rows.
-    pub constant: Vec<String>,
+    pub(crate) constant: Vec<String>,
 }
 
 /// Rows below this excess are not used for training and need no perturbation.
@@ -180,7 +178,7 @@ impl DataSet {
         let examples = Examples::new(names, read, views, labels)?;
         let sensors = known_sensors(tables);
         let (cases, case) = in_order(&column("case")?);
-        let (flown, command) = in_order(&column("flown")?);
+        let (_, command) = in_order(&column("flown")?);
         let (faults, fault) = coded(&column("fault")?, Ord::cmp);
         let (kind_names, kind) = coded(&kinds, Ord::cmp);
         let own_intensity = numbers(origins, "intensity")?;
@@ -213,7 +211,6 @@ impl DataSet {
             examples: Arc::new(examples),
             sensors,
             cases,
-            flown,
             faults,
             kinds: kind_names,
             intensities,
@@ -241,7 +238,7 @@ impl DataSet {
     }
 
     /// The judged rows with a fault.
-    pub fn faults(&self) -> Vec<usize> {
+    pub(crate) fn faults(&self) -> Vec<usize> {
         self.rows_where(Purpose::Test, |row| !row.is_healthy)
     }
 
@@ -255,7 +252,10 @@ impl DataSet {
     ///
     /// # Errors
     /// [`EvaluationError::NothingDetectable`] if none of them has a fault.
-    pub fn learnt_from(&self, lessons: TrainingFilter) -> Result<Vec<usize>, EvaluationError> {
+    pub(crate) fn learnt_from(
+        &self,
+        lessons: TrainingFilter,
+    ) -> Result<Vec<usize>, EvaluationError> {
         let purpose = if self.has_training() { Purpose::Train } else { Purpose::Test };
         let rows = self.rows_where(purpose, |row| lessons.teaches(row));
         let all = self.rows_where(purpose, |row| !row.is_healthy).len();

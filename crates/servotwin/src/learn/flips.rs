@@ -28,30 +28,30 @@ const ROUND: usize = 2;
 /// The windows of a data set's rows, and how they are perturbed.
 pub struct Moving<'w> {
     /// The sensors, in the order of the windows.
-    pub sensors: Sensors,
+    pub(crate) sensors: Sensors,
     /// The window of every row.
-    pub windows: &'w [Window],
+    pub(crate) windows: &'w [Window],
     /// Noise and quantization of a sample of each sensor, as a fraction of its scale.
-    pub noise: Vec<f64>,
+    pub(crate) noise: Vec<f64>,
     /// The solver's error, as a fraction of the scale.
-    pub lasting: f64,
+    pub(crate) lasting: f64,
     /// For each feature of the data set, its index among all features.
-    pub columns: Vec<usize>,
+    pub(crate) columns: Vec<usize>,
     /// Sizes of the perturbations relative to the uncertainty, for each round of two draws; the last applies to all
     /// later rounds.
-    pub reaches: &'static [f64],
+    pub(crate) reaches: &'static [f64],
     /// Number of perturbations per window.
-    pub draws: usize,
+    pub(crate) draws: usize,
     /// Seed of the perturbations.
-    pub seed: u64,
+    pub(crate) seed: u64,
 }
 
 /// A perturbed window.
 pub(crate) struct Moved {
     /// The window after the perturbation.
-    pub window: Window,
+    pub(crate) window: Window,
     /// The factor by which its fault was scaled.
-    pub factor: f64,
+    pub(crate) factor: f64,
 }
 
 /// Flips of a hierarchy.

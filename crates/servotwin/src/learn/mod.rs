@@ -31,7 +31,8 @@ pub mod train;
 pub mod training_windows;
 pub mod windows;
 
-pub use data_set::{DataSet, TrainingFilter};
+pub use data_set::DataSet;
+pub(crate) use data_set::TrainingFilter;
 pub use error::EvaluationError;
 pub use servotwin_learning::metrics;
 

@@ -392,14 +392,14 @@ pub(super) fn stage_score(
 
 /// Measures over outcomes.
 pub(super) struct Counting<'a> {
-    pub data: &'a DataSet,
-    pub outcomes: Vec<&'a RowOutcome>,
+    pub(crate) data: &'a DataSet,
+    pub(crate) outcomes: Vec<&'a RowOutcome>,
     /// The actions that shut their actuator down.
-    pub shutdowns: &'a [u32],
+    pub(crate) shutdowns: &'a [u32],
     /// What is counted.
-    pub measures: &'a [&'a Measure],
+    pub(crate) measures: &'a [&'a Measure],
     /// Whether the class of a fault is asked, too.
-    pub names_class: bool,
+    pub(crate) names_class: bool,
 }
 
 impl Counting<'_> {

@@ -23,15 +23,15 @@ pub(crate) enum Scope {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct RowOutcome {
     /// The index of the row.
-    pub row: usize,
+    pub(crate) row: usize,
     /// The hierarchy's answer; each stage relies on the one above.
-    pub said: Diagnosis,
+    pub(crate) said: Diagnosis,
     /// The command, given the true actuator.
-    pub command: Option<u32>,
+    pub(crate) command: Option<u32>,
     /// The detail, given the true actuator and action.
-    pub detail: Option<u32>,
+    pub(crate) detail: Option<u32>,
     /// Whether the answer counts. Where it does not, the fault stays not isolated.
-    pub is_decided: bool,
+    pub(crate) is_decided: bool,
 }
 
 /// Trains on each split's training rows and tests on its test rows; one list per split.

@@ -75,7 +75,7 @@ fn spools(study: &Study) -> Vec<Option<usize>> {
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
-pub fn learn<'s>(
+pub(crate) fn learn<'s>(
     (study, flights): (&'s Study, &'s Flights),
     scenario: Scenario,
     pools: &[usize],

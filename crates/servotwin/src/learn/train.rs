@@ -72,7 +72,7 @@ pub(crate) fn settings() -> EvaluationSettings {
 ///
 /// # Errors
 /// Training fails.
-pub fn diagnoser(
+pub(crate) fn diagnoser(
     design: &WindowDesign,
     tables: Vec<Table>,
     pools: &[usize],

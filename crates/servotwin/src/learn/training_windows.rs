@@ -54,7 +54,7 @@ pub(crate) struct TrainingWindow {
 
 /// The windows taken out of flights.
 #[derive(Clone, Debug, Default)]
-pub struct TrainingWindows {
+pub(crate) struct TrainingWindows {
     list: Vec<TrainingWindow>,
     left_out: LeftOut,
 }
@@ -65,7 +65,7 @@ pub struct LeftOut {
     /// Number of flights that failed.
     pub failed: u64,
     /// The flights that began without a steady state.
-    pub on_the_move: Vec<MovingFlight>,
+    pub(crate) on_the_move: Vec<MovingFlight>,
 }
 
 /// The most flights without a steady state that are named in a message; the results file lists all.
@@ -93,11 +93,11 @@ impl LeftOut {
 
 /// A flight whose plant or twin began without a steady state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct MovingFlight {
+pub(crate) struct MovingFlight {
     /// The flight's number.
-    pub flight: usize,
+    pub(crate) flight: usize,
     /// The index of its environment.
-    pub environment: usize,
+    pub(crate) environment: usize,
 }
 
 impl TrainingWindows {
@@ -273,7 +273,7 @@ pub(crate) struct TrainingFlights<'f> {
     /// The bands that windows of [`HARD_NEGATIVES`] leave, as half widths in parts of scale, for each kind.
     bands: Vec<Vec<f64>>,
     /// The files of the parts.
-    pub files: PartFiles,
+    pub(crate) files: PartFiles,
 }
 
 impl<'f> TrainingFlights<'f> {
@@ -373,7 +373,7 @@ pub(crate) fn stem(suite: &Suite, scenario: Scenario) -> String {
 ///
 /// # Errors
 /// The run was cancelled.
-pub fn tables(
+pub(crate) fn tables(
     design: &WindowDesign,
     taken: &TrainingWindows,
     workers: Workers,

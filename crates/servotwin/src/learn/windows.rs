@@ -13,15 +13,15 @@ const SETTLE_SHARE: f64 = 0.8;
 
 /// The windows of a diagnosis in a scenario of a study.
 #[derive(Clone)]
-pub struct WindowDesign<'s> {
+pub(crate) struct WindowDesign<'s> {
     /// The study.
-    pub study: &'s Study,
+    pub(crate) study: &'s Study,
     /// Its flights.
-    pub flights: &'s Flights,
+    pub(crate) flights: &'s Flights,
     /// The scenario.
-    pub scenario: Scenario,
+    pub(crate) scenario: Scenario,
     /// How the spread of the healthy residual of each watched sensor grows; see [`super::spreads`].
-    pub spreads: Vec<Option<Spread>>,
+    pub(crate) spreads: Vec<Option<Spread>>,
 }
 
 impl WindowDesign<'_> {

@@ -38,11 +38,11 @@ impl RuntimeError {
 #[derive(Clone, Debug)]
 pub struct Checkpoint {
     /// The twin's state; `None` before the first sample.
-    pub twin: Option<Snapshot>,
+    pub(crate) twin: Option<Snapshot>,
     /// The state of the diagnosis.
-    pub session: StoredSession,
+    pub(crate) session: StoredSession,
     /// For each input, the last value and difference on its bus.
-    pub buses: Vec<(Option<f64>, f64)>,
+    pub(crate) buses: Vec<(Option<f64>, f64)>,
     /// The reactions that stand, with their actuators.
     pub reactions: Vec<(usize, Reaction)>,
 }
@@ -249,7 +249,7 @@ impl<'s> Runtime<'s> {
     }
 
     /// A variable of the twin at the last sample.
-    pub fn value(&self, slot: Slot) -> f64 {
+    pub(crate) fn value(&self, slot: Slot) -> f64 {
         self.twin.value(slot)
     }
 

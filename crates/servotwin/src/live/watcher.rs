@@ -114,16 +114,6 @@ impl<'s> Watcher<'s> {
         self.last.as_ref()
     }
 
-    /// The sensor values of the last sample, SI, in the order of the diagnoser; NaN means missing.
-    pub fn measured(&self) -> &[f64] {
-        &self.measured
-    }
-
-    /// The sampling period, s.
-    pub fn period_s(&self) -> f64 {
-        self.diagnoser.period_s
-    }
-
     /// The twin and the session of the diagnosis.
     pub fn runtime(&self) -> &Runtime<'s> {
         &self.runtime

@@ -20,7 +20,7 @@ pub const STRONG: f64 = 0.5;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Latency {
     /// Number of flights with the event.
-    pub flights: u64,
+    pub(crate) flights: u64,
     /// Median, s.
     pub median_s: f64,
     /// 95 % quantile, s.
@@ -39,7 +39,7 @@ pub struct ClassMetrics {
     /// The smallest and the largest intensity.
     pub intensities: [f64; 2],
     /// Number of flights.
-    pub flown: u64,
+    pub(crate) flown: u64,
     /// All measures of these flights.
     pub rates: Rates,
     /// From the onset to the first of the windows that made the fault visible.
@@ -90,7 +90,7 @@ pub struct HealthyMetrics {
     /// The upper limit of that rate with 95 % confidence (one-sided, Poisson).
     pub alarms_per_h_upper: f64,
     /// How often windows left their bands as if a fault were visible.
-    pub visible_by_chance: u64,
+    pub(crate) visible_by_chance: u64,
     /// The same alarms by environment.
     pub environments: EnvironmentMetrics,
     /// The same shutdowns by environment.
@@ -219,7 +219,7 @@ pub struct FlightMetrics {
     /// What became of the calibration flights, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
     /// The evidence of held-out healthy flights after training; `None` if none were flown.
-    pub healthy_evidence: Option<HealthyEvidence>,
+    pub(crate) healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.
     pub limit_s: f64,
     /// All measures of all faults, and of flights without one.

@@ -46,9 +46,9 @@ impl Measure {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Answers {
     /// Whether there are several actuators.
-    pub has_several: bool,
+    pub(crate) has_several: bool,
     /// Whether an action switches an actuator off.
-    pub has_shutdown: bool,
+    pub(crate) has_shutdown: bool,
 }
 
 impl Answers {
@@ -259,7 +259,7 @@ pub const ISOLATED: Measure = Measure {
 };
 
 /// The right action for the right actuator, of the faults that were isolated.
-pub const RIGHT_OF_ISOLATED: Measure = Measure {
+pub(crate) const RIGHT_OF_ISOLATED: Measure = Measure {
     name: "right_of_isolated",
     sentence: "{action} right, of isolated",
     of: CountedRuns::new(

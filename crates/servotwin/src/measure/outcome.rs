@@ -191,7 +191,7 @@ impl RunOutcome {
     }
 
     /// Whether the first action was right and the fault was visible.
-    pub fn is_isolated(&self) -> bool {
+    pub(crate) fn is_isolated(&self) -> bool {
         self.first == FirstAction::Right && self.visible_s.is_some()
     }
 

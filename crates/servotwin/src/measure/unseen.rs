@@ -100,7 +100,7 @@ const OTHERS: [&Measure; 8] = [
 ];
 
 /// All of them.
-pub fn all() -> impl Iterator<Item = &'static Measure> {
+pub(crate) fn all() -> impl Iterator<Item = &'static Measure> {
     ANSWERS.into_iter().chain(OTHERS)
 }
 

@@ -39,7 +39,7 @@ const FILES: [&str; 3] = ["windows.parquet", "outcomes.parquet", "recordings.jso
 #[derive(Debug, Clone)]
 pub struct JudgedRecordings {
     /// The text of the study.
-    pub study: String,
+    pub(crate) study: String,
     /// The results.
     pub results: RecordingResults,
     /// The data set: for each window its first row and fold, the kept columns and the features.
@@ -82,7 +82,7 @@ pub struct TargetResult {
     /// The classifier.
     pub classifier: ClassifierKind,
     /// Windows without a value of the target, which are not used.
-    pub unlabeled: usize,
+    pub(crate) unlabeled: usize,
     /// Right answers, with an interval over groups.
     pub score: Score,
     /// The measures of windows. A value that is not the healthy one is a fault.

@@ -35,6 +35,7 @@ const COUNT: Value = Value::Whole(1.0, 1e9);
 section! {
     /// The study file of recordings.
     pub struct RecordingStudy {
+        #[expect(dead_code, reason = "it is checked before anything else")]
         must format: u32 = Value::Whole(FORMAT as f64, FORMAT as f64), "version of the file format";
         may records: Option<String>, "a folder of logs, each a record named like its file; or one table";
         may record: Option<String>, "column that names the record, in one table and in the labels";
@@ -65,8 +66,8 @@ section! {
 section! {
     /// A column that is learned from the windows.
     pub(crate) struct Target {
-        must pub column: String, "the column";
-        may pub healthy: Option<String>, "its value without a fault, if it has one";
+        must pub(crate) column: String, "the column";
+        may pub(crate) healthy: Option<String>, "its value without a fault, if it has one";
     }
 }
 

@@ -21,11 +21,11 @@ use servotwin_learning::novelty;
 /// What the first healthy groups look like.
 pub(super) struct LearnedNovelty {
     /// The nominal values of their healthy rows.
-    pub nominals: Nominals,
+    pub(crate) nominals: Nominals,
     /// The known ranges of the features.
-    pub novelty: Novelty,
+    pub(crate) novelty: Novelty,
     /// Trees that know health alone.
-    pub trees: Hierarchy,
+    pub(crate) trees: Hierarchy,
 }
 
 impl LearnedNovelty {
@@ -39,7 +39,7 @@ impl LearnedNovelty {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoveltyResult {
     /// The share of healthy windows that should be known.
-    pub quantile: f64,
+    pub(crate) quantile: f64,
     /// Every group, in the order of the records.
     pub groups: Vec<GroupNovelty>,
     /// Of the windows of later healthy groups, those that are unlike the first ones.

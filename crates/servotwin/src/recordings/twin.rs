@@ -19,8 +19,8 @@ section! {
     /// The twin of every record.
     pub(super) struct TwinChoice {
         must system: String, "file of the system beside the study, or a built-in one";
-        must pub period_s: f64 = Value::Number(1e-6, 1e3, "s"), "time between two rows";
-        must pub inputs: Names<String>, "column of each driven input, SI; the others keep their defaults";
+        must pub(crate) period_s: f64 = Value::Number(1e-6, 1e3, "s"), "time between two rows";
+        must pub(crate) inputs: Names<String>, "column of each driven input, SI; the others keep their defaults";
     }
 }
 
@@ -29,7 +29,7 @@ impl RecordingStudy {
     ///
     /// # Errors
     /// The system cannot be read.
-    pub fn system(&self, folder: &Path) -> Result<Option<System>, RecordingError> {
+    pub(crate) fn system(&self, folder: &Path) -> Result<Option<System>, RecordingError> {
         let Some(twin) = &self.twin else { return Ok(None) };
         let beside = folder.join(&twin.system);
         let system = System::read(if beside.exists() { &beside } else { Path::new(&twin.system) });
@@ -40,7 +40,11 @@ impl RecordingStudy {
     ///
     /// # Errors
     /// A column is missing, or the twin of a record cannot be simulated.
-    pub fn add_twin(&self, records: &mut Table, system: &System) -> Result<(), RecordingError> {
+    pub(crate) fn add_twin(
+        &self,
+        records: &mut Table,
+        system: &System,
+    ) -> Result<(), RecordingError> {
         let Some(twin) = &self.twin else { return Ok(()) };
         let own = self.sensors.iter().filter_map(|sensor| sensor.nominal.as_deref());
         let ids: Vec<&str> = own.filter_map(|name| name.strip_prefix(TWIN)).collect();

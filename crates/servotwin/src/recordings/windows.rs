@@ -24,7 +24,7 @@ pub struct Windows {
     /// One row for each window: the kept columns as text, then the features.
     pub table: Table,
     /// Number of kept columns.
-    pub kept: usize,
+    pub(crate) kept: usize,
     /// The first row of each window in the records.
     pub starts: Vec<usize>,
     /// Number of rows in a window.

@@ -61,7 +61,7 @@ pub fn calibrations(folder: &Path, purpose: Purpose) -> Result<Vec<Comparison>, 
 impl Records<'_> {
     /// The name of the file that all parts read, so that not each part must fit the specimens; `None` if nothing is
     /// fitted.
-    pub fn calibration(&self) -> Option<String> {
+    pub(crate) fn calibration(&self) -> Option<String> {
         (self.plants() == Plants::Pool).then(|| calibration_name(self.suite.purpose))
     }
 

@@ -18,9 +18,9 @@ pub(crate) const HEALTHY: &str = "healthy";
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shown {
     /// `None` for a healthy row.
-    pub fault: Option<usize>,
+    pub(crate) fault: Option<usize>,
     /// 0 for a healthy row.
-    pub intensity: f64,
+    pub(crate) intensity: f64,
 }
 
 /// The columns for the faults of rows: name, kind, intensity, nominal intensity in the study, and the right answers.

@@ -47,8 +47,8 @@ pub fn data_features(study: &Study) -> Vec<DataFeature> {
 
 /// The inputs for making a data set, some variants after the other.
 pub(super) struct Maker<'m> {
-    pub records: &'m Records<'m>,
-    pub scenario: Scenario,
+    pub(crate) records: &'m Records<'m>,
+    pub(crate) scenario: Scenario,
 }
 
 impl Maker<'_> {

@@ -19,15 +19,15 @@ const LIMIT_CYCLE: &str = "limit_cycle";
 
 /// The effort of simulating a variant and the twin that it is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct VariantEffort {
+pub(crate) struct VariantEffort {
     /// Steps per simulated second; 0 if the variant was not simulated to the end.
-    pub steps_per_s: f64,
+    pub(crate) steps_per_s: f64,
     /// Steps per simulated second of the twin.
-    pub twin_steps_per_s: f64,
+    pub(crate) twin_steps_per_s: f64,
     /// Whether no steady state was found at the inputs of time zero, for the variant or for its twin.
-    pub began_on_the_move: bool,
+    pub(crate) began_on_the_move: bool,
     /// Whether the variant was found to be in a limit cycle there.
-    pub limit_cycle: bool,
+    pub(crate) limit_cycle: bool,
 }
 
 /// Steps per simulated second of a run, without those of the search for the steady state.

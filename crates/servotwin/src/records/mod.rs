@@ -23,7 +23,7 @@ pub use crate::run::{RunError, ensemble};
 pub use calibration::{Comparison, calibration_file, calibrations};
 pub use columns::largest_column;
 pub use data_set::{DataFeature, FOLDS, data_features};
-pub use effort::VariantEffort;
+pub(crate) use effort::VariantEffort;
 pub use row::PartRow;
 
 use crate::ensemble::Ensemble;
@@ -44,7 +44,7 @@ pub struct Records<'s> {
     /// The runs, one for each record. Without noise, healthy specimens equal the twin and are left out.
     pub suite: Suite,
     /// Whether to store the time series as well.
-    pub keep_traces: bool,
+    pub(crate) keep_traces: bool,
     /// One of the groups of [`Scenario::groups`].
     scenarios: Vec<Scenario>,
     workers: Workers<'s>,

@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug)]
 pub struct PartRow {
     /// Why the variant was not simulated to the end; empty if it was.
-    pub failure: String,
+    pub(crate) failure: String,
     /// The effort of its simulation.
-    pub effort: VariantEffort,
+    pub(crate) effort: VariantEffort,
     /// Its window of residuals.
     pub window: Window,
 }

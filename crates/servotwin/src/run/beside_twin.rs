@@ -20,7 +20,7 @@ pub(crate) struct Watch<'t, O> {
     twin: &'t RecordedRun,
     sensors: SensorChain,
     measured: Vec<f64>,
-    pub observer: O,
+    pub(crate) observer: O,
 }
 
 impl<'t, O> Watch<'t, O> {

@@ -45,9 +45,9 @@ pub(crate) trait Kept: Sync {
 /// How many runs some parts have in all scenarios.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Counts {
-    pub all: usize,
+    pub(crate) all: usize,
     /// Those that files contained before.
-    pub resumed: usize,
+    pub(crate) resumed: usize,
 }
 
 /// Parts that are simulated together.
@@ -58,7 +58,7 @@ pub(crate) struct Round<'r> {
     /// The part of each run.
     part_of: BTreeMap<usize, usize>,
     /// Ends the simulations: nothing is simulated for a disk that takes nothing.
-    pub stop: AtomicBool,
+    pub(crate) stop: AtomicBool,
 }
 
 impl Round<'_> {

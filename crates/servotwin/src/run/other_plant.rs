@@ -14,7 +14,7 @@ use servotwin_model::program::FaultAt;
 /// The plants of a study's section `[flights.other_plant]`.
 pub struct OtherPlants {
     /// The plants' system: the twin's, with components of other kinds at the same positions.
-    pub system: System,
+    pub(crate) system: System,
     differences: OtherPlant,
     period_s: f64,
 }

@@ -146,11 +146,11 @@ pub(crate) fn rounds(
 pub(crate) struct PartFiles {
     folder: PathBuf,
     /// How the names of the files begin.
-    pub stem: String,
+    pub(crate) stem: String,
     /// The fingerprint of everything that determines a part besides the numbers of its runs.
     fingerprint: Fingerprint,
     /// The numbers of the runs of each part; a part without runs has no file.
-    pub parts: Vec<Vec<usize>>,
+    pub(crate) parts: Vec<Vec<usize>>,
 }
 
 impl PartFiles {

@@ -9,7 +9,7 @@ use std::str::FromStr;
 
 /// How a fault develops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Profile {
+pub(crate) enum Profile {
     /// It appears at once.
     Step,
     /// It grows to its intensity within `DRIFT_S`.
@@ -48,18 +48,18 @@ pub struct Run {
     /// Its number in the suite, from which specimen and noise are derived.
     pub number: usize,
     /// The number of its environment.
-    pub environment: usize,
+    pub(crate) environment: usize,
     /// The fault as an index in [`Study::faults`], or in closed loop in all faults of the system; `None` for a
     /// healthy run.
     pub fault: Option<usize>,
     /// The fault's intensity; 0 for a healthy run.
-    pub intensity: f64,
+    pub(crate) intensity: f64,
     /// Onset of the fault, s; 0 for one that is present before the first sample, infinite for a healthy run.
     pub onset_s: f64,
     /// How the fault develops.
-    pub profile: Profile,
+    pub(crate) profile: Profile,
     /// Duration, s.
-    pub duration_s: f64,
+    pub(crate) duration_s: f64,
 }
 
 /// The name of a run in a scenario, which tells everything of it together with the study: `judge#17@realistic`.

@@ -32,9 +32,9 @@ use std::sync::atomic::AtomicBool;
 pub(crate) struct Chosen {
     /// For each environment, the deviation of its specimen in each tolerance, in standard deviations; empty if specimens
     /// are drawn.
-    pub deviations: Vec<Vec<f64>>,
+    pub(crate) deviations: Vec<Vec<f64>>,
     /// Variables of plant and twin that observers track.
-    pub tracked: Vec<Slot>,
+    pub(crate) tracked: Vec<Slot>,
 }
 
 /// The twin of a run: its environment, and its specimen if the twin is fitted to it, else 0.
@@ -42,9 +42,9 @@ pub(crate) type TwinKey = (usize, usize);
 
 /// An observer of a run in a scenario, after the run.
 pub(crate) struct View<'r, O> {
-    pub run: &'r Run,
-    pub scenario: Scenario,
-    pub observer: O,
+    pub(crate) run: &'r Run,
+    pub(crate) scenario: Scenario,
+    pub(crate) observer: O,
 }
 
 /// Runs of a suite in scenarios with the same plants, with the twins of their environments.
@@ -59,7 +59,7 @@ pub struct Runner<'s> {
     /// Plants with a system of their own, and the ensemble that flies them.
     pub(super) others: Option<(&'s OtherPlants, Ensemble<'s>)>,
     /// The runs, by number.
-    pub runs: Vec<Run>,
+    pub(crate) runs: Vec<Run>,
     /// What became of the calibration flights of plants with another structure.
     pub calibration: Option<CalibrationRecords>,
     twins: Twins<TwinKey>,

@@ -10,10 +10,10 @@ pub(crate) type Overrides = Vec<(usize, usize, f64)>;
 /// A draw of a study's random numbers: a specimen, and the noise of its sensors. It depends on the seed alone.
 #[derive(Clone, Copy)]
 pub(crate) struct SpecimenDraw<'s> {
-    pub study: &'s Study,
+    pub(crate) study: &'s Study,
     /// The scenario: whether specimens have tolerances, and sensors noise.
-    pub scenario: Scenario,
-    pub seed: Seed,
+    pub(crate) scenario: Scenario,
+    pub(crate) seed: Seed,
 }
 
 /// The number of a run's specimen among those whose twins are fitted; `None` where twins are nominal.

@@ -9,9 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// A run from its first sample to its last.
 pub(crate) struct RecordedRun {
     /// The recorded values, ordered by sample.
-    pub samples: Vec<f64>,
+    pub(crate) samples: Vec<f64>,
     /// The solver's work.
-    pub work: Statistics,
+    pub(crate) work: Statistics,
     /// Number of recorded values.
     width: usize,
 }

@@ -84,13 +84,13 @@ pub(crate) enum Who {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Effect {
     /// The units that it applies to.
-    pub who: Who,
+    pub(crate) who: Who,
     /// What it does.
-    pub kind: EffectKind,
+    pub(crate) kind: EffectKind,
     /// What it changes: a fault, parameter or input without the unit's name, or the quantity of a sensor.
-    pub of: &'static str,
+    pub(crate) of: &'static str,
     /// Its size.
-    pub size: f64,
+    pub(crate) size: f64,
 }
 
 /// An effect on a unit, with what it changes.
@@ -115,9 +115,9 @@ enum Place {
 pub(crate) struct Changes {
     list: Vec<Change>,
     /// The units at fault.
-    pub at_fault: Vec<usize>,
+    pub(crate) at_fault: Vec<usize>,
     /// Healthy units whose twin reads a boundary value (a pressure at a port) from a wrong sensor.
-    pub misinformed: Vec<usize>,
+    pub(crate) misinformed: Vec<usize>,
 }
 
 impl Changes {
@@ -342,9 +342,9 @@ pub(crate) struct Touched {
     onset: usize,
     random: NormalDeviates,
     /// The readings of the last sample.
-    pub measured: Vec<f64>,
+    pub(crate) measured: Vec<f64>,
     /// The inputs of the last sample.
-    pub inputs: Vec<f64>,
+    pub(crate) inputs: Vec<f64>,
 }
 
 impl Touched {

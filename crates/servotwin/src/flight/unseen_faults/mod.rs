@@ -7,8 +7,9 @@ mod effect;
 mod list;
 
 pub(super) use effect::Touched;
+pub use list::ALL;
+pub(crate) use list::UnseenFault;
 use list::set_names;
-pub use list::{ALL, UnseenFault};
 
 use super::watched::{Ended, Truth, Watching, watch};
 use crate::measure::flights::{Latency, latency};

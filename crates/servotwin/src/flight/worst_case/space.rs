@@ -11,7 +11,7 @@ const STEPS_PER_UNIT: f64 = 1000.0;
 
 /// How a number is distributed in the flights of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Distribution {
+pub(crate) enum Distribution {
     /// One of so many choices, all alike; the number is the index.
     Choice(usize),
     /// A place in a range, even from 0 to 1.
@@ -54,9 +54,9 @@ pub struct Dimension {
     /// Its name; of an input or parameter the system's.
     pub name: String,
     /// Its distribution.
-    pub distribution: Distribution,
+    pub(crate) distribution: Distribution,
     /// What 0 and 1 stand for, SI; `None` for a choice, a tolerance, or a number of a command.
-    pub range: Option<[f64; 2]>,
+    pub(crate) range: Option<[f64; 2]>,
     /// What the choices stand for.
     pub choices: Vec<String>,
 }
@@ -81,7 +81,7 @@ pub(crate) const MAX_POINTS: usize = 200_000;
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchPoint {
     /// Its number, from which noise, draws and the random part of the command follow.
-    pub number: usize,
+    pub(crate) number: usize,
     /// One value for each dimension.
     pub values: Vec<f64>,
 }
@@ -181,7 +181,7 @@ impl SearchSpace {
     }
 
     /// A point as text, of which every number is read with the same bits.
-    pub fn text_of(&self, point: &SearchPoint) -> String {
+    pub(crate) fn text_of(&self, point: &SearchPoint) -> String {
         let values = self.dimensions.iter().zip(&point.values);
         let values = values.map(|(dimension, value)| format!(" {}={value}", dimension.name));
         format!("number={}{}", point.number, values.collect::<String>())
