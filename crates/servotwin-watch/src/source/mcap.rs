@@ -45,9 +45,7 @@ struct Rows {
 
 /// Opens a file that must have the wanted columns.
 pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-    let known: Vec<String> =
-        survey(path, Some(wanted))?.into_iter().map(|column| column.name).collect();
-    wanted.require(&path.display().to_string(), &known)?;
+    wanted.require_columns(path, &survey(path, Some(wanted))?)?;
     let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
     let (messages, frames) = (Messages::open(path)?, Frames::new(wanted));
     let width = wanted.names.len();

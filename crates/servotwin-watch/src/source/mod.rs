@@ -29,7 +29,7 @@ use servotwin_io::sanitize;
 use servotwin_io::table::TableError;
 use std::fmt;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 pub use formats::{extensions, is_log};
@@ -342,6 +342,12 @@ impl Wanted {
             true => Ok(()),
             false => Err(SourceError::Lacking { address, columns, known }),
         }
+    }
+
+    /// The same for the columns of a file.
+    fn require_columns(&self, path: &Path, known: &[LogColumn]) -> Result<(), SourceError> {
+        let known: Vec<String> = known.iter().map(|column| column.name.clone()).collect();
+        self.require(&path.display().to_string(), &known)
     }
 }
 
