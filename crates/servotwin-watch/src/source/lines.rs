@@ -184,7 +184,11 @@ fn first_lines(path: &Path) -> Result<Vec<Vec<u8>>, SourceError> {
         }
     }
     let address = path.display().to_string();
+    let is_mdf = |line: &Vec<u8>| line.starts_with(b"MDF  ") || line.starts_with(b"UnFinMF ");
     let seen = match too_long {
+        _ if found.first().is_some_and(is_mdf) => {
+            "it is a recording in MDF, which asammdf writes as CSV".to_owned()
+        }
         _ if found.iter().any(|line| !line.trim_ascii().is_empty()) => return Ok(found),
         Some(place) => format!("line {place} is longer than {} MiB", LONGEST >> 20),
         None => return Err(SourceError::Empty { address }),

@@ -6,14 +6,10 @@
 
 mod formats;
 pub mod frame;
-#[cfg(feature = "mf4")]
-mod groups;
 mod lines;
 mod live;
 #[cfg(feature = "mcap")]
 mod mcap;
-#[cfg(feature = "mf4")]
-mod mf4;
 mod object;
 mod stdin;
 mod survey;
@@ -288,9 +284,6 @@ pub enum SourceError {
     /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },
-    /// A file is damaged or has an unsupported format.
-    #[error("{address}: {cause}")]
-    Unreadable { address: String, cause: String },
     /// A file cannot be opened or read.
     #[error(transparent)]
     File(#[from] FileError),
@@ -320,13 +313,6 @@ pub enum SourceError {
         .columns.join("', '"), advice(&.columns[0], .known)
     )]
     Lacking { address: String, columns: Vec<String>, known: Vec<String> },
-}
-
-impl SourceError {
-    #[cfg(feature = "mf4")]
-    fn unreadable(address: &str, cause: &str) -> Self {
-        SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
-    }
 }
 
 impl Wanted {

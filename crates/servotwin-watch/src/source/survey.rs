@@ -48,12 +48,6 @@ impl LogColumn {
         LogColumn { name: name.into(), ..LogColumn::default() }
     }
 
-    /// A column with the unit given by the log.
-    #[cfg(feature = "mf4")]
-    pub(crate) fn in_unit(name: impl Into<String>, unit: impl Into<String>) -> Self {
-        LogColumn { unit: unit.into(), ..LogColumn::named(name) }
-    }
-
     /// The typical difference between its numbers; `None` where they do not grow.
     pub(crate) fn step(&self) -> Option<f64> {
         let steps = self.head.windows(2).map(|pair| pair[1] - pair[0]);
