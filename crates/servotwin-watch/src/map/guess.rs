@@ -32,7 +32,7 @@ pub enum Trust {
 }
 
 /// A map as text, and its uncertain parts.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Guess {
     /// The text of the map file.
     pub text: String,
@@ -106,17 +106,7 @@ struct Candidate<'c> {
 /// Guesses a map for a log with these columns.
 pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
     let system = &study.system;
-    let mut guess = Guess {
-        text: head(system),
-        time: false,
-        inputs: vec![],
-        sensors: vec![],
-        assumed: vec![],
-        counter: None,
-        likely: vec![],
-        doubts: vec![],
-        unused: vec![],
-    };
+    let mut guess = Guess { text: head(system), ..Guess::default() };
     let mut used = vec![false; columns.len()];
     let time = guess.time(columns, study.sample_period_s, &mut used);
     let candidates: Vec<Candidate> = columns.iter().map(Candidate::of).collect();
@@ -185,17 +175,12 @@ fn targets(study: &Study) -> Vec<Target> {
     inputs.chain(system.sensors.iter().enumerate().map(sensor)).collect()
 }
 
-/// The column chosen for a target.
-#[derive(Debug, Clone, PartialEq)]
-enum Choice {
-    Nothing,
-    /// A column, and whether its name alone identifies the target.
-    Column {
-        place: usize,
-        is_certain: bool,
-    },
-    /// Columns that are equally likely.
-    Either(Vec<usize>),
+/// The columns that may be a target.
+#[derive(Debug, Clone, Default)]
+struct Choice {
+    places: Vec<usize>,
+    /// Why the first one is chosen; `None` where another one is as good.
+    trust: Option<Trust>,
 }
 
 /// Assigns the best-scoring columns first, each once.
@@ -206,7 +191,7 @@ fn assign(
     single: bool,
     used: &mut [bool],
 ) -> Vec<Choice> {
-    let mut choices = vec![Choice::Nothing; targets.len()];
+    let mut choices = vec![Choice::default(); targets.len()];
     let mut scores: Vec<(u32, usize, usize)> = vec![];
     for (target, wanted) in targets.iter().enumerate() {
         for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !used[*place]) {
@@ -218,34 +203,23 @@ fn assign(
     }
     scores.sort_by_key(|&(score, target, place)| (std::cmp::Reverse(score), target, place));
     for &(score, target, place) in &scores {
-        if used[place] || choices[target] != Choice::Nothing {
+        if used[place] || !choices[target].places.is_empty() {
             continue;
         }
-        let is_certain = score >= BEHIND;
-        let rivals = rivals(&scores, (score, target, place), &choices, used);
-        if rivals.is_empty() {
-            used[place] = true;
-            choices[target] = Choice::Column { place, is_certain };
-        } else {
-            let own = rivals.iter().filter(|(its, _)| *its == target).map(|(_, column)| *column);
-            choices[target] = Choice::Either(std::iter::once(place).chain(own).collect());
-        }
+        // Pairs with the same score: another column for the target, or another target for the column.
+        let is_rival = |&&(other, its, column): &&(u32, usize, usize)| {
+            let is_free = !used[column] && choices[its].places.is_empty();
+            other == score && is_free && (its == target) != (column == place)
+        };
+        let rivals: Vec<_> = scores.iter().filter(is_rival).collect();
+        let own = rivals.iter().filter(|(_, its, _)| *its == target).map(|(.., column)| *column);
+        let places = std::iter::once(place).chain(own).collect();
+        let trust = if score >= BEHIND { Trust::Certain } else { Trust::Likely };
+        let trust = rivals.is_empty().then_some(trust);
+        used[place] = trust.is_some();
+        choices[target] = Choice { places, trust };
     }
     choices
-}
-
-/// Pairs with the same score: another column for the target, or another target for the column.
-fn rivals(
-    scores: &[(u32, usize, usize)],
-    (score, target, place): (u32, usize, usize),
-    choices: &[Choice],
-    used: &[bool],
-) -> Vec<(usize, usize)> {
-    let is_rival = |&&(other, its, column): &&(u32, usize, usize)| {
-        let is_free = !used[column] && choices[its] == Choice::Nothing;
-        other == score && is_free && (its == target) != (column == place)
-    };
-    scores.iter().filter(is_rival).map(|&(_, its, column)| (its, column)).collect()
 }
 
 impl<'c> Candidate<'c> {
@@ -380,7 +354,7 @@ impl Guess {
             (false, Some(unit), _) => {
                 format!("unit = {}{}", quoted(spelt(unit)), self.time_doubt(column, unit, fitting))
             }
-            (false, None, Some(unknown)) => format!("unit = {}{UNKNOWN}", quoted(unknown)),
+            (false, None, Some(unknown)) => format!("unit = {}  # {UNKNOWN}", quoted(unknown)),
             (false, None, None) => {
                 let (unit, remark) = match fitting {
                     Some((unit, step_s)) => {
@@ -458,60 +432,60 @@ impl Guess {
     /// Writes the map line of an input or a sensor.
     fn line(&mut self, target: &Target, choice: &Choice, candidates: &[Candidate]) {
         let (id, word) = (bare(&target.id), units::word(target.unit));
-        let (place, is_certain) = match choice {
-            Choice::Column { place, is_certain } => (*place, *is_certain),
-            Choice::Nothing | Choice::Either(_) => {
-                let remark = match choice {
-                    Choice::Either(places) => {
-                        let names = places.iter().map(|&place| &candidates[place].column.name);
-                        let names: Vec<String> = names.map(|name| quoted(name)).collect();
-                        let names = names.join(" or ");
-                        self.doubts.push(format!("{id} may be {names}: a map file says which"));
-                        format!("  # may be {names}")
-                    }
-                    _ => String::new(),
-                };
-                let from = match target.default {
-                    Some(value) => format!("value = {value:?}"),
-                    None => "column = \"?\"".into(),
-                };
-                let _ = writeln!(self.text, "# {id} = {{ {from}, unit = \"{word}\" }}{remark}");
-                let lacking =
-                    if target.default.is_some() { &mut self.inputs } else { &mut self.sensors };
-                return lacking.push(id);
-            }
+        let Choice { places, trust: Some(trust) } = choice else {
+            return self.lacking(target, choice, candidates);
         };
-        let candidate = &candidates[place];
+        let candidate = &candidates[places[0]];
         let name = &candidate.column.name;
         let unit = candidate.unit.filter(|(unit, _)| *unit == target.unit);
-        let unknown =
-            declared_unit(candidate.column).filter(|_| unit.is_none() && target.unit != Unit::None);
-        if let Some(unknown) = unknown {
-            let (column, unit) = (quoted(name), quoted(unknown));
-            let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{UNKNOWN}");
-            return;
-        }
+        let is_unknown = unit.is_none() && target.unit != Unit::None;
+        let declared = declared_unit(candidate.column).filter(|_| is_unknown);
         let mut remarks = vec![];
-        if !is_certain {
-            remarks.push("likely by its name: look at it".to_owned());
-            self.likely.push(format!("{} ({})", target.id, sanitize::text(name)));
+        if declared.is_some() {
+            remarks.push(UNKNOWN.to_owned());
+        } else {
+            if *trust == Trust::Likely {
+                remarks.push("likely by its name: look at it".to_owned());
+                self.likely.push(format!("{} ({})", target.id, sanitize::text(name)));
+            }
+            if is_unknown {
+                self.assumed.push(format!("{name} in {word}"));
+                remarks.push("unit assumed".into());
+            }
+            if let Some(doubt) = candidate.doubt(target, unit) {
+                self.doubts.push(format!("column '{}' {doubt}", sanitize::text(name)));
+                remarks.push(format!("doubtful: it {doubt}"));
+            }
         }
-        if unit.is_none() && target.unit != Unit::None {
-            self.assumed.push(format!("{name} in {word}"));
-            remarks.push("unit assumed".into());
-        }
-        if let Some(doubt) = candidate.doubt(target, unit) {
-            self.doubts.push(format!("column '{}' {doubt}", sanitize::text(name)));
-            remarks.push(format!("doubtful: it {doubt}"));
-        }
-        let remark = match remarks.is_empty() {
-            true => String::new(),
-            false => format!("  # {}", remarks.join("; ")),
-        };
-        let unit = unit.map_or(word, |(_, text)| spelt(text));
-        let (column, unit) = (quoted(name), quoted(unit));
-        let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{remark}");
+        let unit = declared.unwrap_or(unit.map_or(word, |(_, text)| spelt(text)));
+        let from = format!("column = {}", quoted(name));
+        self.text += &map_line(&id, &from, unit, &remarks.join("; "));
     }
+
+    /// Writes the map line of an input or a sensor without a column.
+    fn lacking(&mut self, target: &Target, choice: &Choice, candidates: &[Candidate]) {
+        let id = bare(&target.id);
+        let name = |place: &usize| quoted(&candidates[*place].column.name);
+        let names = choice.places.iter().map(name).collect::<Vec<_>>().join(" or ");
+        let mut remark = String::new();
+        if !names.is_empty() {
+            self.doubts.push(format!("{id} may be {names}: a map file says which"));
+            remark = format!("may be {names}");
+        }
+        let (from, lacking) = match target.default {
+            Some(value) => (format!("value = {value:?}"), &mut self.inputs),
+            None => ("column = \"?\"".into(), &mut self.sensors),
+        };
+        let line = map_line(&id, &from, units::word(target.unit), &remark);
+        self.text += &format!("# {line}");
+        lacking.push(id);
+    }
+}
+
+/// A line of a map, with a remark if that is not empty.
+fn map_line(id: &str, from: &str, unit: &str, remark: &str) -> String {
+    let mark = if remark.is_empty() { "" } else { "  # " };
+    format!("{id} = {{ {from}, unit = {} }}{mark}{remark}\n", quoted(unit))
 }
 
 impl Candidate<'_> {
@@ -548,7 +522,7 @@ impl Candidate<'_> {
 }
 
 /// The remark behind a unit that is not known.
-const UNKNOWN: &str = "  # not known: replace it";
+const UNKNOWN: &str = "not known: replace it";
 
 /// The unit of a time column, from the log or from its name.
 fn time_unit(column: &LogColumn) -> Option<&str> {
@@ -608,15 +582,7 @@ fn bare(id: &str) -> String {
     if id.contains('.') { quoted(id) } else { id.to_owned() }
 }
 
-/// A text as a TOML string.
+/// A text as a TOML string, which escapes what a string of JSON escapes, and the character DEL.
 fn quoted(text: &str) -> String {
-    let mut out = String::from("\"");
-    for character in text.chars() {
-        match character {
-            '"' | '\\' => out.extend(['\\', character]),
-            c if c.is_control() => out += &format!("\\u{:04X}", u32::from(c)),
-            c => out.push(c),
-        }
-    }
-    out + "\""
+    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007F")
 }

@@ -170,30 +170,3 @@ pub(super) fn splits(name: &str) -> Vec<(&str, Option<Named<'_>>)> {
     found.push((trimmed, None));
     found
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_fall_into_words_and_numbers() {
-        let (found, numbers) = words("ACT1_xRamPos [mm] Rücklauf");
-        assert_eq!(found, ["act", "x", "ram", "pos", "mm", "ruecklauf"]);
-        assert_eq!(numbers, [1]);
-    }
-
-    #[test]
-    fn letters_of_quantities_stand_before_parts() {
-        let has = |name: &str, topics: &[Topic]| {
-            let meaning = ColumnMeaning::of(&words(name).0);
-            topics.iter().all(|topic| meaning.has(*topic))
-        };
-        use Topic::{ChamberA, Command, Other, Position, Pressure, Ram, Supply, Surface};
-        assert!(has("PSUP1", &[Pressure, Supply]) && !has("PSUP1", &[Position]));
-        assert!(has("XRAM2", &[Position, Ram]) && !has("XRAM2", &[Pressure]));
-        assert!(has("Versorgungsdruck", &[Pressure, Supply]));
-        assert!(has("Kolbenweg", &[Position, Ram]));
-        assert!(has("AIL_CMD", &[Command, Surface]) && !has("AIL_CMD", &[ChamberA]));
-        assert!(has("PSUP1_status", &[Other]));
-    }
-}
