@@ -372,8 +372,8 @@ impl<'w> Watch<'w> {
             if observation.finding.state == DiagnosisState::EnvironmentInvalid {
                 self.plausibility.invalid(inputs, observation.finding.evidence.first());
             } else {
-                self.plausibility.twin(as_logged, observation.twin);
-                let (twin, whole) = (observation.twin, self.plausibility.beside());
+                self.plausibility.beside.take(as_logged, observation.twin);
+                let (twin, whole) = (observation.twin, &self.plausibility.beside);
                 let lookout = self.lookout.as_mut();
                 let late =
                     lookout.and_then(|l| l.take((place, now_s), [inputs, as_logged], twin, whole));

@@ -41,18 +41,13 @@ pub(crate) struct Plausibility {
     unit_s: f64,
     /// The inputs, followed by the sensors.
     columns: Vec<Column>,
-    beside: Comparisons,
+    /// The sensors beside the twin.
+    pub beside: Comparisons,
     /// What a [`Lookout`] found.
     found: Vec<LateMistake>,
-    environment: Environment,
-}
-
-/// Evidence about the periods with an invalid environment.
-#[derive(Debug, Clone, Default, PartialEq)]
-struct Environment {
-    /// The number of such periods.
+    /// The number of periods with an invalid environment.
     invalid: u64,
-    /// For each input, how far it was outside the accepted range at most, SI; 0 for never.
+    /// For each input, how far it was outside the accepted range at most in them, SI; 0 for never.
     excesses: Vec<f64>,
     /// The reasons of the other such periods.
     reasons: Vec<String>,
@@ -118,7 +113,9 @@ impl StillSamples<'_> {
         begin: (u64, f64),
         samples: usize,
     ) -> Option<InputMistake> {
-        for (all, width) in self.widths() {
+        let system = &self.study.system;
+        let widths = [system.network().inputs.len(), system.sensors.len()];
+        for (all, width) in [&mut self.inputs, &mut self.measured].into_iter().zip(widths) {
             all.drain(..all.len().saturating_sub(STILL_PANES * samples * width));
         }
         if !is_moving {
@@ -131,12 +128,6 @@ impl StillSamples<'_> {
         let is_due = self.has_column && self.moving.is_multiple_of(PANES);
         let found = || fit::still_command(self.study, self.period_s, &self.inputs, &self.measured);
         is_due.then(found)?.ok()?
-    }
-
-    fn widths(&mut self) -> [(&mut Vec<f64>, usize); 2] {
-        let system = &self.study.system;
-        let (inputs, sensors) = (system.network().inputs.len(), system.sensors.len());
-        [(&mut self.inputs, inputs), (&mut self.measured, sensors)]
     }
 
     fn clear(&mut self) {
@@ -195,16 +186,10 @@ impl<'s> Lookout<'s> {
         let is_still = pane.is_still(&self.columns);
         let unrelated = self.still.end_pane(is_still, begin, self.panes.samples());
         self.moving += u32::from(pane.has_motion(&self.columns));
-        if self.moving == PANES {
-            // A stream has no other trial.
-            let found = whole.mistakes(&self.columns);
-            if !found.is_empty() {
-                return Some(LateMistake {
-                    words: found.join("; "),
-                    is_certain: true,
-                    from_s: None,
-                });
-            }
+        // A stream has no other trial.
+        let found = if self.moving == PANES { whole.mistakes(&self.columns) } else { vec![] };
+        if !found.is_empty() {
+            return Some(LateMistake { words: found.join("; "), is_certain: true, from_s: None });
         }
         let counted = self.counted;
         let since = |(place, time_s): (u64, f64), what: &str, is_certain: bool| {
@@ -250,10 +235,9 @@ impl Plausibility {
             columns,
             beside,
             found: vec![],
-            environment: Environment {
-                excesses: vec![0.0; map.inputs()],
-                ..Environment::default()
-            },
+            invalid: 0,
+            excesses: vec![0.0; map.inputs()],
+            reasons: vec![],
         }
     }
 
@@ -283,24 +267,18 @@ impl Plausibility {
         }
     }
 
-    /// Adds the sensor values, as the log has them, and the twin's values of a period.
-    pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
-        self.beside.take(measured, twin);
-    }
-
     /// Adds a period with an invalid environment: its inputs, and the reason of the finding.
     pub(super) fn invalid(&mut self, inputs: &[f64], reason: Option<&String>) {
-        let Environment { invalid, excesses, reasons } = &mut self.environment;
-        *invalid += 1;
+        self.invalid += 1;
         let mut is_explained = inputs.iter().any(|value| value.is_nan());
-        for ((&value, column), largest) in inputs.iter().zip(&self.columns).zip(excesses) {
+        for ((&value, column), largest) in inputs.iter().zip(&self.columns).zip(&mut self.excesses)
+        {
             let excess = column.excess(value);
             *largest = largest.max(excess);
             is_explained |= excess > 0.0;
         }
-        if let Some(reason) = reason.filter(|reason| !is_explained && !reasons.contains(reason)) {
-            reasons.push(reason.clone());
-        }
+        let is_new = |reason: &&String| !is_explained && !self.reasons.contains(reason);
+        self.reasons.extend(reason.filter(is_new).cloned());
     }
 
     /// Adds what began within the log; `false` if that is known.
@@ -380,28 +358,6 @@ impl Plausibility {
         found.map(|late| late.words.clone())
     }
 
-    /// The sensors beside the twin.
-    pub(super) fn beside(&self) -> &Comparisons {
-        &self.beside
-    }
-
-    /// Whether a position or its twin moved.
-    pub(super) fn moves(&self, system: &System, map: &Map) -> bool {
-        self.beside.has_motion(&columns(system, map))
-    }
-
-    /// Reports a mistake of the column of an input; see [`Comparisons::input_mistake`].
-    pub(super) fn input_mistake<E>(
-        &self,
-        system: &System,
-        map: &Map,
-        input: usize,
-        rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
-    ) -> Result<Option<String>, E> {
-        let input = (map.id(input), map.unit(input));
-        self.beside.input_mistake(input, &columns(system, map), rerun)
-    }
-
     /// Says that the times are in another unit, as soon as enough steps show it.
     pub(super) fn other_time_unit(&self, period_s: f64) -> Option<String> {
         let has_evidence = self.steps_s.len() as u64 >= LEAST_VALUES;
@@ -421,7 +377,7 @@ impl Plausibility {
         map: &Map,
         counts: &WatchCounts,
     ) -> Option<String> {
-        let Environment { invalid, excesses, reasons } = &self.environment;
+        let Plausibility { invalid, excesses, reasons, .. } = self;
         let inputs = system.network().inputs.iter().zip(&self.columns).zip(excesses).enumerate();
         let outside = inputs.filter(|(channel, ((input, column), excess))| {
             **excess > 0.0 && column.outside_in_words(map, *channel, input.unit, None).is_none()
@@ -514,7 +470,7 @@ impl Column {
 }
 
 /// The sensors of a system as a map reads them.
-fn columns<'s>(system: &'s System, map: &Map) -> Vec<SensorColumn<'s>> {
+pub(super) fn columns<'s>(system: &'s System, map: &Map) -> Vec<SensorColumn<'s>> {
     let column = |sensor| SensorColumn::new(system, sensor, map.unit(map.inputs() + sensor));
     (0..system.sensors.len()).map(column).collect()
 }

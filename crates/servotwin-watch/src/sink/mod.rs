@@ -156,18 +156,14 @@ impl Sink for CheckpointFile {
 ///
 /// # Errors
 /// It cannot be opened; [`SinkError::Feature`] if the program is built without MCAP.
-#[cfg(feature = "mcap")]
 pub fn open_mcap(path: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
-    Ok(Box::new(mcap::Mcap::create(path, scene)?))
-}
-
-/// Variant without the feature: always an error.
-///
-/// # Errors
-/// [`SinkError::Feature`].
-#[cfg(not(feature = "mcap"))]
-pub fn open_mcap(path: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
-    Err(SinkError::Feature { what: path.display().to_string(), feature: "mcap" })
+    #[cfg(feature = "mcap")]
+    return Ok(Box::new(mcap::Mcap::create(path, scene)?));
+    #[cfg(not(feature = "mcap"))]
+    {
+        let _ = scene;
+        Err(SinkError::Feature { what: path.display().to_string(), feature: "mcap" })
+    }
 }
 
 /// The signals of a watch, for sinks that display them.

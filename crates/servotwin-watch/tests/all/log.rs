@@ -493,7 +493,7 @@ fn a_checkpoint_of_something_else_is_refused() {
         assert!(error.contains(what), "{text}: {error}");
     }
     let folder_error = Checkpoint::read(&folder.0).unwrap_err().to_string();
-    assert!(folder_error.contains("this is no file"), "{folder_error}");
+    assert!(folder_error.contains("this is a folder, a file is needed"), "{folder_error}");
 }
 
 #[test]
