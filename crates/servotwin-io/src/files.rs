@@ -81,26 +81,6 @@ impl FileError {
             _ => FileError::System { path, source },
         }
     }
-
-    /// The affected file.
-    pub fn path(&self) -> &Path {
-        match self {
-            FileError::Missing { path }
-            | FileError::NotBuiltIn { path, .. }
-            | FileError::MissingFolder { path }
-            | FileError::IsFolder { path }
-            | FileError::NotFolder { path }
-            | FileError::Denied { path }
-            | FileError::ReadOnly { path }
-            | FileError::DiskFull { path }
-            | FileError::NotText { path, .. }
-            | FileError::Altered { path, .. }
-            | FileError::SizeLimit { path }
-            | FileError::NotRegular { path, .. }
-            | FileError::TooLong { path, .. }
-            | FileError::System { path, .. } => path,
-        }
-    }
 }
 
 fn built_in(nearest: Option<&str>, known: &[&str]) -> String {
@@ -322,25 +302,6 @@ fn read_at_most(limit: u64, path: &Path) -> Result<Vec<u8>, FileError> {
     match bytes.len() as u64 > limit {
         true => Err(FileError::TooLong { path: path.to_path_buf(), limit }),
         false => Ok(bytes),
-    }
-}
-
-/// Passes the bytes of a file to a function, part by part.
-pub(crate) fn read_through(
-    path: impl AsRef<Path>,
-    mut take: impl FnMut(&[u8]),
-) -> Result<(), FileError> {
-    let path = path.as_ref();
-    let in_file = |cause| FileError::from_io(path, cause);
-    let mut file = open(path)?;
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok(()),
-            Ok(count) => take(&buffer[..count]),
-            Err(cause) if cause.kind() == io::ErrorKind::Interrupted => (),
-            Err(cause) => return Err(in_file(cause)),
-        }
     }
 }
 

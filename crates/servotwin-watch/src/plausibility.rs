@@ -22,8 +22,6 @@ use servotwin_model::spec::Unit;
 const STEPS: usize = 1000;
 /// Samples farther apart than this many periods leave periods empty.
 const SLOW: f64 = 1.5;
-/// With steps below this share of a period, the time column is unlikely to be in seconds.
-const FAST: f64 = 0.02;
 /// Columns with fewer values are not judged.
 const LEAST_VALUES: u64 = 20;
 /// More rows than this share, and at least as many as the witnesses of a clock, with the time of another row are no
@@ -414,9 +412,6 @@ impl Plausibility {
             Some((unit, other_s)) => Some(format!(
                 "its times seem to be in {unit}, in which its samples are {other_s} s apart: {apart}"
             )),
-            _ if step_s < FAST * period_s => {
-                Some(format!("its times seem to be in a larger unit than the map states: {apart}"))
-            }
             _ if step_s > SLOW * period_s => Some(format!(
                 "{apart}: log at {} Hz, or learn a diagnoser at {} Hz (sample_hz of the study)",
                 rounded(1.0 / period_s),

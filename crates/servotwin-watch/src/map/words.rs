@@ -55,45 +55,24 @@ fn is_part(word: &str) -> bool {
     WORDS[3..10].iter().any(|(_, list)| list.split(' ').any(|known| known == word))
 }
 
-/// The topics of a column according to its name.
-#[derive(Debug, Clone)]
-pub(super) struct ColumnMeaning(Vec<Topic>);
+/// What the words of a name speak of.
+pub(super) fn topics(words: &[String]) -> Vec<Topic> {
+    words.iter().flat_map(|word| topics_of(word)).collect()
+}
 
-impl ColumnMeaning {
-    /// Interprets the words of a name.
-    pub(super) fn of(words: &[String]) -> Self {
-        let mut meaning = ColumnMeaning(vec![]);
-        words.iter().for_each(|word| meaning.add(word));
-        meaning
-    }
-
-    /// Whether the name speaks of a topic.
-    pub(super) fn has(&self, topic: Topic) -> bool {
-        self.0.contains(&topic)
-    }
-
-    fn add(&mut self, word: &str) {
-        // A quantity's letter before the word of a part: PSUP, XRAM.
-        let quantity = match word.split_at_checked(1) {
-            Some(("p", rest)) if is_part(rest) => Some((Topic::Pressure, rest)),
-            Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => {
-                Some((Topic::Position, rest))
-            }
-            _ => None,
-        };
-        let is_whole = WORDS.iter().any(|(_, list)| list.split(' ').any(|known| known == word));
-        match quantity {
-            Some((quantity, part)) if !is_whole => {
-                self.0.push(quantity);
-                self.add(part);
-            }
-            _ => {
-                let speaks = |list: &str| list.split(' ').any(|known| speaks_of(word, known));
-                let spoken = WORDS.iter().filter(|(_, list)| speaks(list));
-                self.0.extend(spoken.map(|(topic, _)| *topic));
-            }
+fn topics_of(word: &str) -> Vec<Topic> {
+    let is_whole = WORDS.iter().any(|(_, list)| list.split(' ').any(|known| known == word));
+    // A quantity's letter before the word of a part: PSUP, XRAM.
+    let (quantity, part) = match word.split_at_checked(1) {
+        Some(("p", rest)) if !is_whole && is_part(rest) => (Some(Topic::Pressure), rest),
+        Some(("x" | "s", rest)) if !is_whole && rest.len() > 1 && is_part(rest) => {
+            (Some(Topic::Position), rest)
         }
-    }
+        _ => (None, word),
+    };
+    let speaks = |list: &str| list.split(' ').any(|known| speaks_of(part, known));
+    let spoken = WORDS.iter().filter(|(_, list)| speaks(list)).map(|(topic, _)| *topic);
+    quantity.into_iter().chain(spoken).collect()
 }
 
 /// Whether a word is a known one or a compound with it: Versorgungsdruck, Kolbenweg.

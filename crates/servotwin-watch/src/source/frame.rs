@@ -7,12 +7,12 @@
 //! columns have gets a number (`p#1`, `p#2`), so that a map says which is meant.
 
 use super::object::{Leaf, walk, without_special_numbers};
-use super::{Bad, LogRow, Read, Wanted};
+use super::{LogRow, Read, Wanted};
 use crate::counts::{Flaw, Irregularity};
 use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::dialect::separator_of;
-use servotwin_io::table::csv::growing::{Numbers, is_missing};
+use servotwin_io::table::csv::growing::Numbers;
 use servotwin_io::table::csv::records::{Cell, Cells};
 use std::collections::BTreeMap;
 
@@ -152,21 +152,13 @@ impl Frames {
         }
         let Frames { wanted, numbers, clock, .. } = self;
         for (place, &cell) in header.chosen.iter().enumerate() {
-            let cell = cells[cell];
-            let text = std::str::from_utf8(cell.bytes).unwrap_or("").trim();
-            let is_time = wanted.time == Some(place);
+            let text = cells[cell].text();
+            let text = text.trim();
             let words = || wanted.number_of_words(place, text, clock);
-            let value = numbers.real(text).or_else(words);
-            row.values[place] = match value.filter(|value| value.is_finite()) {
-                Some(value) => value,
-                None if is_time => return Err(no_time(&shown(cell))),
-                None => {
-                    if !is_missing(cell.bytes) {
-                        row.note_bad(Bad { column: place, text: shown(cell) });
-                    }
-                    f64::NAN
-                }
-            };
+            row.put_text(place, numbers.real(text).or_else(words), text);
+            if wanted.time == Some(place) && row.values[place].is_nan() {
+                return Err(no_time(&sanitize::text(text)));
+            }
         }
         self.wanted.continue_time(row, &mut self.clock);
         // For example a row of units below a header without a time.
@@ -202,24 +194,15 @@ impl Frames {
 
 /// Takes a value of an object. A text may be a number or a known word.
 fn take(place: usize, leaf: &Leaf, row: &mut LogRow, wanted: &Wanted, clock: &mut Clock) {
-    let value = match *leaf {
-        Leaf::Number(value) => Some(value),
-        Leaf::Flag(value) => Some(f64::from(u8::from(value))),
+    match *leaf {
+        Leaf::Number(value) => row.put_number(place, value),
+        Leaf::Flag(value) => row.put_number(place, f64::from(u8::from(value))),
         Leaf::Text(text) => {
-            text.parse().ok().or_else(|| wanted.number_of_words(place, text, clock))
+            let words = || wanted.number_of_words(place, text, clock);
+            row.put_text(place, text.parse().ok().or_else(words), text);
         }
-        Leaf::Missing => return,
-    };
-    let text = match (value, leaf) {
-        (Some(value), _) if value.is_finite() => {
-            row.values[place] = value;
-            return;
-        }
-        (_, Leaf::Text(text)) if is_missing(text.as_bytes()) => return,
-        (_, Leaf::Text(text)) => sanitize::text(text),
-        (value, _) => value.map_or(String::new(), |value| value.to_string()),
-    };
-    row.note_bad(Bad { column: place, text });
+        Leaf::Missing => {}
+    }
 }
 
 /// The flaw of a cell that is no time, with the reason if it is a date that is refused.
@@ -328,9 +311,4 @@ pub(super) fn texts(line: &[u8], separator: u8) -> Vec<String> {
 
 fn decoded(cell: Cell) -> String {
     cell.text().trim().to_owned()
-}
-
-/// The text of a cell, sanitized for a message.
-fn shown(cell: Cell) -> String {
-    sanitize::text(&decoded(cell))
 }

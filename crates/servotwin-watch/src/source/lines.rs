@@ -35,7 +35,7 @@ pub(crate) struct Lines {
 pub(super) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     // A map may name the columns of a log without a header.
     if wanted.columns.is_empty() {
-        wanted.require_columns(path, &survey(path, Some(wanted))?)?;
+        wanted.require_columns(path, survey(path, Some(wanted))?)?;
     }
     Ok(Box::new(Lines {
         path: path.into(),
@@ -89,7 +89,7 @@ fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Vec<LogColumn>, Source
     let heads = &lines[..lines.len().min(PREAMBLE)];
     let has_all = |line: &Vec<u8>| {
         let names = frame::marked_columns(line);
-        wanted.zip(names).is_some_and(|(wanted, names)| wanted.require("", &names).is_ok())
+        wanted.zip(names).is_some_and(|(wanted, names)| wanted.require("", names).is_ok())
     };
     let found = if heads.iter().any(|line| frame::object(line).is_some()) {
         objects(path, wanted)?

@@ -41,7 +41,7 @@ struct Rows {
 
 /// Opens a file that must have the wanted columns.
 pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-    wanted.require_columns(path, &survey(path, Some(wanted))?)?;
+    wanted.require_columns(path, survey(path, Some(wanted))?)?;
     let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
     let (messages, frames) = (Messages::open(path)?, Frames::new(wanted));
     Ok(Box::new(Rows { messages, frames, width: wanted.names.len(), log_time }))

@@ -71,7 +71,7 @@ impl LogColumn {
     }
 
     /// Adds the text of a cell; `number` is its value as a number.
-    fn take(&mut self, text: &str, number: Option<f64>) {
+    pub(super) fn take(&mut self, text: &str, number: Option<f64>) {
         match number {
             Some(number) => self.push(number),
             None if self.head.len() < HEAD => {
