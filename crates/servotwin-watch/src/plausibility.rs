@@ -359,12 +359,14 @@ impl Plausibility {
     /// Says that the times are in another unit, as soon as enough steps show it.
     pub(super) fn other_time_unit(&self, period_s: f64) -> Option<String> {
         let has_evidence = self.steps_s.len() as u64 >= LEAST_VALUES;
-        let is_other = |step_s: f64| has_evidence && !moment::is_period(step_s);
-        let likely = |step_s: f64| {
-            moment::likely_unit(step_s / self.unit_s, period_s, units::of_times()).is_some()
-        };
-        self.step_s().filter(|&step_s| is_other(step_s) && likely(step_s))?;
-        self.pace(period_s)
+        let unit = self.likely_unit(self.step_s()?, period_s);
+        unit.filter(|_| has_evidence).and_then(|_| self.pace(period_s))
+    }
+
+    /// The unit of time that makes an unlikely step, s, a likely one, and that step, s.
+    fn likely_unit(&self, step_s: f64, period_s: f64) -> Option<(&'static str, f64)> {
+        let likely = moment::likely_unit(step_s / self.unit_s, period_s, units::of_times());
+        likely.filter(|_| !moment::is_period(step_s))
     }
 
     /// Says why the environment was invalid: which inputs were outside of which ranges, and by how much, and other
@@ -406,9 +408,7 @@ impl Plausibility {
             "its samples are usually {} s apart, those of the diagnosis {period_s} s",
             rounded(step_s)
         );
-        let likely = moment::likely_unit(step_s / self.unit_s, period_s, units::of_times());
-        let likely = likely.filter(|_| !moment::is_period(step_s));
-        match likely {
+        match self.likely_unit(step_s, period_s) {
             Some((unit, other_s)) => Some(format!(
                 "its times seem to be in {unit}, in which its samples are {other_s} s apart: {apart}"
             )),

@@ -67,13 +67,15 @@ impl Sample {
     }
 }
 
-/// Receives every sample.
+/// Receives samples, notices and checkpoints; what it does not take is none of its output.
 pub trait Sink {
     /// Takes a sample.
     ///
     /// # Errors
     /// The sample cannot be written.
-    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError>;
+    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
+        Ok(())
+    }
 
     /// Writes out buffered data.
     ///
@@ -143,10 +145,6 @@ pub enum SinkError {
 pub struct CheckpointFile(pub PathBuf);
 
 impl Sink for CheckpointFile {
-    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
     fn save(&mut self, checkpoint: &Arc<Checkpoint>, _is_last: bool) -> Result<(), SinkError> {
         Ok(checkpoint.write(&self.0)?)
     }

@@ -100,13 +100,11 @@ impl Source for Rows {
 /// The columns of all channels, with the time and its unit.
 pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let found = survey(path, None)?;
-    match found.len() {
-        1 => {
-            let (address, seen) = (path.display().to_string(), "no message is in JSON".into());
-            Err(SourceError::NoHeader { address, seen })
-        }
-        _ => Ok(found),
+    if found.len() > 1 {
+        return Ok(found);
     }
+    let (address, seen) = (path.display().to_string(), "no message is in JSON".into());
+    Err(SourceError::NoHeader { address, seen })
 }
 
 /// Scans a file for columns: a channel may begin anywhere. If columns are `wanted`, the scan may stop collecting once

@@ -10,7 +10,7 @@ use servotwin_watch::guard::{self, IntakeError, LogPlan, Opened};
 use servotwin_watch::intake::{self, Whole};
 use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::shipped;
-use servotwin_watch::sink::{Sample, Sink, SinkError};
+use servotwin_watch::sink::{Sink, SinkError};
 use servotwin_watch::source::table::{TableRows, table_columns};
 use servotwin_watch::source::{Address, LogColumn, LogRow, Read, Source, SourceError};
 use servotwin_watch::span::LogSpan;
@@ -117,10 +117,6 @@ impl Source for Live {
 struct Reported(Vec<String>);
 
 impl Sink for Reported {
-    fn sample(&mut self, _: &Arc<Sample>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         self.0.extend(notice.words());
         Ok(())

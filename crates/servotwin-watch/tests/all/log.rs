@@ -883,10 +883,6 @@ impl Source for Quiet {
 struct Heard(Arc<Mutex<Vec<Notice>>>);
 
 impl Sink for Heard {
-    fn sample(&mut self, _: &Arc<Sample>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         self.0.lock().unwrap().push(notice.clone());
         Ok(())

@@ -186,20 +186,15 @@ impl Rows {
 
     /// A description of the text if it differs from this toolkit's.
     fn dialect(&self, is_latin: bool, has_comma: bool) -> Option<String> {
-        let separator = match self.separator {
-            b';' => "semicolons between cells",
-            b'\t' => "tabs between cells",
-            _ => "",
-        };
-        let comma = if has_comma { "decimal commas" } else { "" };
-        let encoding = match (self.is_utf16, is_latin) {
-            (true, _) => "UTF-16",
-            (_, true) => "Latin-1",
-            _ => "",
-        };
-        let parts: Vec<&str> =
-            [separator, comma, encoding].into_iter().filter(|part| !part.is_empty()).collect();
-        (!parts.is_empty()).then(|| parts.join(", "))
+        let parts = [
+            (self.separator == b';', "semicolons between cells"),
+            (self.separator == b'\t', "tabs between cells"),
+            (has_comma, "decimal commas"),
+            (self.is_utf16, "UTF-16"),
+            (is_latin && !self.is_utf16, "Latin-1"),
+        ];
+        let found: Vec<&str> = parts.iter().filter(|part| part.0).map(|part| part.1).collect();
+        (!found.is_empty()).then(|| found.join(", "))
     }
 }
 
