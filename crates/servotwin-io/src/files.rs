@@ -81,6 +81,26 @@ impl FileError {
             _ => FileError::System { path, source },
         }
     }
+
+    /// The affected file.
+    pub fn path(&self) -> &Path {
+        match self {
+            FileError::Missing { path }
+            | FileError::NotBuiltIn { path, .. }
+            | FileError::MissingFolder { path }
+            | FileError::IsFolder { path }
+            | FileError::NotFolder { path }
+            | FileError::Denied { path }
+            | FileError::ReadOnly { path }
+            | FileError::DiskFull { path }
+            | FileError::NotText { path, .. }
+            | FileError::Altered { path, .. }
+            | FileError::SizeLimit { path }
+            | FileError::NotRegular { path, .. }
+            | FileError::TooLong { path, .. }
+            | FileError::System { path, .. } => path,
+        }
+    }
 }
 
 fn built_in(nearest: Option<&str>, known: &[&str]) -> String {
