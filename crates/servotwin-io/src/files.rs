@@ -325,25 +325,6 @@ fn read_at_most(limit: u64, path: &Path) -> Result<Vec<u8>, FileError> {
     }
 }
 
-/// Passes the bytes of a file to a function, part by part.
-pub(crate) fn read_through(
-    path: impl AsRef<Path>,
-    mut take: impl FnMut(&[u8]),
-) -> Result<(), FileError> {
-    let path = path.as_ref();
-    let in_file = |cause| FileError::from_io(path, cause);
-    let mut file = open(path)?;
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        match file.read(&mut buffer) {
-            Ok(0) => return Ok(()),
-            Ok(count) => take(&buffer[..count]),
-            Err(cause) if cause.kind() == io::ErrorKind::Interrupted => (),
-            Err(cause) => return Err(in_file(cause)),
-        }
-    }
-}
-
 /// Reads a whole UTF-8 text file of at most 1 GiB, without a byte order mark at its start.
 pub fn read_text(path: impl AsRef<Path>) -> Result<String, FileError> {
     text_of(read_bytes(&path)?, path.as_ref())

@@ -4,10 +4,11 @@
 //! edited file never passes as the written one, and an interrupted stage leaves no claims about its file. Without a
 //! manifest, nothing is compared.
 
-use crate::files::{self, FileError, read_through, write_atomically};
+use crate::files::{self, FileError, write_atomically};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::io::Read;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
@@ -115,9 +116,16 @@ pub fn forget(path: &Path) -> Result<(), FileError> {
 /// # Errors
 /// If the file cannot be read.
 pub fn sha256(path: &Path) -> Result<String, FileError> {
-    let mut digest = Sha256::new();
-    read_through(path, |bytes| digest.update(bytes))?;
-    Ok(in_hexadecimal(digest))
+    let (mut digest, file) = (Sha256::new(), files::open(path)?);
+    loop {
+        let mut part = vec![];
+        let read = (&file).take(1 << 16).read_to_end(&mut part);
+        read.map_err(|cause| FileError::from_io(path, cause))?;
+        if part.is_empty() {
+            return Ok(in_hexadecimal(digest));
+        }
+        digest.update(part);
+    }
 }
 
 /// SHA-256 of a text, in hexadecimal digits.

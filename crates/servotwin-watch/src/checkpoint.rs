@@ -10,15 +10,10 @@ use super::map::Map;
 use serde::{Deserialize, Serialize};
 use servotwin::manifest::sha256_of_text;
 use servotwin_io::files::{self, FileError};
-use std::fs::File;
-use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
 /// The format of checkpoints that this version writes and reads.
 const FORMAT: u32 = 1;
-
-/// The largest checkpoint that is read, bytes: a thousand times that of the aileron study.
-const LARGEST: u64 = 64 << 20;
 
 /// The first line of the file.
 #[derive(Debug, Serialize, Deserialize)]
@@ -74,13 +69,9 @@ impl Checkpoint {
     /// # Errors
     /// The file cannot be read, or is no checkpoint.
     pub fn read(path: &Path) -> Result<Self, CheckpointError> {
-        let content = |cause: String| CheckpointError::Content { path: path.into(), cause };
-        let bytes = bytes(path)
-            .map_err(|cause| CheckpointError::Unreadable(FileError::from_io(path, cause)))?;
-        if bytes.len() as u64 > LARGEST {
-            return Err(content(format!("it is larger than {} MiB", LARGEST >> 20)));
-        }
-        Self::parse(&String::from_utf8_lossy(&bytes)).map_err(content)
+        let text = files::read_text(path).map_err(CheckpointError::Unreadable)?;
+        let path = path.to_path_buf();
+        Self::parse(&text).map_err(|cause| CheckpointError::Content { path, cause })
     }
 
     /// A checkpoint from the text of its file.
@@ -123,14 +114,4 @@ impl Checkpoint {
             None => Ok(&self.progress),
         }
     }
-}
-
-/// Reads at most one byte more than [`LARGEST`]; rejects anything but a regular file.
-fn bytes(path: &Path) -> io::Result<Vec<u8>> {
-    if !std::fs::metadata(path)?.is_file() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is no file"));
-    }
-    let mut bytes = vec![];
-    File::open(path)?.take(LARGEST + 1).read_to_end(&mut bytes)?;
-    Ok(bytes)
 }

@@ -162,19 +162,3 @@ impl WatchCounts {
         if tally.detail.is_empty() { place } else { format!("{place}: {}", tally.detail) }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_place_is_kept() {
-        let mut counts = WatchCounts::new("line", 0);
-        counts.note_with(Irregularity::WrongColumns, 7, &"5 cells, 12 are needed");
-        counts.note_with(Irregularity::WrongColumns, 9, &"6 cells, 12 are needed");
-        let (kind, tally) = counts.met().next().unwrap();
-        assert_eq!((kind, tally.count), (Irregularity::WrongColumns, 2));
-        assert_eq!(counts.place(tally), "line 7: 5 cells, 12 are needed");
-        assert_eq!(counts.met().count(), 1);
-    }
-}

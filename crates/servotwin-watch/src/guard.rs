@@ -5,7 +5,7 @@
 
 use super::counts::{Irregularity, WatchCounts};
 use super::map::{Guess, Map, Trust, guess, other_raster};
-use super::plausibility::Plausibility;
+use super::plausibility::{Plausibility, columns};
 use super::source::{LogColumn, Source, SourceError};
 use super::{End, Observer, Watch, WatchError};
 use servotwin::beside::InputMistake;
@@ -209,9 +209,10 @@ pub fn trial<E: From<WatchError>>(
         let Some(map) = map.without_mistake(study.command_input, mistake) else { return Ok(None) };
         let (mut source, mut observer) = open(&map)?;
         let (evidence, _) = first_motion(&mut *source, &map, &mut *observer, study, period_s)?;
-        Ok::<_, E>(Some(evidence.beside().clone()))
+        Ok::<_, E>(Some(evidence.beside))
     };
-    let mistake = evidence.input_mistake(system, map, study.command_input, &mut rerun)?;
+    let command = (map.id(study.command_input), map.unit(study.command_input));
+    let mistake = evidence.beside.input_mistake(command, &columns(system, map), &mut rerun)?;
     let contradictions = match mistake {
         Some(mistake) => vec![mistake],
         None => evidence.contradictions(system, map, &counts),
@@ -237,7 +238,7 @@ fn first_motion(
         })?;
         let evidence = &watch.plausibility;
         if end == End::Complete
-            || evidence.moves(&study.system, map)
+            || evidence.beside.has_motion(&columns(&study.system, map))
             || evidence.other_time_unit(period_s).is_some()
         {
             break;
@@ -263,10 +264,7 @@ pub fn needed<'s>(diagnoser: &Diagnoser, system: &'s System) -> Vec<&'s str> {
 
 /// Reports channels without a value in some of the samples.
 pub fn lost_in_words(map: &Map, counts: &WatchCounts) -> Option<String> {
-    let lost = counts.missing.iter().enumerate().filter(|(_, count)| **count > 0);
-    let lost: Vec<String> =
-        lost.map(|(channel, count)| format!("{} in {count}", map.id(channel))).collect();
-    (!lost.is_empty()).then(|| format!("samples without a value: {}", lost.join(", ")))
+    lost(map, counts, &|_| true).map(|lost| format!("samples without a value: {lost}"))
 }
 
 /// Why a log gave no sample.
@@ -339,15 +337,20 @@ pub fn unjudged(
 /// Explains why no sample was judged in a log that has all columns, the right units and a sufficient rate.
 fn gaps(map: &Map, needed: &[&str], counts: &WatchCounts, shortest_s: f64) -> String {
     let samples = counts.samples;
-    let missing = |channel: usize| counts.missing[channel];
-    let of = |channel: &usize| needed.contains(&map.id(*channel)) && missing(*channel) > 0;
-    let channels = (map.inputs()..map.width()).filter(of);
-    let often = channels.map(|channel| format!("{} in {}", map.id(channel), missing(channel)));
-    let often: Vec<String> = often.collect();
-    match often.is_empty() {
-        true => {
+    let is_needed = |channel: usize| channel >= map.inputs() && needed.contains(&map.id(channel));
+    match lost(map, counts, &is_needed) {
+        Some(lost) => format!("of {samples} samples are without a value: {lost}"),
+        None => {
             format!("of {samples} samples no {shortest_s} s without a gap, the shortest window")
         }
-        false => format!("of {samples} samples are without a value: {}", often.join(", ")),
     }
+}
+
+/// The channels without a value in some of the samples, and in how many.
+fn lost(map: &Map, counts: &WatchCounts, is_meant: &dyn Fn(usize) -> bool) -> Option<String> {
+    let lost = counts.missing.iter().enumerate();
+    let lost = lost.filter(|(channel, count)| **count > 0 && is_meant(*channel));
+    let lost: Vec<String> =
+        lost.map(|(channel, count)| format!("{} in {count}", map.id(channel))).collect();
+    (!lost.is_empty()).then(|| lost.join(", "))
 }

@@ -82,6 +82,7 @@ fn read_mapped(
     if map.wanted().columns.is_empty() {
         guard::require_one_time(&log, &address.columns()?, map)?;
     }
+    let counted = source.counted();
     let (samples, counts) = samples(source, map)?;
     if samples.is_empty() && counts.frames > 0 {
         return Err(IntakeError::Refused { log, reason: guard::nothing(map, &counts) });
@@ -89,7 +90,7 @@ fn read_mapped(
     let end = |sample: Option<&Stamped>| sample.map_or((0, f64::NAN), |s| (s.place, s.time_s));
     match coarse_in_words(&counts, [end(samples.first()), end(samples.last())], map) {
         Some(reason) => Err(IntakeError::Refused { log, reason }),
-        None => Ok(Whole { table: table(&samples, &counts, map, study)?, counts, warnings }),
+        None => Ok(Whole { table: table(&samples, counted, map, study)?, counts, warnings }),
     }
 }
 
@@ -181,7 +182,7 @@ fn confirmed(samples: Vec<Stamped>, map: &Map, counts: &mut WatchCounts) -> Vec<
 /// The samples as a table of the log's columns, including held values and constants.
 fn table(
     samples: &[Stamped],
-    counts: &WatchCounts,
+    counted: &'static str,
     map: &Map,
     study: &Study,
 ) -> Result<Table, TableError> {
@@ -207,11 +208,6 @@ fn table(
         columns.push(Column::new(name, unit.symbol(), values));
     }
     let unit_s = map.time_column().map_or(1.0, |(_, unit_s)| unit_s);
-    let counted = match &*counts.counted {
-        "row" => "row",
-        "message" => "message",
-        _ => "line",
-    };
     let table = Table::from_columns(columns)?.with_metadata(TIME_UNIT, unit_s.to_string());
     let table = units.into_iter().fold(table, |table, (key, unit)| table.with_metadata(key, unit));
     Ok(table.with_places(counted, samples.iter().map(|sample| sample.place)))

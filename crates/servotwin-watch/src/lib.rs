@@ -41,9 +41,7 @@ use source::{LogRow, Read, Source, SourceError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use watchdog::{
-    Alert, Channel, Notice, Silences, SinkLoss, WatchEvent, Watchdog, WatchdogRules, wall_time,
-};
+use watchdog::{Alert, Channel, Notice, Silences, WatchEvent, Watchdog, WatchdogRules, wall_time};
 
 /// Why watching ended early.
 #[derive(Debug, thiserror::Error)]
@@ -171,9 +169,8 @@ impl<'w> Watch<'w> {
     /// Enables the watchdog: wall-clock reports of silence, and heartbeats.
     pub fn watchdog(&mut self, rules: WatchdogRules) {
         let allowance = |channel: usize| {
-            let has_column = self.map.is_known(channel) && self.map.constant(channel).is_none();
             let hold = Duration::try_from_secs_f64(self.map.hold_s(channel));
-            has_column.then_some(hold.unwrap_or(Duration::ZERO))
+            self.map.is_column(channel).then_some(hold.unwrap_or(Duration::ZERO))
         };
         let channel = |number: usize| Channel::new(self.map.id(number), allowance(number));
         let channels = (0..self.map.width()).map(channel).collect();
@@ -183,11 +180,6 @@ impl<'w> Watch<'w> {
     /// How often the watchdog reported that no data came.
     pub fn silences(&self) -> Silences {
         self.watchdog.as_ref().map(|watchdog| watchdog.silences.clone()).unwrap_or_default()
-    }
-
-    /// The losses of all sinks so far.
-    fn losses(&self) -> Vec<SinkLoss> {
-        self.sinks.iter().flat_map(|sink| sink.losses()).collect()
     }
 
     /// Resumes from a checkpoint. A file is read up to its row; a stream continues with the next data.
@@ -372,8 +364,8 @@ impl<'w> Watch<'w> {
             if observation.finding.state == DiagnosisState::EnvironmentInvalid {
                 self.plausibility.invalid(inputs, observation.finding.evidence.first());
             } else {
-                self.plausibility.twin(as_logged, observation.twin);
-                let (twin, whole) = (observation.twin, self.plausibility.beside());
+                self.plausibility.beside.take(as_logged, observation.twin);
+                let (twin, whole) = (observation.twin, &self.plausibility.beside);
                 let lookout = self.lookout.as_mut();
                 let late =
                     lookout.and_then(|l| l.take((place, now_s), [inputs, as_logged], twin, whole));
@@ -408,7 +400,8 @@ impl<'w> Watch<'w> {
         }
         if is_beat {
             let WatchCounts { frames, samples, .. } = self.progress.counts;
-            self.report(WatchEvent::Heartbeat { frames, samples, sinks: self.losses() }, None)?;
+            let sinks = self.sinks.iter().flat_map(|sink| sink.losses()).collect();
+            self.report(WatchEvent::Heartbeat { frames, samples, sinks }, None)?;
         }
         for event in std::mem::take(&mut self.implausible) {
             self.report(event, None)?;

@@ -22,8 +22,6 @@ use servotwin_model::spec::Unit;
 const STEPS: usize = 1000;
 /// Samples farther apart than this many periods leave periods empty.
 const SLOW: f64 = 1.5;
-/// With steps below this share of a period, the time column is unlikely to be in seconds.
-const FAST: f64 = 0.02;
 /// Columns with fewer values are not judged.
 const LEAST_VALUES: u64 = 20;
 /// More rows than this share, and at least as many as the witnesses of a clock, with the time of another row are no
@@ -41,18 +39,13 @@ pub(crate) struct Plausibility {
     unit_s: f64,
     /// The inputs, followed by the sensors.
     columns: Vec<Column>,
-    beside: Comparisons,
+    /// The sensors beside the twin.
+    pub beside: Comparisons,
     /// What a [`Lookout`] found.
     found: Vec<LateMistake>,
-    environment: Environment,
-}
-
-/// Evidence about the periods with an invalid environment.
-#[derive(Debug, Clone, Default, PartialEq)]
-struct Environment {
-    /// The number of such periods.
+    /// The number of periods with an invalid environment.
     invalid: u64,
-    /// For each input, how far it was outside the accepted range at most, SI; 0 for never.
+    /// For each input, how far it was outside the accepted range at most in them, SI; 0 for never.
     excesses: Vec<f64>,
     /// The reasons of the other such periods.
     reasons: Vec<String>,
@@ -118,7 +111,9 @@ impl StillSamples<'_> {
         begin: (u64, f64),
         samples: usize,
     ) -> Option<InputMistake> {
-        for (all, width) in self.widths() {
+        let system = &self.study.system;
+        let widths = [system.network().inputs.len(), system.sensors.len()];
+        for (all, width) in [&mut self.inputs, &mut self.measured].into_iter().zip(widths) {
             all.drain(..all.len().saturating_sub(STILL_PANES * samples * width));
         }
         if !is_moving {
@@ -131,12 +126,6 @@ impl StillSamples<'_> {
         let is_due = self.has_column && self.moving.is_multiple_of(PANES);
         let found = || fit::still_command(self.study, self.period_s, &self.inputs, &self.measured);
         is_due.then(found)?.ok()?
-    }
-
-    fn widths(&mut self) -> [(&mut Vec<f64>, usize); 2] {
-        let system = &self.study.system;
-        let (inputs, sensors) = (system.network().inputs.len(), system.sensors.len());
-        [(&mut self.inputs, inputs), (&mut self.measured, sensors)]
     }
 
     fn clear(&mut self) {
@@ -195,16 +184,10 @@ impl<'s> Lookout<'s> {
         let is_still = pane.is_still(&self.columns);
         let unrelated = self.still.end_pane(is_still, begin, self.panes.samples());
         self.moving += u32::from(pane.has_motion(&self.columns));
-        if self.moving == PANES {
-            // A stream has no other trial.
-            let found = whole.mistakes(&self.columns);
-            if !found.is_empty() {
-                return Some(LateMistake {
-                    words: found.join("; "),
-                    is_certain: true,
-                    from_s: None,
-                });
-            }
+        // A stream has no other trial.
+        let found = if self.moving == PANES { whole.mistakes(&self.columns) } else { vec![] };
+        if !found.is_empty() {
+            return Some(LateMistake { words: found.join("; "), is_certain: true, from_s: None });
         }
         let counted = self.counted;
         let since = |(place, time_s): (u64, f64), what: &str, is_certain: bool| {
@@ -250,10 +233,9 @@ impl Plausibility {
             columns,
             beside,
             found: vec![],
-            environment: Environment {
-                excesses: vec![0.0; map.inputs()],
-                ..Environment::default()
-            },
+            invalid: 0,
+            excesses: vec![0.0; map.inputs()],
+            reasons: vec![],
         }
     }
 
@@ -283,24 +265,18 @@ impl Plausibility {
         }
     }
 
-    /// Adds the sensor values, as the log has them, and the twin's values of a period.
-    pub(super) fn twin(&mut self, measured: &[f64], twin: &[f64]) {
-        self.beside.take(measured, twin);
-    }
-
     /// Adds a period with an invalid environment: its inputs, and the reason of the finding.
     pub(super) fn invalid(&mut self, inputs: &[f64], reason: Option<&String>) {
-        let Environment { invalid, excesses, reasons } = &mut self.environment;
-        *invalid += 1;
+        self.invalid += 1;
         let mut is_explained = inputs.iter().any(|value| value.is_nan());
-        for ((&value, column), largest) in inputs.iter().zip(&self.columns).zip(excesses) {
+        for ((&value, column), largest) in inputs.iter().zip(&self.columns).zip(&mut self.excesses)
+        {
             let excess = column.excess(value);
             *largest = largest.max(excess);
             is_explained |= excess > 0.0;
         }
-        if let Some(reason) = reason.filter(|reason| !is_explained && !reasons.contains(reason)) {
-            reasons.push(reason.clone());
-        }
+        let is_new = |reason: &&String| !is_explained && !self.reasons.contains(reason);
+        self.reasons.extend(reason.filter(is_new).cloned());
     }
 
     /// Adds what began within the log; `false` if that is known.
@@ -380,37 +356,17 @@ impl Plausibility {
         found.map(|late| late.words.clone())
     }
 
-    /// The sensors beside the twin.
-    pub(super) fn beside(&self) -> &Comparisons {
-        &self.beside
-    }
-
-    /// Whether a position or its twin moved.
-    pub(super) fn moves(&self, system: &System, map: &Map) -> bool {
-        self.beside.has_motion(&columns(system, map))
-    }
-
-    /// Reports a mistake of the column of an input; see [`Comparisons::input_mistake`].
-    pub(super) fn input_mistake<E>(
-        &self,
-        system: &System,
-        map: &Map,
-        input: usize,
-        rerun: &mut dyn FnMut(&InputMistake) -> Result<Option<Comparisons>, E>,
-    ) -> Result<Option<String>, E> {
-        let input = (map.id(input), map.unit(input));
-        self.beside.input_mistake(input, &columns(system, map), rerun)
-    }
-
     /// Says that the times are in another unit, as soon as enough steps show it.
     pub(super) fn other_time_unit(&self, period_s: f64) -> Option<String> {
         let has_evidence = self.steps_s.len() as u64 >= LEAST_VALUES;
-        let is_other = |step_s: f64| has_evidence && !moment::is_period(step_s);
-        let likely = |step_s: f64| {
-            moment::likely_unit(step_s / self.unit_s, period_s, units::of_times()).is_some()
-        };
-        self.step_s().filter(|&step_s| is_other(step_s) && likely(step_s))?;
-        self.pace(period_s)
+        let unit = self.likely_unit(self.step_s()?, period_s);
+        unit.filter(|_| has_evidence).and_then(|_| self.pace(period_s))
+    }
+
+    /// The unit of time that makes an unlikely step, s, a likely one, and that step, s.
+    fn likely_unit(&self, step_s: f64, period_s: f64) -> Option<(&'static str, f64)> {
+        let likely = moment::likely_unit(step_s / self.unit_s, period_s, units::of_times());
+        likely.filter(|_| !moment::is_period(step_s))
     }
 
     /// Says why the environment was invalid: which inputs were outside of which ranges, and by how much, and other
@@ -421,7 +377,7 @@ impl Plausibility {
         map: &Map,
         counts: &WatchCounts,
     ) -> Option<String> {
-        let Environment { invalid, excesses, reasons } = &self.environment;
+        let Plausibility { invalid, excesses, reasons, .. } = self;
         let inputs = system.network().inputs.iter().zip(&self.columns).zip(excesses).enumerate();
         let outside = inputs.filter(|(channel, ((input, column), excess))| {
             **excess > 0.0 && column.outside_in_words(map, *channel, input.unit, None).is_none()
@@ -452,15 +408,10 @@ impl Plausibility {
             "its samples are usually {} s apart, those of the diagnosis {period_s} s",
             rounded(step_s)
         );
-        let likely = moment::likely_unit(step_s / self.unit_s, period_s, units::of_times());
-        let likely = likely.filter(|_| !moment::is_period(step_s));
-        match likely {
+        match self.likely_unit(step_s, period_s) {
             Some((unit, other_s)) => Some(format!(
                 "its times seem to be in {unit}, in which its samples are {other_s} s apart: {apart}"
             )),
-            _ if step_s < FAST * period_s => {
-                Some(format!("its times seem to be in a larger unit than the map states: {apart}"))
-            }
             _ if step_s > SLOW * period_s => Some(format!(
                 "{apart}: log at {} Hz, or learn a diagnoser at {} Hz (sample_hz of the study)",
                 rounded(1.0 / period_s),
@@ -514,7 +465,7 @@ impl Column {
 }
 
 /// The sensors of a system as a map reads them.
-fn columns<'s>(system: &'s System, map: &Map) -> Vec<SensorColumn<'s>> {
+pub(super) fn columns<'s>(system: &'s System, map: &Map) -> Vec<SensorColumn<'s>> {
     let column = |sensor| SensorColumn::new(system, sensor, map.unit(map.inputs() + sensor));
     (0..system.sensors.len()).map(column).collect()
 }

@@ -297,7 +297,8 @@ impl Sequencer {
         let newest_s = self.grid.as_ref().map_or(f64::NAN, |grid| grid.newest_s);
         let back = first_s < newest_s;
         let kind = if back { Irregularity::ClockBack } else { Irregularity::ClockForward };
-        counts.note_with(kind, place, &leap(newest_s, first_s));
+        let [from, to] = [newest_s, first_s].map(moment::shown);
+        counts.note_with(kind, place, &format_args!("from {from} to {to}"));
         self.restart = true;
     }
 
@@ -331,9 +332,4 @@ impl Sequencer {
         let kind = if late { Irregularity::Late } else { Irregularity::Outlier };
         counts.note_with(kind, sample.place, &moment::shown(sample.time_s));
     }
-}
-
-/// Describes a jump of the clock in readable times.
-fn leap(from_s: f64, to_s: f64) -> String {
-    format!("from {} to {}", moment::shown(from_s), moment::shown(to_s))
 }

@@ -367,20 +367,4 @@ mod tests {
         assert!(watchdog.check(begin + Duration::from_secs(3600), &mut found));
         assert!(found.is_empty() && !watchdog.is_silent());
     }
-
-    #[test]
-    fn a_notice_is_a_flat_object_with_its_state() {
-        let event = WatchEvent::ChannelNoData { channel: "p_a".into() };
-        let (state, phase) = (DiagnosisState::Healthy, Phase::None);
-        let wall_time = wall_time();
-        assert!(wall_time.len() == 24 && wall_time.ends_with('Z'), "{wall_time}");
-        let notice = Notice { event, wall_time, time_s: Some(1.5), silent_s: 2.0, state, phase };
-        let value = serde_json::to_value(&notice).unwrap();
-        assert_eq!(
-            (&value["event"], &value["channel"]),
-            (&"channel_no_data".into(), &"p_a".into())
-        );
-        assert_eq!((&value["state"], &value["time_s"]), (&"healthy".into(), &1.5.into()));
-        assert_eq!(notice.words().unwrap(), "no data of p_a for 2.0 s");
-    }
 }

@@ -95,17 +95,13 @@ pub fn watch_table(
             without.sort_unstable();
             without.dedup();
             let lacking = format!("the diagnosis does without {}", without.join(", "));
-            let lacking = Some(lacking).filter(|_| !without.is_empty());
-            let met = counts.met_in_words();
-            let lost = guard::lost_in_words(&map, &counts);
-            let warnings = warnings
-                .into_iter()
-                .chain(guard::of_records(diagnoser))
-                .chain(lacking)
-                .chain(met)
-                .chain(lost);
-            let warnings = warnings.chain(doubts).collect();
-            return Ok(TableFindings { changes: changes.0, warnings });
+            let mut all = warnings;
+            all.extend(guard::of_records(diagnoser));
+            all.extend((!without.is_empty()).then_some(lacking));
+            all.extend(counts.met_in_words());
+            all.extend(guard::lost_in_words(&map, &counts));
+            all.extend(doubts);
+            return Ok(TableFindings { changes: changes.0, warnings: all });
         }
     };
     Err(TableWatchError::Unjudged(reason))

@@ -40,8 +40,8 @@ use std::time::Duration;
 /// for without a twin.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// A log (.csv, .parquet, .jsonl; .mcap and .mf4 if the program has the features of these names), - for lines
-    /// from standard input, or udp://HOST:PORT to listen on.
+    /// A log (.csv, .parquet, .jsonl; .mcap if the program has the feature of that name), - for lines from standard
+    /// input, or udp://HOST:PORT to listen on.
     source: String,
     /// A study file, which names the system [default: paper, the paper's study of the aileron].
     #[arg(long, value_name = "FILE")]

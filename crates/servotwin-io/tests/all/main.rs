@@ -4,6 +4,7 @@ mod dialect;
 mod files;
 #[allow(dead_code, reason = "shared by several crates")]
 mod folder;
+mod lines;
 mod moment;
 mod numbers;
 mod table;

@@ -55,7 +55,7 @@ fn assert_same(found: &Table, expected: &Table) {
             assert_eq!(one.values, other.values, "{}", one.name);
         }
         assert_eq!(one.values.kind(), other.values.kind());
-        assert_eq!(one.unit, other.unit);
+        assert_eq!((&one.unit, &one.description), (&other.unit, &other.description));
     }
     assert_eq!(found.metadata, expected.metadata);
 }

@@ -10,12 +10,12 @@
 
 use super::FORMAT;
 use super::times::{other_raster, time_columns};
-use super::words::{ColumnMeaning, LONGEST, Named, Topic, key, known, splits, words};
+use super::words::{LONGEST, Named, Topic, key, known, splits, topics, words};
 use crate::source::frame::base;
 use crate::source::{DATE, LogColumn, is_time_name};
 use servotwin::study::Study;
 use servotwin::system::System;
-use servotwin::units::{self, NamedUnit};
+use servotwin::units;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_io::moment;
 use servotwin_io::sanitize;
@@ -32,7 +32,7 @@ pub enum Trust {
 }
 
 /// A map as text, and its uncertain parts.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Guess {
     /// The text of the map file.
     pub text: String,
@@ -48,7 +48,7 @@ pub struct Guess {
     pub counter: Option<String>,
     /// Inputs and sensors with a likely column: `x_p_1 (XRAM1)`.
     pub likely: Vec<String>,
-    /// Units that contradict the numbers of a column, as sentences.
+    /// A unit that contradicts the times, and signals that several columns may be, as sentences.
     pub doubts: Vec<String>,
     /// Columns without a matching signal.
     pub unused: Vec<String>,
@@ -58,37 +58,35 @@ pub struct Guess {
 const EXACT: u32 = 100;
 /// The least score of an exact name behind a point.
 const BEHIND: u32 = 90;
-/// Score of an exact name with the actuator's number elsewhere.
-const NUMBERED: u32 = 50;
 /// The lowest score that counts as likely.
 const LIKELY: u32 = 6;
 
 /// Rates that differ by less than this share are the same.
 const SAME_RATE: f64 = 0.01;
 
-/// Pressures below this share of the sensor range are unlikely to be in Pa.
-const LEAST_SHARE: f64 = 1e-3;
-
 /// An input or a sensor that needs a column.
 struct Target {
     id: String,
     names: Vec<String>,
     unit: Unit,
-    role: Role,
+    /// What a sensor measures; `None` for an input.
+    quantity: Option<Quantity>,
+    is_command: bool,
     /// The actuator that it belongs to, from 1.
     actuator: Option<usize>,
-    /// Its range, SI.
-    range: (f64, f64),
     default: Option<f64>,
 }
 
-/// The meaning that a column name may express in other words.
-#[derive(Clone, Copy, PartialEq)]
-enum Role {
-    Sensor(Quantity),
-    Command,
-    Other,
-}
+/// What the words of a column speak of if it is likely a quantity: of a pressure or a position, and of its part.
+const MEANINGS: [(Quantity, Topic, Topic); 7] = [
+    (Quantity::PressureA, Topic::Pressure, Topic::ChamberA),
+    (Quantity::PressureB, Topic::Pressure, Topic::ChamberB),
+    (Quantity::Supply, Topic::Pressure, Topic::Supply),
+    (Quantity::Return, Topic::Pressure, Topic::Return),
+    (Quantity::Ram, Topic::Position, Topic::Ram),
+    (Quantity::Spool, Topic::Position, Topic::Spool),
+    (Quantity::Surface, Topic::Position, Topic::Surface),
+];
 
 /// A column of the log with its parsed name.
 struct Candidate<'c> {
@@ -99,24 +97,14 @@ struct Candidate<'c> {
     behind: Vec<(String, Option<Named<'c>>)>,
     /// The unit used for this column.
     unit: Option<Named<'c>>,
-    meaning: ColumnMeaning,
+    topics: Vec<Topic>,
     numbers: Vec<u32>,
 }
 
 /// Guesses a map for a log with these columns.
 pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
     let system = &study.system;
-    let mut guess = Guess {
-        text: head(system),
-        time: false,
-        inputs: vec![],
-        sensors: vec![],
-        assumed: vec![],
-        counter: None,
-        likely: vec![],
-        doubts: vec![],
-        unused: vec![],
-    };
+    let mut guess = Guess { text: head(system), ..Guess::default() };
     let mut used = vec![false; columns.len()];
     let time = guess.time(columns, study.sample_period_s, &mut used);
     let candidates: Vec<Candidate> = columns.iter().map(Candidate::of).collect();
@@ -162,9 +150,9 @@ fn targets(study: &Study) -> Vec<Target> {
         id: input.id.clone(),
         names: vec![key(&input.id)],
         unit: input.unit,
-        role: if place == study.command_input { Role::Command } else { Role::Other },
+        quantity: None,
+        is_command: place == study.command_input,
         actuator: None,
-        range: network.input_range(place),
         default: Some(input.default),
     };
     let sensor = |(place, sensor): (usize, &servotwin::system::Sensor)| {
@@ -175,9 +163,9 @@ fn targets(study: &Study) -> Vec<Target> {
             id: sensor.id.clone(),
             names: vec![key(&sensor.id), key(&sensor.label), key(signal)],
             unit: sensor.unit,
-            role: own.map_or(Role::Other, |own| Role::Sensor(own.quantity)),
+            quantity: own.map(|own| own.quantity),
+            is_command: false,
             actuator: own.and_then(|own| own.actuator).map(|unit| unit + 1),
-            range: system.readable(place),
             default: None,
         }
     };
@@ -185,17 +173,12 @@ fn targets(study: &Study) -> Vec<Target> {
     inputs.chain(system.sensors.iter().enumerate().map(sensor)).collect()
 }
 
-/// The column chosen for a target.
-#[derive(Debug, Clone, PartialEq)]
-enum Choice {
-    Nothing,
-    /// A column, and whether its name alone identifies the target.
-    Column {
-        place: usize,
-        is_certain: bool,
-    },
-    /// Columns that are equally likely.
-    Either(Vec<usize>),
+/// The columns that may be a target.
+#[derive(Debug, Clone, Default)]
+struct Choice {
+    places: Vec<usize>,
+    /// Why the first one is chosen; `None` where another one is as good.
+    trust: Option<Trust>,
 }
 
 /// Assigns the best-scoring columns first, each once.
@@ -206,7 +189,7 @@ fn assign(
     single: bool,
     used: &mut [bool],
 ) -> Vec<Choice> {
-    let mut choices = vec![Choice::Nothing; targets.len()];
+    let mut choices = vec![Choice::default(); targets.len()];
     let mut scores: Vec<(u32, usize, usize)> = vec![];
     for (target, wanted) in targets.iter().enumerate() {
         for (place, candidate) in candidates.iter().enumerate().filter(|(place, _)| !used[*place]) {
@@ -218,34 +201,23 @@ fn assign(
     }
     scores.sort_by_key(|&(score, target, place)| (std::cmp::Reverse(score), target, place));
     for &(score, target, place) in &scores {
-        if used[place] || choices[target] != Choice::Nothing {
+        if used[place] || !choices[target].places.is_empty() {
             continue;
         }
-        let is_certain = score >= BEHIND;
-        let rivals = rivals(&scores, (score, target, place), &choices, used);
-        if rivals.is_empty() {
-            used[place] = true;
-            choices[target] = Choice::Column { place, is_certain };
-        } else {
-            let own = rivals.iter().filter(|(its, _)| *its == target).map(|(_, column)| *column);
-            choices[target] = Choice::Either(std::iter::once(place).chain(own).collect());
-        }
+        // Pairs with the same score: another column for the target, or another target for the column.
+        let is_rival = |&&(other, its, column): &&(u32, usize, usize)| {
+            let is_free = !used[column] && choices[its].places.is_empty();
+            other == score && is_free && (its == target) != (column == place)
+        };
+        let rivals: Vec<_> = scores.iter().filter(is_rival).collect();
+        let own = rivals.iter().filter(|(_, its, _)| *its == target).map(|(.., column)| *column);
+        let places = std::iter::once(place).chain(own).collect();
+        let trust = if score >= BEHIND { Trust::Certain } else { Trust::Likely };
+        let trust = rivals.is_empty().then_some(trust);
+        used[place] = trust.is_some();
+        choices[target] = Choice { places, trust };
     }
     choices
-}
-
-/// Pairs with the same score: another column for the target, or another target for the column.
-fn rivals(
-    scores: &[(u32, usize, usize)],
-    (score, target, place): (u32, usize, usize),
-    choices: &[Choice],
-    used: &[bool],
-) -> Vec<(usize, usize)> {
-    let is_rival = |&&(other, its, column): &&(u32, usize, usize)| {
-        let is_free = !used[column] && choices[its] == Choice::Nothing;
-        other == score && is_free && (its == target) != (column == place)
-    };
-    scores.iter().filter(is_rival).map(|&(_, its, column)| (its, column)).collect()
 }
 
 impl<'c> Candidate<'c> {
@@ -263,8 +235,7 @@ impl<'c> Candidate<'c> {
             points.map(|end| (key(end), *unit))
         });
         let behind = behind.collect();
-        let meaning = ColumnMeaning::of(&words);
-        Candidate { column, keys, behind, unit, meaning, numbers }
+        Candidate { column, keys, behind, unit, topics: topics(&words), numbers }
     }
 
     /// How well a column fits a target; 0 means not at all.
@@ -275,7 +246,7 @@ impl<'c> Candidate<'c> {
         let given = known(&self.column.unit).filter(|(_, text)| *text != "-");
         // Of several columns with the name, one that speaks of a measurement is meant, not `twin.p_a`, and one with a
         // unit before one without.
-        let is_measured = 2 * u32::from(!self.meaning.has(Topic::Other));
+        let is_measured = 2 * u32::from(!self.topics.contains(&Topic::Other));
         let grade = |(key, unit): &(String, Option<Named>)| {
             let unit = given.or(*unit);
             let fits = unit.is_none_or(|(unit, _)| unit == target.unit);
@@ -287,73 +258,39 @@ impl<'c> Candidate<'c> {
         if let Some(grade) = self.behind.iter().filter_map(grade).max() {
             return BEHIND + grade;
         }
-        if self.unit.is_some_and(|(unit, _)| unit != target.unit) || self.meaning.has(Topic::Other)
-        {
-            return 0;
-        }
-        if self.is_numbered(target) {
-            return NUMBERED;
-        }
-        let own = match target.role {
-            Role::Sensor(quantity) => self.measures(quantity),
-            Role::Command if self.meaning.has(Topic::Command) => {
-                4 + u32::from(self.meaning.has(Topic::Surface))
-            }
-            Role::Command | Role::Other => 0,
-        };
-        let Some(number) = self.number(target.actuator, single) else { return 0 };
-        match own {
-            0 => 0,
-            own => own + number + if self.unit.is_some() { 2 } else { 0 },
-        }
+        let likeness = self.likeness(target).zip(self.number(target.actuator, single));
+        likeness.map_or(0, |(words, number)| words + number + 2 * u32::from(self.unit.is_some()))
     }
 
-    /// Whether its name equals that of a target except for the position of the actuator's number: `act1.p_a` for
-    /// `p_a_1`.
-    fn is_numbered(&self, target: &Target) -> bool {
-        let Some(actuator) = target.actuator else { return false };
-        let without = |key: &str| key.replace(|c: char| c.is_ascii_digit(), "");
-        let names: Vec<String> = target.names.iter().map(|name| without(name)).collect();
-        self.numbers.iter().any(|&number| number as usize == actuator)
-            && self.behind.iter().any(|(key, _)| names.contains(&without(key)))
-    }
-
-    /// How well the words fit a quantity; 0 means not at all.
-    fn measures(&self, quantity: Quantity) -> u32 {
-        use Topic::{ChamberA, ChamberB, Ram, Return, Spool, Supply, Surface};
-        let has = |topic: &Topic| self.meaning.has(*topic);
+    /// How well the words fit a target; `None` means not at all.
+    fn likeness(&self, target: &Target) -> Option<u32> {
+        let has = |topic: Topic| self.topics.contains(&topic);
         let unit = self.unit.map(|(unit, _)| unit);
-        let is_pressure = has(&Topic::Pressure) || unit == Some(Unit::Pascal);
-        let is_position = has(&Topic::Position) || matches!(unit, Some(Unit::Metre | Unit::Radian));
-        let (is_quantity, part) = match quantity {
-            Quantity::PressureA => (is_pressure, ChamberA),
-            Quantity::PressureB => (is_pressure, ChamberB),
-            Quantity::Supply => (is_pressure, Supply),
-            Quantity::Return => (is_pressure, Return),
-            Quantity::Ram => (is_position, Ram),
-            Quantity::Spool => (is_position, Spool),
-            Quantity::Surface => (is_position, Surface),
-            Quantity::Current | Quantity::Other => return 0,
+        if unit.is_some_and(|unit| unit != target.unit) || has(Topic::Other) {
+            return None;
+        }
+        if target.is_command {
+            return has(Topic::Command).then(|| 4 + u32::from(has(Topic::Surface)));
+        }
+        let (_, what, part) = MEANINGS.iter().find(|(own, ..)| Some(*own) == target.quantity)?;
+        let is_what = match what {
+            Topic::Pressure => unit == Some(Unit::Pascal),
+            _ => matches!(unit, Some(Unit::Metre | Unit::Radian)),
         };
-        let (motion, pressures) = ([Ram, Spool, Surface], [ChamberA, ChamberB, Supply, Return]);
-        let rivals: &[Topic] = if motion.contains(&part) { &motion } else { &pressures };
-        let is_part = rivals.iter().all(|rival| has(rival) == (*rival == part));
-        if is_quantity && is_part && !has(&Topic::Command) { 4 } else { 0 }
+        let mut rivals = MEANINGS.iter().filter(|(_, other, _)| other == what);
+        let is_part = rivals.all(|(.., rival)| has(*rival) == (rival == part));
+        ((is_what || has(*what)) && is_part && !has(Topic::Command)).then_some(4)
     }
 
     /// How well the number in a name fits the actuator; `None` if it belongs to another actuator.
     fn number(&self, actuator: Option<usize>, single: bool) -> Option<u32> {
-        match (actuator, &self.numbers[..]) {
-            (None, _) => Some(2),
-            (Some(_), []) => single.then_some(1),
-            (Some(actuator), numbers) => {
-                let is_own = numbers.iter().any(|&number| number as usize == actuator);
-                match (is_own, numbers.len()) {
-                    (true, 1) => Some(2),
-                    (true, _) => Some(0),
-                    (false, _) => single.then_some(0),
-                }
-            }
+        let Some(actuator) = actuator else { return Some(2) };
+        let is_own = self.numbers.iter().any(|&number| number as usize == actuator);
+        match (is_own, self.numbers.len()) {
+            (true, 1) => Some(2),
+            (true, _) => Some(0),
+            (false, 0) => single.then_some(1),
+            (false, _) => single.then_some(0),
         }
     }
 }
@@ -380,7 +317,7 @@ impl Guess {
             (false, Some(unit), _) => {
                 format!("unit = {}{}", quoted(spelt(unit)), self.time_doubt(column, unit, fitting))
             }
-            (false, None, Some(unknown)) => format!("unit = {}{UNKNOWN}", quoted(unknown)),
+            (false, None, Some(unknown)) => format!("unit = {}  # {UNKNOWN}", quoted(unknown)),
             (false, None, None) => {
                 let (unit, remark) = match fitting {
                     Some((unit, step_s)) => {
@@ -458,97 +395,60 @@ impl Guess {
     /// Writes the map line of an input or a sensor.
     fn line(&mut self, target: &Target, choice: &Choice, candidates: &[Candidate]) {
         let (id, word) = (bare(&target.id), units::word(target.unit));
-        let (place, is_certain) = match choice {
-            Choice::Column { place, is_certain } => (*place, *is_certain),
-            Choice::Nothing | Choice::Either(_) => {
-                let remark = match choice {
-                    Choice::Either(places) => {
-                        let names = places.iter().map(|&place| &candidates[place].column.name);
-                        let names: Vec<String> = names.map(|name| quoted(name)).collect();
-                        let names = names.join(" or ");
-                        self.doubts.push(format!("{id} may be {names}: a map file says which"));
-                        format!("  # may be {names}")
-                    }
-                    _ => String::new(),
-                };
-                let from = match target.default {
-                    Some(value) => format!("value = {value:?}"),
-                    None => "column = \"?\"".into(),
-                };
-                let _ = writeln!(self.text, "# {id} = {{ {from}, unit = \"{word}\" }}{remark}");
-                let lacking =
-                    if target.default.is_some() { &mut self.inputs } else { &mut self.sensors };
-                return lacking.push(id);
-            }
+        let Choice { places, trust: Some(trust) } = choice else {
+            return self.lacking(target, choice, candidates);
         };
-        let candidate = &candidates[place];
+        let candidate = &candidates[places[0]];
         let name = &candidate.column.name;
         let unit = candidate.unit.filter(|(unit, _)| *unit == target.unit);
-        let unknown =
-            declared_unit(candidate.column).filter(|_| unit.is_none() && target.unit != Unit::None);
-        if let Some(unknown) = unknown {
-            let (column, unit) = (quoted(name), quoted(unknown));
-            let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{UNKNOWN}");
-            return;
-        }
+        let is_unknown = unit.is_none() && target.unit != Unit::None;
+        let declared = declared_unit(candidate.column).filter(|_| is_unknown);
         let mut remarks = vec![];
-        if !is_certain {
-            remarks.push("likely by its name: look at it".to_owned());
-            self.likely.push(format!("{} ({})", target.id, sanitize::text(name)));
+        if declared.is_some() {
+            remarks.push(UNKNOWN.to_owned());
+        } else {
+            if *trust == Trust::Likely {
+                remarks.push("likely by its name: look at it".to_owned());
+                self.likely.push(format!("{} ({})", target.id, sanitize::text(name)));
+            }
+            if is_unknown {
+                self.assumed.push(format!("{name} in {word}"));
+                remarks.push("unit assumed".into());
+            }
         }
-        if unit.is_none() && target.unit != Unit::None {
-            self.assumed.push(format!("{name} in {word}"));
-            remarks.push("unit assumed".into());
+        let unit = declared.unwrap_or(unit.map_or(word, |(_, text)| spelt(text)));
+        let from = format!("column = {}", quoted(name));
+        self.text += &map_line(&id, &from, unit, &remarks.join("; "));
+    }
+
+    /// Writes the map line of an input or a sensor without a column.
+    fn lacking(&mut self, target: &Target, choice: &Choice, candidates: &[Candidate]) {
+        let id = bare(&target.id);
+        let name = |place: &usize| quoted(&candidates[*place].column.name);
+        let names = choice.places.iter().map(name).collect::<Vec<_>>().join(" or ");
+        let mut remark = String::new();
+        if !names.is_empty() {
+            self.doubts.push(format!("{id} may be {names}: a map file says which"));
+            remark = format!("may be {names}");
         }
-        if let Some(doubt) = candidate.doubt(target, unit) {
-            self.doubts.push(format!("column '{}' {doubt}", sanitize::text(name)));
-            remarks.push(format!("doubtful: it {doubt}"));
-        }
-        let remark = match remarks.is_empty() {
-            true => String::new(),
-            false => format!("  # {}", remarks.join("; ")),
+        let (from, lacking) = match target.default {
+            Some(value) => (format!("value = {value:?}"), &mut self.inputs),
+            None => ("column = \"?\"".into(), &mut self.sensors),
         };
-        let unit = unit.map_or(word, |(_, text)| spelt(text));
-        let (column, unit) = (quoted(name), quoted(unit));
-        let _ = writeln!(self.text, "{id} = {{ column = {column}, unit = {unit} }}{remark}");
+        let line = map_line(&id, &from, units::word(target.unit), &remark);
+        self.text += &format!("# {line}");
+        lacking.push(id);
     }
 }
 
-impl Candidate<'_> {
-    /// Describes that the first numbers lie outside the target's range or use hardly any of it, with a unit that would
-    /// fit.
-    fn doubt(&self, target: &Target, unit: Option<Named>) -> Option<String> {
-        let known = unit.and_then(|(_, text)| units::find(text));
-        let declared = known.unwrap_or_else(|| NamedUnit::of_si(target.unit));
-        let (factor, offset) = (declared.si, declared.offset);
-        let (low, high) = target.range;
-        let head = &self.column.head;
-        let is_outside = |value: &&f64| !(low..=high).contains(&(**value * factor + offset));
-        let outside = head.iter().filter(is_outside).count();
-        let largest = head
-            .iter()
-            .copied()
-            .fold(0.0, |most: f64, value| if value.abs() > most.abs() { value } else { most });
-        // An assumed unit may also be too small, as in a pressure of 200 Pa.
-        let least = LEAST_SHARE * low.abs().max(high.abs());
-        let is_little = unit.is_none()
-            && target.unit == Unit::Pascal
-            && largest != 0.0
-            && largest.abs() < least
-            && least.is_finite();
-        let how = match (2 * outside > head.len(), is_little) {
-            (true, _) => "reaches",
-            (false, true) => "reaches only",
-            (false, false) => return None,
-        };
-        let fitting = units::within(declared, largest * factor + offset, target.range)?.spoken;
-        let unit = unit.map_or(units::word(target.unit), |(_, text)| text);
-        Some(format!("{how} {largest} as {unit}: it would fit as {fitting}"))
-    }
+/// A line of a map, with a remark if that is not empty.
+fn map_line(id: &str, from: &str, unit: &str, remark: &str) -> String {
+    let mark = if remark.is_empty() { "" } else { "  # " };
+    format!("{id} = {{ {from}, unit = {} }}{mark}{remark}\n", quoted(unit))
 }
 
 /// The remark behind a unit that is not known.
-const UNKNOWN: &str = "  # not known: replace it";
+const UNKNOWN: &str = "not known: replace it";
 
 /// The unit of a time column, from the log or from its name.
 fn time_unit(column: &LogColumn) -> Option<&str> {
@@ -608,15 +508,7 @@ fn bare(id: &str) -> String {
     if id.contains('.') { quoted(id) } else { id.to_owned() }
 }
 
-/// A text as a TOML string.
+/// A text as a TOML string, which escapes what a string of JSON escapes, and the character DEL.
 fn quoted(text: &str) -> String {
-    let mut out = String::from("\"");
-    for character in text.chars() {
-        match character {
-            '"' | '\\' => out.extend(['\\', character]),
-            c if c.is_control() => out += &format!("\\u{:04X}", u32::from(c)),
-            c => out.push(c),
-        }
-    }
-    out + "\""
+    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007F")
 }

@@ -91,33 +91,26 @@ impl Channels {
 
 /// Reads the text of a map file.
 pub(super) fn read(text: &str, path: &str, system: &System) -> Result<Map, TomlError> {
-    let mut reader = Reader::new(system);
+    let mut reader = Reader::new(text, path, system);
     if let Some(document) = TomlText::parse(text, FORMAT, &mut reader.mistakes) {
         let text = Text::of(&document.root(), (&(0..0), "the file"), &mut reader.mistakes);
         text.into_iter().for_each(|text| reader.file(text));
     }
     reader.mark_flags();
-    let Reader { mistakes, time, channels, inputs, rules, wanted, places, .. } = reader;
-    if !mistakes.is_empty() {
-        return Err(mistakes.refuse(path, text));
+    match reader.mistakes.is_empty() {
+        true => Ok(reader.map),
+        false => Err(reader.mistakes.refuse(path, text)),
     }
-    let (path, text) = (path.to_owned(), text.to_owned());
-    Ok(Map { path, text, time, channels, inputs, rules, wanted, places })
 }
 
 struct Reader<'s> {
     system: &'s System,
     mistakes: Collector,
-    time: Time,
-    channels: Vec<Channel>,
-    inputs: usize,
-    rules: SequencerRules,
-    wanted: Wanted,
-    places: Vec<TextSpan>,
+    map: Map,
 }
 
 impl<'s> Reader<'s> {
-    fn new(system: &'s System) -> Self {
+    fn new(text: &str, path: &str, system: &'s System) -> Self {
         let channel = |id: &String, unit, from, possible| {
             let (id, unit) = (id.clone(), NamedUnit::of_si(unit));
             Channel { id, from, unit, hold_s: 0.0, possible }
@@ -129,16 +122,17 @@ impl<'s> Reader<'s> {
         let sensors = system.sensors.iter().enumerate().map(|(n, sensor)| {
             channel(&sensor.id, sensor.unit, Origin::Nothing, system.readable(n))
         });
-        Reader {
-            system,
-            mistakes: Collector::default(),
+        let map = Map {
+            path: path.to_owned(),
+            text: text.to_owned(),
             time: Time::Rate { rate_hz: 1.0 },
             channels: inputs.chain(sensors).collect(),
             inputs: system.network().inputs.len(),
             rules: SequencerRules::default(),
             wanted: Wanted::default(),
             places: vec![],
-        }
+        };
+        Reader { system, mistakes: Collector::default(), map }
     }
 
     fn file(&mut self, text: Text) {
@@ -147,13 +141,13 @@ impl<'s> Reader<'s> {
         self.channels("input", text.inputs.value);
         self.channels("sensor", text.sensors.value);
         let SamplesText { columns, wait_s, longest_gap_s, witnesses } = text.samples;
-        self.rules = SequencerRules { wait_s, longest_gap_s, witnesses };
+        self.map.rules = SequencerRules { wait_s, longest_gap_s, witnesses };
         if let Some(columns) = columns {
-            self.wanted.columns = numbered(columns);
+            self.map.wanted.columns = numbered(columns);
             self.require_columns();
         }
         let measured = |channel: &Channel| matches!(channel.from, Origin::Column { .. });
-        if self.mistakes.is_empty() && !self.channels[self.inputs..].iter().any(measured) {
+        if self.mistakes.is_empty() && !self.map.channels[self.map.inputs..].iter().any(measured) {
             let mistake = Diagnostic::new("no sensor has a column: there is nothing to watch");
             let help = "write: [sensors] and NAME = { column = \"…\" }";
             self.mistakes.note(&sensors, mistake.with_help(help));
@@ -162,13 +156,13 @@ impl<'s> Reader<'s> {
 
     /// Marks on/off columns: words for on and off become numbers for an input that lies between 0 and 1.
     fn mark_flags(&mut self) {
-        self.wanted.flags = vec![false; self.wanted.names.len()];
-        for (input, channel) in self.channels[..self.inputs].iter().enumerate() {
+        self.map.wanted.flags = vec![false; self.map.wanted.names.len()];
+        for (input, channel) in self.map.channels[..self.map.inputs].iter().enumerate() {
             let network = self.system.network();
             let is_flag = network.inputs[input].unit == Unit::None
                 && network.input_range(input) == (0.0, 1.0);
             if let Origin::Column { place, .. } = channel.from {
-                self.wanted.flags[place] |= is_flag;
+                self.map.wanted.flags[place] |= is_flag;
             }
         }
     }
@@ -178,12 +172,12 @@ impl<'s> Reader<'s> {
             (Some(column), None) => {
                 let place = self.column(&column);
                 let (unit_s, zero_s) = self.time_unit(unit);
-                self.wanted.time = Some(place);
-                let is_number = !self.wanted.dates && zero_s == 0.0;
-                self.wanted.day = is_number.then_some(moment::DAY_S / unit_s);
-                self.time = Time::Column { place, unit_s, zero_s };
+                self.map.wanted.time = Some(place);
+                let is_number = !self.map.wanted.dates && zero_s == 0.0;
+                self.map.wanted.day = is_number.then_some(moment::DAY_S / unit_s);
+                self.map.time = Time::Column { place, unit_s, zero_s };
             }
-            (None, Some(rate_hz)) => self.time = Time::Rate { rate_hz },
+            (None, Some(rate_hz)) => self.map.time = Time::Rate { rate_hz },
             _ => self.one_of(&at, "[time]", ["column", "rate_hz"]),
         }
     }
@@ -198,7 +192,7 @@ impl<'s> Reader<'s> {
     fn time_unit(&mut self, unit: Option<At<String>>) -> (f64, f64) {
         let Some(word) = unit else { return (1.0, 0.0) };
         if word.value == DATE {
-            self.wanted.dates = true;
+            self.map.wanted.dates = true;
             return (1.0, 0.0);
         }
         let known = units::find(&word).and_then(|row| row.to(Unit::Second));
@@ -217,9 +211,13 @@ impl<'s> Reader<'s> {
     }
 
     fn channels(&mut self, what: &str, Channels(all): Channels) {
-        let range = if what == "input" { 0..self.inputs } else { self.inputs..self.channels.len() };
+        let range = if what == "input" {
+            0..self.map.inputs
+        } else {
+            self.map.inputs..self.map.channels.len()
+        };
         for (id, text) in all {
-            let channels = &self.channels[range.clone()];
+            let channels = &self.map.channels[range.clone()];
             match channels.iter().position(|channel| channel.id == id.value) {
                 Some(place) => self.channel(range.start + place, &id, text),
                 None => {
@@ -232,21 +230,21 @@ impl<'s> Reader<'s> {
     }
 
     fn channel(&mut self, index: usize, id: &At<String>, text: ChannelText) {
-        let unit = match index.checked_sub(self.inputs) {
+        let unit = match index.checked_sub(self.map.inputs) {
             None => self.system.network().inputs[index].unit,
             Some(sensor) => self.system.sensors[sensor].unit,
         };
         let named = self.unit(text.unit, id, unit);
         let (si, zero) = named.to(unit).unwrap_or((1.0, 0.0));
         let ChannelText { factor, offset, hold_s, .. } = text;
-        (self.channels[index].unit, self.channels[index].hold_s) = (named, hold_s);
+        (self.map.channels[index].unit, self.map.channels[index].hold_s) = (named, hold_s);
         match (text.column, text.value) {
             (Some(column), None) => {
                 let place = self.column(&column);
                 let is_taken = |channel: &&Channel| matches!(channel.from, Origin::Column { place: other, .. } if other == place);
                 // One sensor may also give the pressure that is an input.
-                if index >= self.inputs
-                    && let Some(other) = self.channels[self.inputs..].iter().find(is_taken)
+                if index >= self.map.inputs
+                    && let Some(other) = self.map.channels[self.map.inputs..].iter().find(is_taken)
                 {
                     let (other, id_of, column) = (&other.id, id.as_str(), column.as_str());
                     let message =
@@ -254,10 +252,11 @@ impl<'s> Reader<'s> {
                     self.mistakes.note(&id.at, Diagnostic::new(message));
                 }
                 let (factor, offset) = (factor * si, offset * si + zero);
-                self.channels[index].from = Origin::Column { place, factor, offset };
+                self.map.channels[index].from = Origin::Column { place, factor, offset };
             }
             (None, Some(value)) => {
-                self.channels[index].from = Origin::Value((value * factor + offset) * si + zero);
+                self.map.channels[index].from =
+                    Origin::Value((value * factor + offset) * si + zero);
             }
             _ => self.one_of(&id.at, &format!("'{}'", **id), ["column", "value"]),
         }
@@ -288,8 +287,8 @@ impl<'s> Reader<'s> {
 
     /// Checks that a log without a header lists all columns in use.
     fn require_columns(&mut self) {
-        let known = &self.wanted.columns;
-        let pairs = self.wanted.names.iter().zip(&self.places);
+        let known = &self.map.wanted.columns;
+        let pairs = self.map.wanted.names.iter().zip(&self.map.places);
         for (column, place) in pairs.filter(|(name, _)| !known.contains(name)) {
             self.mistakes.note(place, no_column("the list 'columns'", column, known));
         }
@@ -297,11 +296,11 @@ impl<'s> Reader<'s> {
 
     /// The index of a column among those wanted; adds a new one.
     fn column(&mut self, column: &At<String>) -> usize {
-        let place = self.wanted.names.iter().position(|known| *known == column.value);
+        let place = self.map.wanted.names.iter().position(|known| *known == column.value);
         place.unwrap_or_else(|| {
-            self.wanted.names.push(column.value.clone());
-            self.places.push(column.at.clone());
-            self.wanted.names.len() - 1
+            self.map.wanted.names.push(column.value.clone());
+            self.map.places.push(column.at.clone());
+            self.map.wanted.names.len() - 1
         })
     }
 }

@@ -55,45 +55,24 @@ fn is_part(word: &str) -> bool {
     WORDS[3..10].iter().any(|(_, list)| list.split(' ').any(|known| known == word))
 }
 
-/// The topics of a column according to its name.
-#[derive(Debug, Clone)]
-pub(super) struct ColumnMeaning(Vec<Topic>);
+/// What the words of a name speak of.
+pub(super) fn topics(words: &[String]) -> Vec<Topic> {
+    words.iter().flat_map(|word| topics_of(word)).collect()
+}
 
-impl ColumnMeaning {
-    /// Interprets the words of a name.
-    pub(super) fn of(words: &[String]) -> Self {
-        let mut meaning = ColumnMeaning(vec![]);
-        words.iter().for_each(|word| meaning.add(word));
-        meaning
-    }
-
-    /// Whether the name speaks of a topic.
-    pub(super) fn has(&self, topic: Topic) -> bool {
-        self.0.contains(&topic)
-    }
-
-    fn add(&mut self, word: &str) {
-        // A quantity's letter before the word of a part: PSUP, XRAM.
-        let quantity = match word.split_at_checked(1) {
-            Some(("p", rest)) if is_part(rest) => Some((Topic::Pressure, rest)),
-            Some(("x" | "s", rest)) if rest.len() > 1 && is_part(rest) => {
-                Some((Topic::Position, rest))
-            }
-            _ => None,
-        };
-        let is_whole = WORDS.iter().any(|(_, list)| list.split(' ').any(|known| known == word));
-        match quantity {
-            Some((quantity, part)) if !is_whole => {
-                self.0.push(quantity);
-                self.add(part);
-            }
-            _ => {
-                let speaks = |list: &str| list.split(' ').any(|known| speaks_of(word, known));
-                let spoken = WORDS.iter().filter(|(_, list)| speaks(list));
-                self.0.extend(spoken.map(|(topic, _)| *topic));
-            }
+fn topics_of(word: &str) -> Vec<Topic> {
+    let is_whole = WORDS.iter().any(|(_, list)| list.split(' ').any(|known| known == word));
+    // A quantity's letter before the word of a part: PSUP, XRAM.
+    let (quantity, part) = match word.split_at_checked(1) {
+        Some(("p", rest)) if !is_whole && is_part(rest) => (Some(Topic::Pressure), rest),
+        Some(("x" | "s", rest)) if !is_whole && rest.len() > 1 && is_part(rest) => {
+            (Some(Topic::Position), rest)
         }
-    }
+        _ => (None, word),
+    };
+    let speaks = |list: &str| list.split(' ').any(|known| speaks_of(part, known));
+    let spoken = WORDS.iter().filter(|(_, list)| speaks(list)).map(|(topic, _)| *topic);
+    quantity.into_iter().chain(spoken).collect()
 }
 
 /// Whether a word is a known one or a compound with it: Versorgungsdruck, Kolbenweg.
@@ -169,31 +148,4 @@ pub(super) fn splits(name: &str) -> Vec<(&str, Option<Named<'_>>)> {
     }
     found.push((trimmed, None));
     found
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_fall_into_words_and_numbers() {
-        let (found, numbers) = words("ACT1_xRamPos [mm] Rücklauf");
-        assert_eq!(found, ["act", "x", "ram", "pos", "mm", "ruecklauf"]);
-        assert_eq!(numbers, [1]);
-    }
-
-    #[test]
-    fn letters_of_quantities_stand_before_parts() {
-        let has = |name: &str, topics: &[Topic]| {
-            let meaning = ColumnMeaning::of(&words(name).0);
-            topics.iter().all(|topic| meaning.has(*topic))
-        };
-        use Topic::{ChamberA, Command, Other, Position, Pressure, Ram, Supply, Surface};
-        assert!(has("PSUP1", &[Pressure, Supply]) && !has("PSUP1", &[Position]));
-        assert!(has("XRAM2", &[Position, Ram]) && !has("XRAM2", &[Pressure]));
-        assert!(has("Versorgungsdruck", &[Pressure, Supply]));
-        assert!(has("Kolbenweg", &[Position, Ram]));
-        assert!(has("AIL_CMD", &[Command, Surface]) && !has("AIL_CMD", &[ChamberA]));
-        assert!(has("PSUP1_status", &[Other]));
-    }
 }

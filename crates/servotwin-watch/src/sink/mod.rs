@@ -67,13 +67,15 @@ impl Sample {
     }
 }
 
-/// Receives every sample.
+/// Receives samples, notices and checkpoints; what it does not take is none of its output.
 pub trait Sink {
     /// Takes a sample.
     ///
     /// # Errors
     /// The sample cannot be written.
-    fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError>;
+    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
+        Ok(())
+    }
 
     /// Writes out buffered data.
     ///
@@ -143,10 +145,6 @@ pub enum SinkError {
 pub struct CheckpointFile(pub PathBuf);
 
 impl Sink for CheckpointFile {
-    fn sample(&mut self, _sample: &Arc<Sample>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
     fn save(&mut self, checkpoint: &Arc<Checkpoint>, _is_last: bool) -> Result<(), SinkError> {
         Ok(checkpoint.write(&self.0)?)
     }
@@ -156,18 +154,14 @@ impl Sink for CheckpointFile {
 ///
 /// # Errors
 /// It cannot be opened; [`SinkError::Feature`] if the program is built without MCAP.
-#[cfg(feature = "mcap")]
 pub fn open_mcap(path: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
-    Ok(Box::new(mcap::Mcap::create(path, scene)?))
-}
-
-/// Variant without the feature: always an error.
-///
-/// # Errors
-/// [`SinkError::Feature`].
-#[cfg(not(feature = "mcap"))]
-pub fn open_mcap(path: &Path, _: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
-    Err(SinkError::Feature { what: path.display().to_string(), feature: "mcap" })
+    #[cfg(feature = "mcap")]
+    return Ok(Box::new(mcap::Mcap::create(path, scene)?));
+    #[cfg(not(feature = "mcap"))]
+    {
+        let _ = scene;
+        Err(SinkError::Feature { what: path.display().to_string(), feature: "mcap" })
+    }
 }
 
 /// The signals of a watch, for sinks that display them.

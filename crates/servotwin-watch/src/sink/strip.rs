@@ -38,6 +38,9 @@ pub struct Strip {
     end_s: f64,
     changes: Vec<Change>,
     left_out: usize,
+    /// The last two findings, and how many in a row were those before the last.
+    last: [Option<Finding>; 2],
+    returns: usize,
     /// The notices of the watchdog, each with the time of the last sample, s.
     notices: Vec<(f64, String)>,
 }
@@ -94,8 +97,11 @@ impl Sink for Strip {
 
 impl Strip {
     fn change(&mut self, time_s: f64, finding: &Finding) {
-        if self.goes_on(finding) {
-            let last = self.changes.last_mut().expect("what goes on has begun");
+        let is_back = self.last[0].as_ref().is_some_and(|before| before.says_the_same(finding));
+        self.returns = if is_back { self.returns + 1 } else { 0 };
+        self.last = [self.last[1].take(), Some(finding.clone())];
+        let is_to_and_fro = self.returns > TO_AND_FRO - 2;
+        if let Some(last) = self.changes.last_mut().filter(|_| is_to_and_fro) {
             (last.more, last.last_s) = (last.more + 1, time_s);
         } else if self.changes.len() < CHANGES {
             let (finding, more, last_s) = (finding.clone(), 0, time_s);
@@ -103,20 +109,6 @@ impl Strip {
         } else {
             self.left_out += 1;
         }
-    }
-
-    /// Whether a finding continues a long alternation between two findings.
-    fn goes_on(&self, finding: &Finding) -> bool {
-        let Some(first) = self.changes.len().checked_sub(TO_AND_FRO) else { return false };
-        let shown = &self.changes[first..];
-        let is_to_and_fro = shown.windows(3).all(|three| {
-            let [one, between, other] = three else { return false };
-            one.finding.says_the_same(&other.finding) && between.more == 0
-        });
-        let last = shown[TO_AND_FRO - 1].more;
-        // After an even number of alternations, the current finding is the last one shown.
-        let next = TO_AND_FRO - if last.is_multiple_of(2) { 2 } else { 1 };
-        is_to_and_fro && shown[next].finding.says_the_same(finding)
     }
 
     /// The summary as text.

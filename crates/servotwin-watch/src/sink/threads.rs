@@ -11,7 +11,7 @@ use crate::checkpoint::Checkpoint;
 use crate::watchdog::{Notice, SinkLoss, WatchEvent};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
@@ -24,24 +24,13 @@ const WAITING_SAMPLES: usize = WAITING / 2;
 /// How long standard output may take at the end for the waiting messages, and again for closing.
 const GRACE: Duration = Duration::from_secs(5);
 
-/// The behavior when a sink cannot keep up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Delivery {
-    /// The diagnosis waits for the sink; nothing is lost.
-    Wait,
-    /// The sink loses samples; the diagnosis does not wait.
-    Drop,
-}
-
 /// How a sink is served.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SinkRules {
     /// The file or stream, for messages.
     pub name: String,
-    /// The behavior when it cannot keep up.
-    pub delivery: Delivery,
-    /// Whether it receives only changes and notices.
-    pub only_changes: bool,
+    /// Whether the diagnosis waits for a sink that cannot keep up; otherwise the sink loses samples.
+    pub waits: bool,
     /// The kind of sink.
     pub kind: SinkKind,
 }
@@ -49,9 +38,11 @@ pub struct SinkRules {
 /// The kinds of sinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SinkKind {
-    /// A file, which must be complete: the end of the watch waits for it.
+    /// A file of all samples, which must be complete: the end of the watch waits for it.
     File,
-    /// Standard output.
+    /// Such a file of changes and notices.
+    Changes,
+    /// Changes and notices on standard output.
     Stream,
     /// A file of checkpoints, which receives nothing else.
     Checkpoint,
@@ -72,11 +63,8 @@ enum Message {
 struct Shared {
     waiting: AtomicUsize,
     lost: AtomicU64,
-    /// The watch no longer waits for this queue.
+    /// Nobody waits for this sink any more: its output is not completed.
     is_abandoned: AtomicBool,
-    /// The watch ended with an error: outputs are not completed.
-    is_cancelled: AtomicBool,
-    has_failed: AtomicBool,
     /// Why the sink receives nothing any more.
     fault: Mutex<Option<SinkError>>,
 }
@@ -86,15 +74,16 @@ impl Shared {
         self.lost.fetch_add(count, Ordering::Relaxed);
     }
 
-    fn fail(&self, fault: SinkError) {
-        let mut kept = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.get_or_insert(fault);
-        self.has_failed.store(true, Ordering::Release);
+    fn fault(&self) -> MutexGuard<'_, Option<SinkError>> {
+        self.fault.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with_fault<T>(&self, read: impl FnOnce(&mut Option<SinkError>) -> T) -> Option<T> {
-        let has_failed = self.has_failed.load(Ordering::Acquire);
-        has_failed.then(|| read(&mut self.fault.lock().unwrap_or_else(PoisonError::into_inner)))
+    fn fail(&self, fault: SinkError) {
+        self.fault().get_or_insert(fault);
+    }
+
+    fn failure(&self) -> Option<String> {
+        self.fault().as_ref().map(SinkError::to_string)
     }
 }
 
@@ -155,8 +144,8 @@ impl SinkThreads {
         if self.goes_on {
             return Ok(());
         }
-        let error = |fault: &mut Option<SinkError>| fault.take().map_or(Ok(()), Err);
-        self.threads.iter().try_for_each(|thread| thread.shared.with_fault(error).unwrap_or(Ok(())))
+        let mut faults = self.threads.iter().filter_map(|thread| thread.shared.fault().take());
+        faults.next().map_or(Ok(()), Err)
     }
 }
 
@@ -164,7 +153,7 @@ impl Drop for SinkThreads {
     /// Without [`SinkThreads::finish`] no output is completed: files that appear on completion do not appear.
     fn drop(&mut self) {
         for thread in &mut self.threads {
-            thread.shared.is_cancelled.store(true, Ordering::Relaxed);
+            thread.shared.is_abandoned.store(true, Ordering::Relaxed);
             if thread.queue.take().is_some() {
                 // The thread removes its incomplete output.
                 let _ = thread.done.recv_timeout(GRACE);
@@ -179,12 +168,10 @@ impl SinkThread {
         let Some(queue) = &self.queue else { return };
         let shared = &self.shared;
         let waiting = shared.waiting.fetch_add(1, Ordering::Relaxed);
-        let sent = match self.rules.delivery {
-            Delivery::Wait => {
-                queue.send(message).map_err(|error| TrySendError::Disconnected(error.0))
-            }
-            Delivery::Drop if waiting >= limit => Err(TrySendError::Full(message)),
-            Delivery::Drop => queue.try_send(message),
+        let sent = match self.rules.waits {
+            true => queue.send(message).map_err(|error| TrySendError::Disconnected(error.0)),
+            false if waiting >= limit => Err(TrySendError::Full(message)),
+            false => queue.try_send(message),
         };
         if let Err(error) = sent {
             shared.waiting.fetch_sub(1, Ordering::Relaxed);
@@ -197,7 +184,7 @@ impl SinkThread {
 
     /// Whether it must be complete in the end.
     fn is_file(&self) -> bool {
-        matches!(self.rules.kind, SinkKind::File | SinkKind::Checkpoint)
+        matches!(self.rules.kind, SinkKind::File | SinkKind::Changes | SinkKind::Checkpoint)
     }
 
     fn await_end(&self) {
@@ -205,7 +192,7 @@ impl SinkThread {
             use std::sync::mpsc::RecvTimeoutError::Timeout;
             self.done.recv_timeout(patience) != Err(Timeout)
         };
-        if self.is_file() || self.rules.delivery == Delivery::Wait {
+        if self.is_file() || self.rules.waits {
             let _ = self.done.recv();
             return;
         }
@@ -223,9 +210,15 @@ impl SinkThread {
 impl Sink for SinkThreads {
     fn sample(&mut self, sample: &Arc<Sample>) -> Result<(), SinkError> {
         let limit = if sample.changed { WAITING } else { WAITING_SAMPLES };
-        let wants = |thread: &&SinkThread| sample.changed || !thread.rules.only_changes;
-        for thread in self.threads.iter().filter(shows).filter(wants) {
-            thread.offer(Message::Sample(sample.clone()), limit);
+        for thread in &self.threads {
+            let is_wanted = match thread.rules.kind {
+                SinkKind::File | SinkKind::Terminal => true,
+                SinkKind::Changes | SinkKind::Stream => sample.changed,
+                SinkKind::Checkpoint => false,
+            };
+            if is_wanted {
+                thread.offer(Message::Sample(sample.clone()), limit);
+            }
         }
         self.check()
     }
@@ -251,7 +244,7 @@ impl Sink for SinkThreads {
     /// Flushes the sinks whose delivery waits.
     fn flush(&mut self) -> Result<(), SinkError> {
         for thread in &self.threads {
-            if thread.rules.delivery == Delivery::Wait
+            if thread.rules.waits
                 && let Some(queue) = &thread.queue
             {
                 let (answer, answered) = sync_channel(1);
@@ -265,23 +258,21 @@ impl Sink for SinkThreads {
     }
 
     fn failures(&mut self) -> Vec<(String, String)> {
-        let mut failed = vec![];
-        for thread in self.threads.iter_mut().filter(|thread| !thread.is_failure_told) {
-            let words = |fault: &mut Option<SinkError>| fault.as_ref().map(SinkError::to_string);
-            if let Some(Some(reason)) = thread.shared.with_fault(words) {
-                thread.is_failure_told = true;
-                failed.push((thread.rules.name.clone(), reason));
-            }
-        }
-        failed
+        let new = self.threads.iter_mut().filter(|thread| !thread.is_failure_told);
+        let failure = |thread: &mut SinkThread| {
+            let reason = thread.shared.failure()?;
+            thread.is_failure_told = true;
+            Some((thread.rules.name.clone(), reason))
+        };
+        new.filter_map(failure).collect()
     }
 
     fn losses(&self) -> Vec<SinkLoss> {
-        let loss = |thread: &SinkThread| {
-            let words = |fault: &mut Option<SinkError>| fault.as_ref().map(SinkError::to_string);
-            let (sink, is_file) = (thread.rules.name.clone(), thread.is_file());
-            let lost = thread.shared.lost.load(Ordering::Relaxed);
-            SinkLoss { sink, lost, failure: thread.shared.with_fault(words).flatten(), is_file }
+        let loss = |thread: &SinkThread| SinkLoss {
+            sink: thread.rules.name.clone(),
+            lost: thread.shared.lost.load(Ordering::Relaxed),
+            failure: thread.shared.failure(),
+            is_file: thread.is_file(),
         };
         let counted = |thread: &&SinkThread| thread.rules.kind != SinkKind::Terminal;
         self.threads.iter().filter(counted).map(loss).collect()
@@ -297,8 +288,7 @@ fn shows(thread: &&SinkThread) -> bool {
 fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shared) {
     let mut sink = Some(sink);
     for message in messages {
-        let is_abandoned = shared.is_abandoned.load(Ordering::Relaxed)
-            || shared.is_cancelled.load(Ordering::Relaxed);
+        let is_abandoned = shared.is_abandoned.load(Ordering::Relaxed);
         let given = match sink.as_mut().filter(|_| !is_abandoned) {
             Some(sink) => give(&mut **sink, &message),
             None => {
@@ -316,7 +306,7 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
             let _ = answer.send(());
         }
     }
-    let ended = sink.filter(|_| !shared.is_cancelled.load(Ordering::Relaxed)).map(Sink::close);
+    let ended = sink.filter(|_| !shared.is_abandoned.load(Ordering::Relaxed)).map(Sink::close);
     if let Some(Err(error)) = ended {
         shared.fail(error);
     }

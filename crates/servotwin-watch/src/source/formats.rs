@@ -1,19 +1,18 @@
 //! The formats of log files. A new format is one module here and one entry in [`FORMATS`].
 
-use super::{LogColumn, Source, SourceError, Wanted};
+#[cfg(feature = "mcap")]
+use super::mcap;
+use super::{LogColumn, Source, SourceError, Wanted, lines, table};
 use servotwin_io::files::{self, FileError};
 use std::io::Read as _;
 use std::path::Path;
-
-/// How many bytes of a file are examined for the marks of its format.
-const HEAD: u64 = 512;
 
 /// A format of log files.
 struct LogFormat {
     /// The extensions of its files, in lower case.
     extensions: &'static [&'static str],
-    /// Whether the first bytes of a file are those of the format, whatever its name is.
-    probe: fn(&[u8]) -> bool,
+    /// The first bytes of its files, whatever their names are; empty for text.
+    mark: &'static [u8],
     /// Its reader, or the feature that this program was built without.
     reader: Result<Reader, &'static str>,
 }
@@ -29,45 +28,24 @@ pub(super) struct Reader {
     pub columns: fn(&Path) -> Result<Vec<LogColumn>, SourceError>,
 }
 
-/// The reader of a module, or the name of its feature if that is off.
-macro_rules! reader {
-    ($module:ident) => {
-        Ok(Reader { open: super::$module::open, columns: super::$module::columns })
-    };
-    ($module:ident, $feature:literal) => {{
-        #[cfg(feature = $feature)]
-        {
-            reader!($module)
-        }
-        #[cfg(not(feature = $feature))]
-        {
-            Err($feature)
-        }
-    }};
-}
+#[cfg(feature = "mcap")]
+const MCAP: Result<Reader, &str> = Ok(Reader { open: mcap::open, columns: mcap::columns });
+#[cfg(not(feature = "mcap"))]
+const MCAP: Result<Reader, &str> = Err("mcap");
 
 /// All formats. A file that is of no other is text.
-static FORMATS: [LogFormat; 4] = [
+static FORMATS: [LogFormat; 3] = [
     LogFormat {
         extensions: &["csv", "tsv", "jsonl", "ndjson"],
-        probe: |_| false,
-        reader: reader!(lines),
+        mark: b"",
+        reader: Ok(Reader { open: lines::open, columns: lines::columns }),
     },
     LogFormat {
         extensions: &["parquet"],
-        probe: |head| head.starts_with(b"PAR1"),
-        reader: reader!(table),
+        mark: b"PAR1",
+        reader: Ok(Reader { open: table::open, columns: table::columns }),
     },
-    LogFormat {
-        extensions: &["mcap"],
-        probe: |head| head.starts_with(b"\x89MCAP"),
-        reader: reader!(mcap, "mcap"),
-    },
-    LogFormat {
-        extensions: &["mf4", "mdf"],
-        probe: |head| head.starts_with(b"MDF     ") || head.starts_with(b"UnFinMF "),
-        reader: reader!(mf4, "mf4"),
-    },
+    LogFormat { extensions: &["mcap"], mark: b"\x89MCAP", reader: MCAP },
 ];
 
 impl LogFormat {
@@ -91,10 +69,11 @@ pub fn extensions() -> String {
 /// The reader of a file: by its first bytes, or else by its extension.
 pub(super) fn reader_of(path: &Path) -> Result<Reader, SourceError> {
     let mut head = vec![];
-    let read = files::open(path)?.take(HEAD).read_to_end(&mut head);
+    let read = files::open(path)?.take(8).read_to_end(&mut head);
     read.map_err(|cause| FileError::from_io(path, cause))?;
-    let by_content = FORMATS.iter().find(|format| (format.probe)(&head));
-    let found = by_content.or_else(|| FORMATS.iter().find(|format| format.has_extension_of(path)));
+    let is_marked = |format: &&LogFormat| !format.mark.is_empty() && head.starts_with(format.mark);
+    let by_name = || FORMATS.iter().find(|format| format.has_extension_of(path));
+    let found = FORMATS.iter().find(is_marked).or_else(by_name);
     let feature_needed =
         |feature| SourceError::Feature { what: path.display().to_string(), feature };
     found.unwrap_or(&FORMATS[0]).reader.map_err(feature_needed)

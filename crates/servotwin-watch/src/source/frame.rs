@@ -7,14 +7,13 @@
 //! columns have gets a number (`p#1`, `p#2`), so that a map says which is meant.
 
 use super::object::{Leaf, walk, without_special_numbers};
-use super::{Bad, LogRow, Read, Wanted};
+use super::{LogRow, Read, Wanted};
 use crate::counts::{Flaw, Irregularity};
 use servotwin_io::moment::{self, Clock};
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::dialect::separator_of;
-use servotwin_io::table::csv::encoding;
-use servotwin_io::table::csv::growing::{Numbers, is_missing};
-use std::cell::RefCell;
+use servotwin_io::table::csv::growing::Numbers;
+use servotwin_io::table::csv::records::{Cell, Cells};
 use std::collections::BTreeMap;
 
 /// Parses lines into rows.
@@ -24,7 +23,7 @@ pub struct Frames {
     places: BTreeMap<String, usize>,
     header: Option<Header>,
     numbers: Numbers,
-    clock: RefCell<Clock>,
+    clock: Clock,
 }
 
 /// The layout of the cells of a line.
@@ -41,13 +40,13 @@ impl Frames {
     /// Creates a parser for the wanted columns.
     pub fn new(wanted: &Wanted) -> Self {
         let places = wanted.names.iter().cloned().zip(0..).collect();
-        let (numbers, clock) = (Numbers::new(false), RefCell::default());
+        let (numbers, clock) = (Numbers::new(false), Clock::default());
         Frames { wanted: wanted.clone(), places, header: None, numbers, clock }
     }
 
     /// The offset of the clock of its dates from UTC, s; `None` before the first one, or if it has no zone.
     pub(crate) fn zone_s(&self) -> Option<f64> {
-        self.clock.borrow().zone_s()
+        self.clock.zone_s()
     }
 
     /// Parses a line without its line end.
@@ -75,7 +74,7 @@ impl Frames {
     }
 
     /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
-    pub(crate) fn add(&self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
+    pub(crate) fn add(&mut self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
         let (before, mut twice) = (row.bad, None);
         let mut fill = |text: &[u8], row: &mut LogRow| {
             let mut filled = vec![false; self.places.len()];
@@ -85,7 +84,7 @@ impl Frames {
                     if std::mem::replace(&mut filled[place], true) {
                         twice = Some(place);
                     }
-                    self.take(place, &leaf, row);
+                    take(place, &leaf, row, &self.wanted, &mut self.clock);
                 }
             })
         };
@@ -109,35 +108,10 @@ impl Frames {
         })
     }
 
-    /// Takes a value of an object. A text may be a number or a known word.
-    fn take(&self, place: usize, leaf: &Leaf, row: &mut LogRow) {
-        let value = match *leaf {
-            Leaf::Number(value) => Some(value),
-            Leaf::Flag(value) => Some(f64::from(u8::from(value))),
-            Leaf::Text(text) => text.parse().ok().or_else(|| self.number_of_words(place, text)),
-            Leaf::Missing => return,
-        };
-        match (value.filter(|value| value.is_finite()), leaf) {
-            (Some(value), _) => row.values[place] = value,
-            (None, Leaf::Text(text)) if is_missing(text.as_bytes()) => {}
-            (None, Leaf::Text(text)) => {
-                row.note_bad(Bad { column: place, text: sanitize::text(text) });
-            }
-            (None, _) => {
-                let text = value.map_or(String::new(), |value| value.to_string());
-                row.note_bad(Bad { column: place, text });
-            }
-        }
-    }
-
     /// Completes a row that was assembled from objects; it must have a time.
-    pub(crate) fn end(&self, row: &mut LogRow) -> Read {
-        self.wanted.continue_time(row, &mut self.clock.borrow_mut());
+    pub(crate) fn end(&mut self, row: &mut LogRow) -> Read {
+        self.wanted.continue_time(row, &mut self.clock);
         with_time(&self.wanted, row)
-    }
-
-    fn number_of_words(&self, place: usize, text: &str) -> Option<f64> {
-        self.wanted.number_of_words(place, text, &mut self.clock.borrow_mut())
     }
 
     /// Whether a line is the header: it has all wanted names.
@@ -162,10 +136,10 @@ impl Frames {
                 Err(Irregularity::NoHeader.into())
             };
         };
-        let mut cells: Vec<&[u8]> = Cells::of(line, header.separator).collect();
+        let mut cells: Vec<Cell> = Cells::new(line, header.separator).collect();
         // Separators at the ends of rows, which a header may lack.
         while cells.len() > header.cells
-            && cells.last().is_some_and(|cell| cell.trim_ascii().is_empty())
+            && cells.last().is_some_and(|cell| cell.bytes.trim_ascii().is_empty())
         {
             cells.pop();
         }
@@ -178,23 +152,15 @@ impl Frames {
         }
         let Frames { wanted, numbers, clock, .. } = self;
         for (place, &cell) in header.chosen.iter().enumerate() {
-            let bytes = cells[cell];
-            let text = std::str::from_utf8(bytes).unwrap_or("").trim();
-            let is_time = wanted.time == Some(place);
-            let words = || wanted.number_of_words(place, text, clock.get_mut());
-            let value = numbers.real(text).or_else(words);
-            row.values[place] = match value.filter(|value| value.is_finite()) {
-                Some(value) => value,
-                None if is_time => return Err(no_time(&shown(bytes))),
-                None => {
-                    if !is_missing(bytes) {
-                        row.note_bad(Bad { column: place, text: shown(bytes) });
-                    }
-                    f64::NAN
-                }
-            };
+            let text = cells[cell].text();
+            let text = text.trim();
+            let words = || wanted.number_of_words(place, text, clock);
+            row.put_text(place, numbers.real(text).or_else(words), text);
+            if wanted.time == Some(place) && row.values[place].is_nan() {
+                return Err(no_time(&sanitize::text(text)));
+            }
         }
-        self.wanted.continue_time(row, self.clock.get_mut());
+        self.wanted.continue_time(row, &mut self.clock);
         // For example a row of units below a header without a time.
         match row.bad > 0 && row.values.iter().all(|value| value.is_nan()) {
             true => {
@@ -206,7 +172,7 @@ impl Frames {
     }
 
     /// Whether the cells repeat the header.
-    fn is_header(&self, cells: &[&[u8]]) -> bool {
+    fn is_header(&self, cells: &[Cell]) -> bool {
         let chosen = self.header.iter().flat_map(|header| &header.chosen);
         let mut pairs = chosen.zip(&self.wanted.names);
         pairs.all(|(&cell, name)| {
@@ -223,6 +189,19 @@ impl Frames {
             self.numbers = Numbers::new(separator == b',');
             self.header = Some(Header { separator, cells, named, chosen });
         }
+    }
+}
+
+/// Takes a value of an object. A text may be a number or a known word.
+fn take(place: usize, leaf: &Leaf, row: &mut LogRow, wanted: &Wanted, clock: &mut Clock) {
+    match *leaf {
+        Leaf::Number(value) => row.put_number(place, value),
+        Leaf::Flag(value) => row.put_number(place, f64::from(u8::from(value))),
+        Leaf::Text(text) => {
+            let words = || wanted.number_of_words(place, text, clock);
+            row.put_text(place, text.parse().ok().or_else(words), text);
+        }
+        Leaf::Missing => {}
     }
 }
 
@@ -251,7 +230,8 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
         return None;
     }
     if let Some(object) = object(text) {
-        return leaves(object);
+        let mut keys = vec![];
+        return walk("", object, &mut |path, _| keys.push(path.to_owned())).ok().map(|()| keys);
     }
     let (_, names) = header(line);
     // A row of numbers is not a header, even if decimal commas split its cells.
@@ -280,12 +260,6 @@ pub(crate) fn object(line: &[u8]) -> Option<&[u8]> {
     // A list within a cut object ends as the list around it does: only an object ends with a brace.
     let text = if text[end] == b'}' { &text[..=end] } else { text };
     text.starts_with(b"{").then_some(text)
-}
-
-/// The keys of an object including nested ones; `None` if it is not an object.
-fn leaves(object: &[u8]) -> Option<Vec<String>> {
-    let mut found = vec![];
-    walk("", object, &mut |path, _| found.push(path.to_owned())).ok().map(|()| found)
 }
 
 /// The separator of a header, and its names.
@@ -332,65 +306,9 @@ fn separator(line: &[u8]) -> u8 {
 
 /// The cells of a line as text.
 pub(super) fn texts(line: &[u8], separator: u8) -> Vec<String> {
-    Cells::of(line, separator).map(decoded).collect()
+    Cells::new(line, separator).map(decoded).collect()
 }
 
-fn decoded(cell: &[u8]) -> String {
-    encoding::text(cell).trim().replace("\"\"", "\"")
-}
-
-/// The text of a cell, sanitized for a message.
-fn shown(cell: &[u8]) -> String {
-    sanitize::text(&decoded(cell))
-}
-
-/// The cells of a line, without their quotes.
-struct Cells<'l> {
-    line: Option<&'l [u8]>,
-    separator: u8,
-}
-
-impl<'l> Cells<'l> {
-    fn of(line: &'l [u8], separator: u8) -> Self {
-        let line = line.strip_suffix(b"\r").unwrap_or(line);
-        let line = if separator == b' ' { line.trim_ascii() } else { line };
-        Cells { line: Some(line), separator }
-    }
-}
-
-impl<'l> Iterator for Cells<'l> {
-    type Item = &'l [u8];
-
-    fn next(&mut self) -> Option<&'l [u8]> {
-        let mut line = self.line?;
-        // Blanks before a quote, and between cells that blanks separate.
-        let begin = line.iter().position(|&byte| byte != b' ').unwrap_or(0);
-        if self.separator == b' ' || line[begin..].starts_with(b"\"") {
-            line = &line[begin..];
-        }
-        if let Some(quoted) = line.strip_prefix(b"\"") {
-            let mut place = 0;
-            while let Some(quote) = quoted[place..].iter().position(|&byte| byte == b'"') {
-                let end = place + quote;
-                match quoted.get(end + 1) {
-                    Some(b'"') => place = end + 2,
-                    Some(&byte) if byte != self.separator => break,
-                    next => {
-                        self.line = next.map(|_| &quoted[end + 2..]);
-                        return Some(&quoted[..end]);
-                    }
-                }
-            }
-        }
-        match line.iter().position(|&byte| byte == self.separator) {
-            Some(end) => {
-                self.line = Some(&line[end + 1..]);
-                Some(&line[..end])
-            }
-            None => {
-                self.line = None;
-                Some(line)
-            }
-        }
-    }
+fn decoded(cell: Cell) -> String {
+    cell.text().trim().to_owned()
 }

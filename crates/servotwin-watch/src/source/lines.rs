@@ -7,6 +7,7 @@ use crate::counts::Irregularity;
 use servotwin_io::files::FileError;
 use servotwin_io::sanitize;
 use servotwin_io::table::csv::encoding;
+use servotwin_io::table::csv::records::{self, Line};
 use std::io::{self, BufRead};
 use std::path::{Path, PathBuf};
 
@@ -32,10 +33,13 @@ pub(crate) struct Lines {
 
 /// Opens a file that must have the wanted columns.
 pub(super) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-    require(path, text_of(path)?, wanted)?;
+    // A map may name the columns of a log without a header.
+    if wanted.columns.is_empty() {
+        wanted.require_columns(path, survey(path, Some(wanted))?)?;
+    }
     Ok(Box::new(Lines {
         path: path.into(),
-        reader: text_of(path)?,
+        reader: encoding::open(path)?.0,
         frames: Frames::new(wanted),
         line: vec![],
         place: 0,
@@ -49,7 +53,7 @@ impl Source for Lines {
         let found = next_line(&mut *self.reader, &mut self.line)
             .map_err(|cause| FileError::from_io(&self.path, cause))?;
         self.place += 1;
-        self.read += self.line.len() as u64 + 1;
+        self.read += self.line.len() as u64;
         row.place = self.place;
         Ok(match found {
             Line::None => Read::End,
@@ -72,50 +76,38 @@ impl Source for Lines {
     }
 }
 
-/// Checks that a file has the wanted columns, unless the map names them.
-fn require(
-    path: &Path,
-    reader: Box<dyn BufRead + Send>,
-    wanted: &Wanted,
-) -> Result<(), SourceError> {
-    if !wanted.columns.is_empty() {
-        return Ok(());
-    }
-    let address = path.display().to_string();
-    let lines = first_lines(path, reader, BEGINNING)?;
-    let heads = &lines[..lines.len().min(PREAMBLE)];
-    if heads.iter().any(|line| frame::object(line).is_some()) {
-        let known = objects(path, &|found| found.has_all(wanted))?;
-        let known: Vec<String> = known.into_iter().map(|column| column.name).collect();
-        return wanted.require(&address, &known);
-    }
-    let names = heads.iter().filter_map(|line| frame::marked_columns(line));
-    if names.into_iter().any(|names| wanted.require(&address, &names).is_ok()) {
-        return Ok(());
-    }
-    let known = find_header(&lines).map(|line| frame::header(&lines[line]).1);
-    let lacking = known.and_then(|names| wanted.require(&address, &names).err());
-    Err(lacking.unwrap_or_else(|| no_header(address, &lines)))
-}
-
 /// The columns of a file. A line of units may follow the header of cells. For objects, the keys of all lines are
 /// gathered.
-pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
-    let lines = first_lines(path, text_of(path)?, BEGINNING)?;
+pub(super) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
+    survey(path, None)
+}
+
+/// The columns of a file; with `wanted` ones, objects are read until they have these, and the first line that has them is
+/// the header.
+fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Vec<LogColumn>, SourceError> {
+    let lines = first_lines(path)?;
     let heads = &lines[..lines.len().min(PREAMBLE)];
-    let none = || no_header(path.display().to_string(), &lines);
-    if heads.iter().any(|line| frame::object(line).is_some()) {
-        let found = objects(path, &|_| false)?;
-        return if found.is_empty() { Err(none()) } else { Ok(found) };
+    let has_all = |line: &Vec<u8>| {
+        let names = frame::marked_columns(line);
+        wanted.zip(names).is_some_and(|(wanted, names)| wanted.require("", names).is_ok())
+    };
+    let found = if heads.iter().any(|line| frame::object(line).is_some()) {
+        objects(path, wanted)?
+    } else if let Some(header) = heads.iter().position(has_all).or_else(|| find_header(&lines)) {
+        let (separator, names) = frame::header(&lines[header]);
+        let mut sheet = Sheet::new(names, separator);
+        for line in &lines[header + 1..] {
+            let line = frame::behind_mark(line).unwrap_or(line);
+            sheet.add(&frame::texts(line, separator));
+        }
+        sheet.finish()
+    } else {
+        vec![]
+    };
+    match found.is_empty() {
+        true => Err(no_header(path.display().to_string(), &lines)),
+        false => Ok(found),
     }
-    let header = find_header(&lines).ok_or_else(none)?;
-    let (separator, names) = frame::header(&lines[header]);
-    let mut sheet = Sheet::new(names, separator);
-    for line in &lines[header + 1..] {
-        let line = frame::behind_mark(line).unwrap_or(line);
-        sheet.add(&frame::texts(line, separator));
-    }
-    Ok(sheet.finish())
 }
 
 /// The line with the names of columns: of those with a row of as many numbers below, the first with the most names, or
@@ -129,8 +121,8 @@ fn find_header(lines: &[Vec<u8>]) -> Option<usize> {
         let (separator, names) = frame::header(&lines[*line]);
         let is_units = is_marked(line) && survey::is_units(&names);
         let mut sheet = Sheet::new(names, separator);
-        let below = lines[line + 1..].iter().filter(|line| frame::behind_mark(line).is_none());
-        !is_units && below.into_iter().any(|line| sheet.is_row(&frame::texts(line, separator)))
+        let mut below = lines[line + 1..].iter().filter(|line| frame::behind_mark(line).is_none());
+        !is_units && below.any(|line| sheet.add(&frame::texts(line, separator)))
     };
     let named: Vec<usize> = heads.filter(|line| count(line) > 0).collect();
     // `rev` makes the first of equally long lines win.
@@ -161,131 +153,45 @@ pub(super) fn no_header(address: String, lines: &[Vec<u8>]) -> SourceError {
     SourceError::NoHeader { address, seen }
 }
 
-/// The columns of the objects in a file, read until there are `enough`.
-fn objects(path: &Path, enough: &dyn Fn(&Objects) -> bool) -> Result<Vec<LogColumn>, SourceError> {
-    let (mut reader, mut line, mut found) = (text_of(path)?, vec![], Objects::default());
-    loop {
-        let next = next_line(&mut *reader, &mut line);
-        match next.map_err(|cause| FileError::from_io(path, cause))? {
-            Line::None => break,
-            Line::TooLong => {}
-            Line::Whole | Line::Unended => {
-                if let Some(object) = frame::object(&line) {
-                    found.add("", object);
-                }
-                if enough(&found) {
-                    break;
-                }
-            }
+/// The columns of the objects in a file, read until it has the wanted ones.
+fn objects(path: &Path, wanted: Option<&Wanted>) -> Result<Vec<LogColumn>, SourceError> {
+    let (mut reader, mut line, mut found) = (encoding::open(path)?.0, vec![], Objects::default());
+    let failed = |cause| FileError::from_io(path, cause);
+    while next_line(&mut *reader, &mut line).map_err(failed)? != Line::None {
+        frame::object(&line).iter().for_each(|object| found.add("", object));
+        if wanted.is_some_and(|wanted| found.has_all(wanted)) {
+            break;
         }
     }
     Ok(found.finish())
 }
 
-fn text_of(path: &Path) -> Result<Box<dyn BufRead + Send>, SourceError> {
-    Ok(encoding::open(path)?.0)
+/// Reads a line of at most [`LONGEST`] bytes.
+pub(super) fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
+    line.clear();
+    records::next_line(reader, line, LONGEST)
 }
 
-/// The first `count` lines of a file; an error if they are empty.
-fn first_lines(
-    path: &Path,
-    mut reader: Box<dyn BufRead + Send>,
-    count: usize,
-) -> Result<Vec<Vec<u8>>, SourceError> {
-    let (mut line, mut found, mut too_long) = (vec![], vec![], None);
-    for place in 1..=count {
-        let next = next_line(&mut *reader, &mut line);
-        match next.map_err(|cause| FileError::from_io(path, cause))? {
+/// The first lines of a file; an error if they are empty.
+fn first_lines(path: &Path) -> Result<Vec<Vec<u8>>, SourceError> {
+    let (mut reader, mut line, mut found) = (encoding::open(path)?.0, vec![], vec![]);
+    let (failed, mut too_long) = (|cause| FileError::from_io(path, cause), None);
+    for place in 1..=BEGINNING {
+        match next_line(&mut *reader, &mut line).map_err(failed)? {
             Line::None => break,
             Line::TooLong => _ = too_long.get_or_insert(place),
             Line::Whole | Line::Unended => found.push(line.clone()),
         }
     }
-    if found.iter().all(|line| line.trim_ascii().is_empty()) {
-        let address = path.display().to_string();
-        return Err(match too_long {
-            Some(place) => {
-                let seen = format!("line {place} is longer than {} MiB", LONGEST >> 20);
-                SourceError::NoHeader { address, seen }
-            }
-            None => SourceError::Empty { address },
-        });
-    }
-    Ok(found)
-}
-
-/// The result of reading a line into a buffer.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Line {
-    /// A line, without its line end.
-    Whole,
-    /// A line without a line end: the stream ended in it.
-    Unended,
-    /// Nothing: the line was too long.
-    TooLong,
-    /// Nothing: the stream has ended.
-    None,
-}
-
-/// Reads a line, which ends with LF, CR LF or CR.
-pub(crate) fn next_line(reader: &mut dyn BufRead, line: &mut Vec<u8>) -> io::Result<Line> {
-    line.clear();
-    let (mut any, mut too_long) = (false, false);
-    loop {
-        let buffer = match reader.fill_buf() {
-            Ok(buffer) => buffer,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            Err(error) => return Err(error),
-        };
-        if buffer.is_empty() {
-            return Ok(match (any, too_long) {
-                (false, _) => Line::None,
-                (true, true) => Line::TooLong,
-                (true, false) => Line::Unended,
-            });
+    let address = path.display().to_string();
+    let is_mdf = |line: &Vec<u8>| line.starts_with(b"MDF  ") || line.starts_with(b"UnFinMF ");
+    let seen = match too_long {
+        _ if found.first().is_some_and(is_mdf) => {
+            "it is a recording in MDF, which asammdf writes as CSV".to_owned()
         }
-        any = true;
-        let end = buffer.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
-        let is_return = end.is_some_and(|end| buffer[end] == b'\r');
-        let part = &buffer[..end.unwrap_or(buffer.len())];
-        too_long |= line.len() + part.len() > LONGEST;
-        if too_long {
-            line.clear();
-        } else {
-            line.extend_from_slice(part);
-        }
-        let length = part.len() + usize::from(end.is_some());
-        reader.consume(length);
-        if end.is_some() {
-            if is_return && reader.fill_buf().is_ok_and(|next| next.first() == Some(&b'\n')) {
-                reader.consume(1);
-            }
-            return Ok(if too_long { Line::TooLong } else { Line::Whole });
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_end_and_are_not_too_long() {
-        let text = format!("a\r\n\r{}\nb", "x".repeat(LONGEST + 1));
-        // Lines are longer than this buffer.
-        let mut reader = io::BufReader::with_capacity(1000, text.as_bytes());
-        let (mut line, mut found) = (vec![], vec![]);
-        for _ in 0..5 {
-            let kind = next_line(&mut reader, &mut line).unwrap();
-            found.push((kind, String::from_utf8(line.clone()).unwrap()));
-        }
-        let expected = [
-            (Line::Whole, "a"),
-            (Line::Whole, ""),
-            (Line::TooLong, ""),
-            (Line::Unended, "b"),
-            (Line::None, ""),
-        ];
-        assert_eq!(found, expected.map(|(kind, text)| (kind, text.to_owned())));
-    }
+        _ if found.iter().any(|line| !line.trim_ascii().is_empty()) => return Ok(found),
+        Some(place) => format!("line {place} is longer than {} MiB", LONGEST >> 20),
+        None => return Err(SourceError::Empty { address }),
+    };
+    Err(SourceError::NoHeader { address, seen })
 }

@@ -52,13 +52,12 @@ impl<Origin> Live<Origin> {
                 Ok(None)
             }
             Ok(News::Other(read)) => {
-                row.place = match &read {
-                    Read::Flawed(_) | Read::Dropped(_) => self.place + 1,
-                    _ => self.place,
+                let count = match &read {
+                    Read::Flawed(flaw) | Read::Dropped(flaw) => flaw.count,
+                    _ => 0,
                 };
-                if let Read::Flawed(flaw) | Read::Dropped(flaw) = &read {
-                    self.place += flaw.count;
-                }
+                row.place = self.place + count.min(1);
+                self.place += count;
                 Ok(Some(read))
             }
             Ok(News::Failed(cause)) => Err(failed(cause)),

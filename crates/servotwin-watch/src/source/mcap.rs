@@ -30,28 +30,21 @@ const LARGEST: usize = 1 << 28;
 /// A message may be older than an earlier one by this time, ns: rows wait so long for late ones.
 const DISORDER_NS: u64 = 50_000_000;
 
-/// An open file.
+/// The rows of an open file.
 struct Rows {
     messages: Messages,
     frames: Frames,
-    /// The number of wanted columns.
+    /// The number of wanted columns, and which of them is the time of the message.
     width: usize,
-    /// The index of the message time in a row.
     log_time: Option<usize>,
-    /// The first message of the next row.
-    next: Option<Message>,
-    read: u64,
 }
 
 /// Opens a file that must have the wanted columns.
 pub(crate) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
-    let known: Vec<String> =
-        survey(path, Some(wanted))?.into_iter().map(|column| column.name).collect();
-    wanted.require(&path.display().to_string(), &known)?;
+    wanted.require_columns(path, survey(path, Some(wanted))?)?;
     let log_time = wanted.names.iter().position(|name| name == LOG_TIME);
     let (messages, frames) = (Messages::open(path)?, Frames::new(wanted));
-    let width = wanted.names.len();
-    Ok(Box::new(Rows { messages, frames, width, log_time, next: None, read: 0 }))
+    Ok(Box::new(Rows { messages, frames, width: wanted.names.len(), log_time }))
 }
 
 /// A message in JSON.
@@ -63,50 +56,30 @@ struct Message {
     data: Vec<u8>,
 }
 
-/// The next item of a file.
-enum Next {
-    Message(Message),
-    Flawed(Flaw),
-    End,
-}
-
 impl Source for Rows {
     fn read(&mut self, row: &mut LogRow) -> Result<Read, SourceError> {
-        let first = match self.next.take() {
-            Some(message) => message,
-            None => match self.messages.next()? {
-                Next::Message(message) => message,
-                Next::Flawed(flaw) => {
-                    row.place = self.messages.count;
-                    return Ok(Read::Flawed(flaw));
-                }
-                Next::End => return Ok(Read::End),
-            },
+        let mut message = match self.messages.next()? {
+            Some(Ok(message)) => message,
+            Some(Err(flaw)) => {
+                row.place = self.messages.count;
+                return Ok(Read::Flawed(flaw));
+            }
+            None => return Ok(Read::End),
         };
         row.begin(self.width);
-        row.place = first.number;
-        let time_ns = first.log_time_ns;
-        let mut result = self.frames.add(&first.prefix, &first.data, row);
-        while result.is_ok() {
-            match self.messages.next()? {
-                Next::Message(message) if message.log_time_ns == time_ns => {
-                    result = self.frames.add(&message.prefix, &message.data, row);
-                }
-                Next::Message(message) => {
-                    self.next = Some(message);
-                    break;
-                }
-                // The flaw is reported with the next row.
-                Next::Flawed(flaw) => {
-                    self.messages.waiting.push_front(Next::Flawed(flaw));
-                    break;
-                }
-                Next::End => break,
+        row.place = message.number;
+        let time_ns = message.log_time_ns;
+        loop {
+            if let Err(flaw) = self.frames.add(&message.prefix, &message.data, row) {
+                return Ok(Read::Flawed(flaw));
             }
-        }
-        self.read = self.messages.read;
-        if let Err(flaw) = result {
-            return Ok(Read::Flawed(flaw));
+            message = match self.messages.next()? {
+                Some(Ok(next)) if next.log_time_ns == time_ns => next,
+                next => {
+                    next.into_iter().for_each(|next| self.messages.waiting.push_front(next));
+                    break;
+                }
+            };
         }
         if let Some(place) = self.log_time {
             row.values[place] = time_ns as f64;
@@ -119,21 +92,19 @@ impl Source for Rows {
     }
 
     fn share(&self) -> Option<f64> {
-        let size = self.messages.size;
-        (size > 0).then(|| (self.read as f64 / size as f64).min(1.0))
+        let Messages { read, size, .. } = self.messages;
+        (size > 0).then(|| (read as f64 / size as f64).min(1.0))
     }
 }
 
 /// The columns of all channels, with the time and its unit.
 pub(crate) fn columns(path: &Path) -> Result<Vec<LogColumn>, SourceError> {
     let found = survey(path, None)?;
-    match found.len() {
-        1 => {
-            let (address, seen) = (path.display().to_string(), "no message is in JSON".into());
-            Err(SourceError::NoHeader { address, seen })
-        }
-        _ => Ok(found),
+    if found.len() > 1 {
+        return Ok(found);
     }
+    let (address, seen) = (path.display().to_string(), "no message is in JSON".into());
+    Err(SourceError::NoHeader { address, seen })
 }
 
 /// Scans a file for columns: a channel may begin anywhere. If columns are `wanted`, the scan may stop collecting once
@@ -146,12 +117,8 @@ fn survey(path: &Path, wanted: Option<&Wanted>) -> Result<Vec<LogColumn>, Source
     let (mut found, mut newest_ns) = (Objects::default(), 0);
     found.name(LOG_TIME, "ns");
     let mut has_all = false;
-    loop {
-        let message = match messages.next()? {
-            Next::Message(message) => message,
-            Next::Flawed(_) => continue,
-            Next::End => break,
-        };
+    while let Some(next) = messages.next()? {
+        let Ok(message) = next else { continue };
         newest_ns = message.log_time_ns.max(newest_ns);
         if newest_ns - message.log_time_ns > DISORDER_NS {
             return Err(SourceError::Unsorted { address: path.display().to_string() });
@@ -172,7 +139,7 @@ struct Messages {
     reader: LinearReader,
     /// The column prefixes of JSON channels.
     channels: BTreeMap<u16, String>,
-    waiting: VecDeque<Next>,
+    waiting: VecDeque<Result<Message, Flaw>>,
     count: u64,
     read: u64,
     size: u64,
@@ -201,16 +168,12 @@ impl Messages {
         })
     }
 
-    fn next(&mut self) -> Result<Next, SourceError> {
-        loop {
-            if let Some(next) = self.waiting.pop_front() {
-                return Ok(next);
-            }
-            if self.ended {
-                return Ok(Next::End);
-            }
+    /// The next message, or what is none; `None` at the end.
+    fn next(&mut self) -> Result<Option<Result<Message, Flaw>>, SourceError> {
+        while self.waiting.is_empty() && !self.ended {
             self.advance()?;
         }
+        Ok(self.waiting.pop_front())
     }
 
     /// Reads a record.
@@ -238,7 +201,7 @@ impl Messages {
         match record {
             Ok(Record::Chunk { header, data }) => {
                 if let Err(flaw) = self.chunk(header, &data) {
-                    self.waiting.push_back(Next::Flawed(flaw));
+                    self.waiting.push_back(Err(flaw));
                 }
             }
             Ok(record) => self.record(record),
@@ -251,7 +214,7 @@ impl Messages {
                     }
                     error => Flaw::new(Irregularity::BadObject, error.to_string()),
                 };
-                self.waiting.push_back(Next::Flawed(flaw));
+                self.waiting.push_back(Err(flaw));
             }
         }
         Ok(())
@@ -277,7 +240,7 @@ impl Messages {
             Record::Message { header, data } => {
                 self.count += 1;
                 if let Some(prefix) = self.channels.get(&header.channel_id) {
-                    self.waiting.push_back(Next::Message(Message {
+                    self.waiting.push_back(Ok(Message {
                         number: self.count,
                         log_time_ns: header.log_time,
                         prefix: prefix.clone(),

@@ -6,14 +6,10 @@
 
 mod formats;
 pub mod frame;
-#[cfg(feature = "mf4")]
-mod groups;
 mod lines;
 mod live;
 #[cfg(feature = "mcap")]
 mod mcap;
-#[cfg(feature = "mf4")]
-mod mf4;
 mod object;
 mod stdin;
 mod survey;
@@ -27,9 +23,10 @@ use servotwin_io::moment::Clock;
 use servotwin_io::nearest::nearest;
 use servotwin_io::sanitize;
 use servotwin_io::table::TableError;
+use servotwin_io::table::csv::growing::is_missing;
 use std::fmt;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 pub use formats::{extensions, is_log};
@@ -118,10 +115,21 @@ impl LogRow {
         (self.bad, self.first_bad) = (0, None);
     }
 
-    /// Counts a value that is not a finite number.
-    pub(super) fn note_bad(&mut self, bad: Bad) {
-        self.bad += 1;
-        self.first_bad.get_or_insert(bad);
+    /// Puts a number into a column; NaN is missing.
+    pub(super) fn put_number(&mut self, column: usize, value: f64) {
+        if !value.is_nan() {
+            self.put_text(column, Some(value), if value > 0.0 { "inf" } else { "-inf" });
+        }
+    }
+
+    /// Puts the `value` of a text into a column. A text without one is missing if it is a word for that, and else bad.
+    pub(super) fn put_text(&mut self, column: usize, value: Option<f64>, text: &str) {
+        if let Some(value) = value.filter(|value| value.is_finite()) {
+            self.values[column] = value;
+        } else if !is_missing(text.as_bytes()) {
+            self.bad += 1;
+            self.first_bad.get_or_insert_with(|| Bad { column, text: sanitize::text(text) });
+        }
     }
 
     /// Describes the invalid values, with the column of the first.
@@ -288,9 +296,6 @@ pub enum SourceError {
     /// The reader of this source is behind a disabled feature.
     #[error("{}", feature_needed_text(.what, .feature))]
     Feature { what: String, feature: &'static str },
-    /// A file is damaged or has an unsupported format.
-    #[error("{address}: {cause}")]
-    Unreadable { address: String, cause: String },
     /// A file cannot be opened or read.
     #[error(transparent)]
     File(#[from] FileError),
@@ -322,26 +327,24 @@ pub enum SourceError {
     Lacking { address: String, columns: Vec<String>, known: Vec<String> },
 }
 
-impl SourceError {
-    #[cfg(feature = "mf4")]
-    fn unreadable(address: &str, cause: &str) -> Self {
-        SourceError::Unreadable { address: address.to_owned(), cause: cause.to_owned() }
-    }
-}
-
 impl Wanted {
     /// Checks that a log has all of these columns.
     ///
     /// # Errors
     /// [`SourceError::Lacking`].
-    pub(super) fn require(&self, address: &str, known: &[String]) -> Result<(), SourceError> {
+    pub(super) fn require(&self, address: &str, known: Vec<String>) -> Result<(), SourceError> {
         let columns = self.names.iter().filter(|name| !known.contains(name));
         let columns: Vec<String> = columns.cloned().collect();
-        let (address, known) = (address.to_owned(), known.to_vec());
         match columns.is_empty() {
             true => Ok(()),
-            false => Err(SourceError::Lacking { address, columns, known }),
+            false => Err(SourceError::Lacking { address: address.to_owned(), columns, known }),
         }
+    }
+
+    /// The same for the columns of a file.
+    fn require_columns(&self, path: &Path, known: Vec<LogColumn>) -> Result<(), SourceError> {
+        let known = known.into_iter().map(|column| column.name).collect();
+        self.require(&path.display().to_string(), known)
     }
 }
 

@@ -1,10 +1,11 @@
 //! Reads lines of standard input on a separate thread, so that a quiet stream does not block the watch.
 
 use super::frame::{self, Frames};
-use super::lines::{Line, next_line, no_header};
+use super::lines::{next_line, no_header};
 use super::live::{Live, News};
 use super::{Read, Source, SourceError, Wanted};
 use crate::counts::Irregularity;
+use servotwin_io::table::csv::records::Line;
 use std::io::{self, BufRead, BufReader};
 use std::sync::mpsc::sync_channel;
 
@@ -51,10 +52,12 @@ pub(crate) fn columns(mut stream: impl BufRead) -> Result<Vec<String>, SourceErr
         // Names behind a mark are those of the row of numbers below them.
         if frame::behind_mark(&line).is_some() {
             marked = frame::marked_columns(&line);
-        } else if let Some(names) = frame::columns(&line).or(marked.take_if(|_| !line.is_empty())) {
+        } else if let Some(names) =
+            frame::columns(&line).or(marked.take_if(|_| !line.trim_ascii().is_empty()))
+        {
             return Ok(names);
         }
-        if first.is_empty() && !line.is_empty() {
+        if first.is_empty() && !line.trim_ascii().is_empty() {
             first.push(line.clone());
         }
     }

@@ -48,12 +48,6 @@ impl LogColumn {
         LogColumn { name: name.into(), ..LogColumn::default() }
     }
 
-    /// A column with the unit given by the log.
-    #[cfg(feature = "mf4")]
-    pub(crate) fn in_unit(name: impl Into<String>, unit: impl Into<String>) -> Self {
-        LogColumn { unit: unit.into(), ..LogColumn::named(name) }
-    }
-
     /// The typical difference between its numbers; `None` where they do not grow.
     pub(crate) fn step(&self) -> Option<f64> {
         let steps = self.head.windows(2).map(|pair| pair[1] - pair[0]);
@@ -77,7 +71,7 @@ impl LogColumn {
     }
 
     /// Adds the text of a cell; `number` is its value as a number.
-    fn take(&mut self, text: &str, number: Option<f64>) {
+    pub(super) fn take(&mut self, text: &str, number: Option<f64>) {
         match number {
             Some(number) => self.push(number),
             None if self.head.len() < HEAD => {
@@ -111,13 +105,14 @@ impl Sheet {
         Sheet { columns, named, numbers: Numbers::new(separator == b','), rows: 0 }
     }
 
-    /// Adds a line below the header: units, values, or neither.
-    pub(super) fn add(&mut self, cells: &[String]) {
+    /// Adds a line below the header: values, units, or neither; reports whether it is a row of values.
+    pub(super) fn add(&mut self, cells: &[String]) -> bool {
         if !self.fits(cells) {
-            return;
+            return false;
         }
         let values: Vec<Option<f64>> = cells.iter().map(|cell| self.numbers.real(cell)).collect();
-        if is_row(cells, &values) {
+        let is_row = is_row(cells, &values);
+        if is_row {
             self.rows += 1;
             for (column, (cell, value)) in self.columns.iter_mut().zip(cells.iter().zip(values)) {
                 column.take(cell, value);
@@ -127,18 +122,13 @@ impl Sheet {
                 column.unit = bare_unit(cell).into();
             }
         }
+        is_row
     }
 
     /// Whether a line has as many cells as the header, apart from empty ones at the end of either.
     fn fits(&self, cells: &[String]) -> bool {
         let all = self.columns.len();
         (self.named..=all.max(named(cells))).contains(&cells.len()) && named(cells) <= all
-    }
-
-    /// Whether a line is a row of numbers below this header.
-    pub(super) fn is_row(&mut self, cells: &[String]) -> bool {
-        let values: Vec<Option<f64>> = cells.iter().map(|cell| self.numbers.real(cell)).collect();
-        self.fits(cells) && is_row(cells, &values)
     }
 
     /// The columns that have a name.
@@ -226,41 +216,5 @@ impl Objects {
             }
         };
         self.columns.get_mut(place)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn cells(line: &str) -> Vec<String> {
-        line.split(';').map(str::to_owned).collect()
-    }
-
-    #[test]
-    fn a_row_of_units_with_an_empty_cell_keeps_the_dates_below_it() {
-        let mut sheet = Sheet::new(cells("Date;PA1;XP1;n"), b';');
-        for line in [";[bar];mm;-", "Recorder;act 1;act 1;", "2025-10-26 01:00:00;1,5;2;"] {
-            sheet.add(&cells(line));
-        }
-        sheet.add(&cells("2025-10-26 01:00:01;1,5;2;"));
-        let columns = sheet.finish();
-        let units: Vec<&str> = columns.iter().map(|column| column.unit.as_str()).collect();
-        assert_eq!(units, [DATE, "bar", "mm", "-"]);
-        assert_eq!(columns[1].head, [1.5, 1.5]);
-        assert_eq!(columns[0].step(), Some(1.0));
-    }
-
-    #[test]
-    fn an_object_names_columns_wherever_it_stands() {
-        let mut objects = Objects::default();
-        objects.add("", br#"{"ts": "1759967600000", "m": {"p": 1}}"#);
-        objects.add("", br#"{"ts": "1759967600010", "m": {"q": [NaN, "x"]}, "at": "2025-10-26"}"#);
-        let wanted = |name: &str| Wanted { names: vec![name.into()], ..Wanted::default() };
-        assert!(objects.has_all(&wanted("m.q.1")) && !objects.has_all(&wanted("m.q")));
-        let columns = objects.finish();
-        let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-        assert_eq!(names, ["ts", "m.p", "m.q.0", "m.q.1", "at"]);
-        assert_eq!((columns[0].step(), columns[4].unit.as_str()), (Some(10.0), DATE));
     }
 }

@@ -1,10 +1,8 @@
 //! Reads tables: Parquet files in batches, or a table in memory.
 
 use super::survey::HEAD;
-use super::{Bad, DATE, LogColumn, LogRow, Read, Source, SourceError, Wanted};
-use servotwin_io::moment::{self, Clock};
-use servotwin_io::sanitize;
-use servotwin_io::table::csv::growing::is_missing;
+use super::{LogColumn, LogRow, Read, Source, SourceError, Wanted};
+use servotwin_io::moment::Clock;
 use servotwin_io::table::parquet::ParquetReader;
 use servotwin_io::table::{Column, ColumnKind, Table, TableError, Values};
 use std::path::Path;
@@ -15,7 +13,7 @@ use std::path::Path;
 /// The file cannot be read, or lacks a column.
 pub(super) fn open(path: &Path, wanted: &Wanted) -> Result<Box<dyn Source>, SourceError> {
     let known = ParquetReader::open(path)?;
-    require(&path.display().to_string(), known.schema(), wanted)?;
+    wanted.require(&path.display().to_string(), names_of(known.schema()))?;
     let names: Vec<&str> = wanted.names.iter().map(String::as_str).collect();
     let reader = ParquetReader::open_columns(path, &names)?;
     let rows = reader.row_count();
@@ -40,7 +38,7 @@ impl TableRows {
     /// # Errors
     /// The table lacks a column.
     pub fn of_table(name: &str, table: &Table, wanted: &Wanted) -> Result<Self, SourceError> {
-        require(name, table, wanted)?;
+        wanted.require(name, names_of(table))?;
         let column = |name: &String| table.column(name).cloned();
         let columns = wanted.names.iter().map(column).collect::<Result<_, _>>()?;
         let table = Table::from_columns(columns)?;
@@ -56,31 +54,10 @@ impl TableRows {
         let (wanted, clock) = (wanted.clone(), Clock::default());
         TableRows { batches, wanted, rows, clock, part: vec![], next: 0, place: 0 }
     }
-
-    /// The number in a cell; `Err` with its text if it is not a number.
-    fn number(&mut self, column: usize, row: usize) -> Result<f64, String> {
-        let value = match &self.part[column] {
-            Values::Float(values) => values[row],
-            Values::Integer(values) => values[row] as f64,
-            Values::Unsigned(values) => f64::from(values[row]),
-            Values::Flag(flags) => f64::from(u8::from(flags[row])),
-            Values::Text(texts) => {
-                let text = texts[row].trim();
-                let words = || self.wanted.number_of_words(column, text, &mut self.clock);
-                match text.parse().ok().or_else(words) {
-                    Some(value) => value,
-                    None if is_missing(text.as_bytes()) => f64::NAN,
-                    None => return Err(sanitize::text(text)),
-                }
-            }
-        };
-        if value.is_infinite() { Err(value.to_string()) } else { Ok(value) }
-    }
 }
 
-fn require(address: &str, table: &Table, wanted: &Wanted) -> Result<(), SourceError> {
-    let known: Vec<String> = table.names().map(String::from).collect();
-    wanted.require(address, &known)
+fn names_of(table: &Table) -> Vec<String> {
+    table.names().map(String::from).collect()
 }
 
 impl Source for TableRows {
@@ -93,10 +70,18 @@ impl Source for TableRows {
         self.place += 1;
         row.place = self.place;
         row.begin(self.part.len());
-        for column in 0..self.part.len() {
-            match self.number(column, self.next) {
-                Ok(value) => row.values[column] = value,
-                Err(text) => row.note_bad(Bad { column, text }),
+        let TableRows { wanted, clock, next: at, .. } = self;
+        for (column, values) in self.part.iter().enumerate() {
+            match values {
+                Values::Float(values) => row.put_number(column, values[*at]),
+                Values::Integer(values) => row.put_number(column, values[*at] as f64),
+                Values::Unsigned(values) => row.put_number(column, f64::from(values[*at])),
+                Values::Flag(flags) => row.put_number(column, f64::from(u8::from(flags[*at]))),
+                Values::Text(texts) => {
+                    let text = texts[*at].trim();
+                    let words = || wanted.number_of_words(column, text, clock);
+                    row.put_text(column, text.parse().ok().or_else(words), text);
+                }
             }
         }
         self.next += 1;
@@ -147,16 +132,13 @@ pub fn table_columns(table: &Table) -> Vec<LogColumn> {
 
 /// A column with its unit, and with its first numbers from `first`, if these were read.
 fn log_column(column: &Column, first: Option<&Column>) -> LogColumn {
-    let (mut unit, mut head) = (column.unit.clone(), vec![]);
+    let mut found = LogColumn { unit: column.unit.clone(), ..LogColumn::named(&column.name) };
     match first.map(|first| (&first.values, first.numbers())) {
-        Some((Values::Text(texts), _))
-            if texts.first().is_some_and(|text| moment::seconds(text).is_some()) =>
-        {
-            unit = DATE.into();
-            head.extend(texts.iter().take(HEAD).filter_map(|text| moment::seconds(text)));
+        Some((Values::Text(texts), _)) => {
+            texts.iter().take(HEAD).for_each(|text| found.take(text, None));
         }
-        Some((_, Ok(numbers))) => head.extend(numbers.iter().take(HEAD)),
+        Some((_, Ok(numbers))) => found.head.extend(numbers.iter().take(HEAD)),
         _ => {}
     }
-    LogColumn { name: column.name.clone(), unit, head }
+    found
 }

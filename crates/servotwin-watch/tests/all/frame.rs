@@ -48,6 +48,17 @@ fn numbers_with_decimal_commas_name_nothing() {
 }
 
 #[test]
+fn a_cell_means_the_same_in_utf_8_and_in_windows_1252() {
+    for row in ["14\u{a0}538,5;\u{a0}2".as_bytes(), b"14\xa0538,5;\xa02"] {
+        let mut frames = Frames::new(&wanted(&["t", "p"]));
+        read(&mut frames, "p;t");
+        let mut found = LogRow::default();
+        assert_eq!(frames.read(row, &mut found), Read::Row);
+        assert_eq!((found.values, found.bad), (vec![2.0, 14_538.5], 0));
+    }
+}
+
+#[test]
 fn columns_without_a_header_are_named_by_the_map() {
     let columns = ["p", "t"].map(String::from).to_vec();
     let mut frames = Frames::new(&Wanted { columns, ..wanted(&["t", "p"]) });

@@ -10,7 +10,7 @@ use servotwin_watch::guard::{self, IntakeError, LogPlan, Opened};
 use servotwin_watch::intake::{self, Whole};
 use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::shipped;
-use servotwin_watch::sink::{Sample, Sink, SinkError};
+use servotwin_watch::sink::{Sink, SinkError};
 use servotwin_watch::source::table::{TableRows, table_columns};
 use servotwin_watch::source::{Address, LogColumn, LogRow, Read, Source, SourceError};
 use servotwin_watch::span::LogSpan;
@@ -117,10 +117,6 @@ impl Source for Live {
 struct Reported(Vec<String>);
 
 impl Sink for Reported {
-    fn sample(&mut self, _: &Arc<Sample>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         self.0.extend(notice.words());
         Ok(())
@@ -464,6 +460,11 @@ fn files_of_other_writers_give_the_columns_and_rows_of_a_plain_one() {
     );
     let pretty = told("[\n  {\n    \"time_s\": 0\n  }\n]\n");
     assert!(pretty.contains("line 1 is '['; JSON needs one object a line"), "{pretty}");
+    let recording = told("MDF     4.10    asammdf\0");
+    assert!(recording.contains("a recording in MDF, which asammdf writes as CSV"), "{recording}");
+    let feature = SourceError::Feature { what: "log.mcap".into(), feature: "mcap" }.to_string();
+    let line = "log.mcap needs the feature 'mcap', which this program was built without: cargo install --path";
+    assert!(feature.starts_with(line), "{feature}");
 }
 
 #[test]

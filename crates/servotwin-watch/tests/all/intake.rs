@@ -189,6 +189,28 @@ fn channels_of_objects_are_found_wherever_they_begin() {
     assert_eq!(rest.table.origin().place(0), "line 301");
 }
 
+#[test]
+fn a_row_of_units_with_an_empty_cell_keeps_the_dates_below_it() {
+    let folder = Folder::new("intake-units");
+    let rows = "2025-10-26 01:00:00;1,5;2;\n2025-10-26 01:00:01;1,5;2;\n";
+    let head = "Date;PA1;XP1;n\n;[bar];mm;-\nRecorder;act 1;act 1;\n";
+    let columns =
+        Address::File(folder.write("units.csv", [head, rows].concat())).columns().unwrap();
+    let units: Vec<&str> = columns.iter().map(|column| column.unit.as_str()).collect();
+    assert_eq!(units, ["date", "bar", "mm", "-"]);
+    assert_eq!((&columns[1].head[..], columns[0].head.len()), (&[1.5, 1.5][..], 2));
+    let objects = concat!(
+        r#"{"ts": "1759967600000", "m": {"p": 1}}"#,
+        "\n",
+        r#"{"ts": "1759967600010", "m": {"q": [NaN, "x"]}, "at": "2025-10-26"}"#,
+    );
+    let columns = Address::File(folder.write("log.jsonl", objects)).columns().unwrap();
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    assert_eq!(names, ["ts", "m.p", "m.q.0", "m.q.1", "at"]);
+    assert_eq!(columns[0].head[..2], [1_759_967_600_000.0, 1_759_967_600_010.0]);
+    assert_eq!(columns[4].unit, "date");
+}
+
 /// A log with dates.
 fn dated(date: impl Fn(usize) -> String) -> String {
     let mut text = "time,command_rad,p_a_pa\n".to_owned();

@@ -14,7 +14,7 @@ use servotwin_watch::sequencer::{Sequencer, SequencerRules, Stamped, Tick};
 use servotwin_watch::sink::events::Events;
 use servotwin_watch::sink::mcap::Mcap;
 use servotwin_watch::sink::strip::Strip;
-use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
+use servotwin_watch::sink::threads::{SinkKind, SinkRules, SinkThreads};
 use servotwin_watch::sink::{CheckpointFile, Sample, Scene, Sink, SinkError, Watched};
 use servotwin_watch::source::{Address, LogColumn, LogRow, Read, Source, SourceError};
 use servotwin_watch::watchdog::{Notice, WatchEvent, WatchdogRules};
@@ -493,7 +493,7 @@ fn a_checkpoint_of_something_else_is_refused() {
         assert!(error.contains(what), "{text}: {error}");
     }
     let folder_error = Checkpoint::read(&folder.0).unwrap_err().to_string();
-    assert!(folder_error.contains("this is no file"), "{folder_error}");
+    assert!(folder_error.contains("this is a folder, a file is needed"), "{folder_error}");
 }
 
 #[test]
@@ -883,10 +883,6 @@ impl Source for Quiet {
 struct Heard(Arc<Mutex<Vec<Notice>>>);
 
 impl Sink for Heard {
-    fn sample(&mut self, _: &Arc<Sample>) -> Result<(), SinkError> {
-        Ok(())
-    }
-
     fn notice(&mut self, notice: &Notice) -> Result<(), SinkError> {
         self.0.lock().unwrap().push(notice.clone());
         Ok(())
@@ -954,8 +950,8 @@ impl Sink for Full {
     }
 }
 
-fn rules(name: &str, delivery: Delivery) -> SinkRules {
-    SinkRules { name: name.into(), delivery, only_changes: false, kind: SinkKind::File }
+fn rules(name: &str, waits: bool) -> SinkRules {
+    SinkRules { name: name.into(), waits, kind: SinkKind::File }
 }
 
 /// Gives samples, every hundredth a change, and says whether one of them failed.
@@ -976,9 +972,9 @@ fn a_sink_that_stands_still_delays_nobody_and_loses_its_own_samples_first() {
     let (permit_all, all_permits) = channel();
     let (other_got, others) = channel();
     let mut threads = SinkThreads::new(true);
-    threads.add(rules("slow", Delivery::Drop), Box::new(Slow { permits, got }));
+    threads.add(rules("slow", false), Box::new(Slow { permits, got }));
     let other = Slow { permits: all_permits, got: other_got };
-    threads.add(rules("other", Delivery::Wait), Box::new(other));
+    threads.add(rules("other", true), Box::new(other));
     drop(permit_all);
     // Nobody permits the slow one anything: this would stand still if it were waited for.
     give_all(&mut threads, 20_000).unwrap();
@@ -999,8 +995,8 @@ fn a_sink_that_fails_is_reported_once_and_the_others_go_on() {
     let (permit, permits) = channel();
     drop(permit);
     let mut threads = SinkThreads::new(true);
-    threads.add(rules("full", Delivery::Drop), Box::new(Full));
-    threads.add(rules("other", Delivery::Wait), Box::new(Slow { permits, got }));
+    threads.add(rules("full", false), Box::new(Full));
+    threads.add(rules("other", true), Box::new(Slow { permits, got }));
     let mut failures = vec![];
     while failures.is_empty() {
         give_all(&mut threads, 100).unwrap();
@@ -1015,7 +1011,7 @@ fn a_sink_that_fails_is_reported_once_and_the_others_go_on() {
     assert!(losses[0].failure.is_some() && losses[1].failure.is_none());
     // A log can be read again: there it is an error.
     let mut threads = SinkThreads::new(false);
-    threads.add(rules("full", Delivery::Wait), Box::new(Full));
+    threads.add(rules("full", true), Box::new(Full));
     let given = give_all(&mut threads, 100);
     assert!(given.is_err() || threads.finish().is_err());
 }
@@ -1058,7 +1054,7 @@ fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
     // A watch that ends with an error leaves no file that looks complete.
     let mut threads = SinkThreads::new(false);
     let mcap = Mcap::create(&unfinished, &scene).unwrap();
-    threads.add(rules("b", Delivery::Wait), Box::new(mcap));
+    threads.add(rules("b", true), Box::new(mcap));
     drop(threads);
     assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 1);
 }

@@ -7,4 +7,3 @@ mod frame;
 mod guard;
 mod intake;
 mod log;
-mod recordings;

@@ -19,7 +19,7 @@ use servotwin_watch::map::Map as LogMap;
 use servotwin_watch::player::PlayerRecord;
 use servotwin_watch::sink::events::{Events, is_change};
 use servotwin_watch::sink::strip::Strip;
-use servotwin_watch::sink::threads::{Delivery, SinkKind, SinkRules, SinkThreads};
+use servotwin_watch::sink::threads::{SinkKind, SinkRules, SinkThreads};
 use servotwin_watch::sink::{CheckpointFile, Sample, Scene, Sink, SinkError, Watched, open_mcap};
 use servotwin_watch::source::Address;
 use servotwin_watch::watchdog::{Notice, Silences, SinkLoss, WatchEvent, without_name};
@@ -50,36 +50,30 @@ impl Outputs {
         let is_live = address.is_live();
         let bar = bar(global, is_live);
         let mut threads = SinkThreads::new(is_live);
-        // A file or the writer of standard input can wait for slow outputs, but for no checkpoint.
-        let file_delivery = if address.waits() { Delivery::Wait } else { Delivery::Drop };
-        let checkpoint_delivery = if is_live { Delivery::Drop } else { Delivery::Wait };
-        let rules = |name: &str, delivery, only_changes, kind| SinkRules {
-            name: name.into(),
-            delivery,
-            only_changes,
-            kind,
+        let rules = |name: &str, waits, kind| SinkRules { name: name.into(), waits, kind };
+        let of_file = |path: &Path, kind| {
+            // A file or the writer of standard input can wait for slow outputs, but for no checkpoint.
+            let waits = if kind == SinkKind::Checkpoint { !is_live } else { address.waits() };
+            rules(&path.to_string_lossy(), waits, kind)
         };
         if is_live {
-            let rules = rules("terminal", Delivery::Drop, false, SinkKind::Terminal);
-            threads.add(rules, Box::new(Terminal { bar: bar.clone(), global }));
+            let terminal = Box::new(Terminal { bar: bar.clone(), global });
+            threads.add(rules("terminal", false, SinkKind::Terminal), terminal);
         }
         if let Some(path) = &options.mcap {
-            let rules = rules(&path.to_string_lossy(), file_delivery, false, SinkKind::File);
-            threads.add(rules, open_mcap(path, &scene)?);
+            threads.add(of_file(path, SinkKind::File), open_mcap(path, &scene)?);
         }
         if let Some(path) = &options.events {
-            let events = Box::new(Events::to_file(events_file(path, resumed)?, path));
-            threads
-                .add(rules(&path.to_string_lossy(), file_delivery, true, SinkKind::File), events);
+            let events = Events::to_file(events_file(path, resumed)?, path);
+            threads.add(of_file(path, SinkKind::Changes), Box::new(events));
         }
         if let Some(path) = &options.checkpoint {
-            let rules =
-                rules(&path.to_string_lossy(), checkpoint_delivery, true, SinkKind::Checkpoint);
-            threads.add(rules, Box::new(CheckpointFile(path.clone())));
+            let file = CheckpointFile(path.clone());
+            threads.add(of_file(path, SinkKind::Checkpoint), Box::new(file));
         }
         if global.json {
             let lines = Box::new(Events::new(out::stdout()));
-            threads.add(rules("standard output", file_delivery, true, SinkKind::Stream), lines);
+            threads.add(rules("standard output", address.waits(), SinkKind::Stream), lines);
         }
         let record = || PlayerRecord::new(&scene.title, scene.period_s, scene.signals());
         let record = options.html.is_some().then(record);

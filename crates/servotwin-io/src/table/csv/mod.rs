@@ -16,7 +16,7 @@
 pub mod dialect;
 pub mod encoding;
 pub mod growing;
-mod records;
+pub mod records;
 pub mod texts;
 
 use std::borrow::Cow;
@@ -28,7 +28,7 @@ use super::{Column, ColumnKind, ContentError, Format, Origin, Table, TableError,
 use crate::files::{FileError, write_atomically};
 use dialect::separator_of;
 use growing::{Growing, Numbers};
-use records::Records;
+use records::{Cell, Records};
 
 /// The format's entry in [`ALL`](super::ALL).
 pub(crate) const FORMAT: Format = Format { name: "CSV", extension: "csv", read, write };
@@ -168,7 +168,7 @@ impl Rows {
             return Err(ContentError::empty().into());
         }
         let names = column_names(texts_of(&records)?)?;
-        let is_latin = records.cells().any(|(cell, _)| std::str::from_utf8(cell).is_err());
+        let is_latin = records.cells().any(|cell| !is_utf8(cell));
         Ok(Rows { records, names, separator, is_utf16, is_latin })
     }
 
@@ -176,7 +176,7 @@ impl Rows {
     fn advance(&mut self) -> Result<bool, Stop> {
         let is_row = self.records.advance()?;
         let (line, found, expected) =
-            (self.records.line(), self.records.cells().count(), self.names.len());
+            (self.records.line(), self.records.cells().len(), self.names.len());
         if is_row && found != expected {
             let problem = format!(" has {found} cells, the header has {expected}");
             return Err(ContentError::line(line, problem).into());
@@ -186,26 +186,21 @@ impl Rows {
 
     /// A description of the text if it differs from this toolkit's.
     fn dialect(&self, is_latin: bool, has_comma: bool) -> Option<String> {
-        let separator = match self.separator {
-            b';' => "semicolons between cells",
-            b'\t' => "tabs between cells",
-            _ => "",
-        };
-        let comma = if has_comma { "decimal commas" } else { "" };
-        let encoding = match (self.is_utf16, is_latin) {
-            (true, _) => "UTF-16",
-            (_, true) => "Latin-1",
-            _ => "",
-        };
-        let parts: Vec<&str> =
-            [separator, comma, encoding].into_iter().filter(|part| !part.is_empty()).collect();
-        (!parts.is_empty()).then(|| parts.join(", "))
+        let parts = [
+            (self.separator == b';', "semicolons between cells"),
+            (self.separator == b'\t', "tabs between cells"),
+            (has_comma, "decimal commas"),
+            (self.is_utf16, "UTF-16"),
+            (is_latin && !self.is_utf16, "Latin-1"),
+        ];
+        let found: Vec<&str> = parts.iter().filter(|part| part.0).map(|part| part.1).collect();
+        (!found.is_empty()).then(|| found.join(", "))
     }
 }
 
 /// The text of a cell on a line, without the apostrophe of [`write_quoted`].
-fn text_of(cell: &[u8], line: usize) -> Result<Cow<'_, str>, ContentError> {
-    match encoding::text(cell) {
+fn text_of(cell: Cell<'_>, line: usize) -> Result<Cow<'_, str>, ContentError> {
+    match cell.text() {
         text if text.contains('\0') => {
             Err(ContentError::line(line, " holds a byte zero: this is no text"))
         }
@@ -213,11 +208,15 @@ fn text_of(cell: &[u8], line: usize) -> Result<Cow<'_, str>, ContentError> {
     }
 }
 
+fn is_utf8(cell: Cell) -> bool {
+    std::str::from_utf8(cell.bytes).is_ok()
+}
+
 /// The cells of the current record. Spaces around an unquoted cell do not count.
 fn texts_of<R: BufRead>(records: &Records<R>) -> Result<Vec<String>, ContentError> {
-    let text = |(cell, is_quoted): (&[u8], bool)| {
+    let text = |cell: Cell| {
         let text = text_of(cell, records.line())?;
-        Ok(if is_quoted { text.into_owned() } else { text.trim().to_owned() })
+        Ok(if cell.is_quoted { text.into_owned() } else { text.trim().to_owned() })
     };
     records.cells().map(text).collect()
 }
@@ -230,13 +229,14 @@ fn attempt(path: &Path, texts: &BTreeSet<usize>) -> Result<Table, Stop> {
     let (mut origin, mut rows, mut is_latin) = (Origin::default(), 0, file.is_latin);
     while file.advance()? {
         let line = file.records.line();
-        for (place, (cell, quoted)) in file.records.cells().enumerate() {
+        for (place, cell) in file.records.cells().enumerate() {
             let text = text_of(cell, line)?;
-            is_latin |= matches!(text, Cow::Owned(_)) && std::str::from_utf8(cell).is_err();
-            let Err(expected) = columns[place].push(&text, quoted, &mut numbers) else { continue };
+            is_latin |= matches!(text, Cow::Owned(_)) && !is_utf8(cell);
+            let pushed = columns[place].push(&text, cell.is_quoted, &mut numbers);
+            let Err(expected) = pushed else { continue };
             // True, false and a missing value together are text.
-            let no_flag = expected == ColumnKind::Flag && growing::is_missing(cell);
-            if quoted || no_flag {
+            let no_flag = expected == ColumnKind::Flag && growing::is_missing(cell.bytes);
+            if cell.is_quoted || no_flag {
                 return Err(Stop::Text(place));
             }
             let column = file.names[place].as_deref().unwrap_or_default();

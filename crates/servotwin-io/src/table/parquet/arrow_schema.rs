@@ -163,31 +163,3 @@ impl Buffer {
         pairs
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::arrow::facts;
-    use super::*;
-
-    #[test]
-    fn a_reader_of_the_arrow_schema_finds_units_and_descriptions() {
-        let column = |name: &str, unit: &str, values: ColumnKind| {
-            Column::new(name, unit, super::super::super::Values::empty(values))
-        };
-        let table = Table::from_columns(vec![
-            column("p_a_pa", "Pa", ColumnKind::Float).described("Pressure of chamber A."),
-            column("case", "", ColumnKind::Text).described("Betriebsfall – ÄÖ"),
-            column("count", "1", ColumnKind::Unsigned),
-            column("plain", "", ColumnKind::Flag),
-        ]);
-        let found = facts(&encode(&table.unwrap()));
-        let of = |name: &str| {
-            let facts = &found[name];
-            (facts.unit.as_deref(), facts.description.as_deref())
-        };
-        assert_eq!(of("p_a_pa"), (Some("Pa"), Some("Pressure of chamber A.")));
-        assert_eq!(of("case"), (None, Some("Betriebsfall – ÄÖ")));
-        assert_eq!(of("count"), (Some("1"), None));
-        assert_eq!(of("plain"), (None, None));
-    }
-}
