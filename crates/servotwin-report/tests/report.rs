@@ -312,7 +312,7 @@ fn of_what_was_not_counted_nothing_is_said() {
     let (before, rest) = PRESS.split_once("[reactions]").unwrap();
     let (_, after) = rest.split_once("[realistic]").unwrap();
     let html = press_report(&format!("{before}[realistic]{after}"));
-    assert!(html.contains("says of no command that it switches its unit off"));
+    assert!(html.contains("says of no action that it switches its unit off"));
     for absent in ["missed (of", " 0.00 %", ">0.00 %", "</b> none", "healthy specimen switched off"]
     {
         assert!(!html.contains(absent), "{absent}");
