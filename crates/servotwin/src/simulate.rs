@@ -130,7 +130,7 @@ pub enum SimulationError {
     /// The method needs a fixed step.
     #[error("the method {method} has no error control and needs a fixed step")]
     NoErrorControl { method: &'static str },
-    /// More than [`MAX_VALUES`] values would be recorded.
+    /// More than `MAX_VALUES` values would be recorded.
     #[error(
         "more than 200 million values would be recorded: record fewer quantities, or sample less often"
     )]

@@ -256,7 +256,7 @@ impl Job<'_> {
     /// each scenario.
     ///
     /// # Errors
-    /// As [`Job::learn`] and [`Job::fly_suites`].
+    /// As `Job::learn` and `Job::fly_suites`.
     pub fn fly_all(&self, scenarios: &[Scenario]) -> Result<FlightResults, JobError> {
         let suites: Vec<&Suite> = self.study.suites().filter(|suite| is_usual(suite)).collect();
         let mut counted = None;

@@ -35,9 +35,9 @@ pub struct DataRow {
     pub(crate) flown: u32,
     /// Index in [`DataSet::faults`].
     pub(crate) fault: u32,
-    /// Index in [`DataSet::kinds`].
+    /// Index in `DataSet::kinds`.
     pub kind: u32,
-    /// Index in [`DataSet::intensities`]: the study's nominal intensity.
+    /// Index in `DataSet::intensities`: the study's nominal intensity.
     pub intensity: u32,
     /// Its actual intensity.
     pub own_intensity: f64,

@@ -1,7 +1,7 @@
 //! Suites: experiments as data. A suite says how many runs there are, of what, in which environments and for what
 //! purpose.
 //!
-//! Some names are known ([`KNOWN`]), with a purpose and usual values. A suite of another name is for judging only. A
+//! Some names are known (`KNOWN`), with a purpose and usual values. A suite of another name is for judging only. A
 //! suite that is `like` another has its environments, numbers, specimens and noise, so the two differ only by what the
 //! suite itself says.
 

@@ -36,7 +36,7 @@ pub struct UnseenFaultRates {
     pub flights: u64,
     /// Number of failed flights.
     pub failed: u64,
-    /// The measures of unseen faults ([`unseen::all`]).
+    /// The measures of unseen faults (`unseen::all`).
     pub rates: Rates,
     /// From the onset to the first output of any kind.
     pub first_word: Option<Latency>,
