@@ -280,6 +280,19 @@ fn a_fleet_is_fitted_as_each_of_it_alone() {
 }
 
 #[test]
+fn a_fit_reaches_all_that_a_plant_may_draw() {
+    let study = Study::default();
+    let unknowns = Unknown::of_draws(&study);
+    let draws = &study.flights.as_ref().unwrap().draws;
+    let bandwidth = |unknown: &&Unknown| unknown.name.ends_with("sensor_spool.bandwidth_hz");
+    for unknown in unknowns.iter().filter(bandwidth) {
+        let ends = [unknown.range.0, unknown.range.1].map(|z| unknown.value(z) / unknown.nominal());
+        assert!((ends[0] - 0.3).abs() < 1e-12 && (ends[1] - 1.0).abs() < 1e-12, "{ends:?}");
+    }
+    assert!(unknowns.iter().any(|own| bandwidth(&own)) && draws.len() >= unknowns.len());
+}
+
+#[test]
 fn a_parameter_that_drifts_inside_of_its_tolerance_is_an_update_and_told() {
     let study = spring();
     let problem = Fit { suspects: vec![], ..Fit::of_study(&study, vec![]) };
