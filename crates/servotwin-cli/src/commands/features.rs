@@ -7,7 +7,7 @@ use servotwin::files;
 use servotwin::learn::EvaluationError;
 use servotwin::recordings::RecordingStudy;
 use servotwin::study::Study;
-use servotwin_diagnosis::features::{ALL, Feature, Sensor, Sensors};
+use servotwin_diagnosis::features::{ALL, Feature, Sensors};
 use servotwin_view::document::{Document, Table, Value};
 use servotwin_view::{render, row};
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ impl Run for Options {
 fn list(study: Option<&PathBuf>, global: Global) -> Result<Document, Failure> {
     let sensors = match study {
         Some(path) => read_recording_study(path)?.sensors(),
-        None => of_the_paper()?,
+        None => of_default_study()?,
     };
     let mut page = Document::listing("features", "");
     page.verdict = None;
@@ -56,21 +56,16 @@ fn list(study: Option<&PathBuf>, global: Global) -> Result<Document, Failure> {
     Ok(if global.json { page } else { Document::raw(render::markdown(&page)) })
 }
 
-/// The sensors of the default study, then those that only its tests on the ground read.
-fn of_the_paper() -> Result<Sensors, Failure> {
+/// The sensors of the default study. Its tests on the ground read all of them, and some more.
+fn of_default_study() -> Result<Sensors, Failure> {
     let study = Study::default();
-    let mut sensors = study.sensors.0.clone();
-    if let Some(test) = study.on_ground()? {
-        let is_known = |own: &Sensor| study.sensors.0.iter().any(|known| known.name == own.name);
-        sensors.extend(test.sensors.0.into_iter().filter(|own| !is_known(own)));
-    }
-    Ok(Sensors(sensors))
+    Ok(study.on_ground()?.unwrap_or(study).sensors)
 }
 
 /// The introduction of the list.
 const LIST_HEAD: &str = "\
-    This reference lists every feature of the default study's sensors, by family, also of those that only its test on \
-    the ground reads.\n\
+    This reference lists every feature of the default study's sensors, by family.\n\
+    It includes the sensors that only the test on the ground reads.\n\
     `servotwin features` prints it, and `--study` lists the features of another study.\n\
     A family has features only where the sensors exist that it compares.\n\
     r' is a residual: the measured value less the twin's value, over the sensor's scale.\n\

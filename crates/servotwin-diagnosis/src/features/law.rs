@@ -12,21 +12,33 @@
 //!
 //! Sensors without a current have no such features.
 
-use super::{Noise, Quantity, Sensors, Sink, log_deviation};
+use super::{Noise, Quantity, Sensors, Sink, log_deviation, of_law};
 use crate::number::Number;
 use crate::residual::Statistics;
 
 /// Below this deviation, in parts of scale, a current gives no slope.
 const LEAST_DEVIATION: f64 = 1e-2;
 
-/// α, β, e² and var(i) of a line from the means of x and i, and their covariances: xx, xi and ii.
-fn line<N: Number>([x, i]: [N; 2], [xx, xi, ii]: [N; 3]) -> [N; 4] {
-    let slope = xi / (ii + N::constant(LEAST_DEVIATION * LEAST_DEVIATION));
-    [x - slope * i, slope, xx - slope * xi, ii]
+/// The line of a spool over its current.
+struct Line<N> {
+    /// α and β.
+    offset: N,
+    slope: N,
+    /// e² and var(i).
+    left: N,
+    of_current: N,
+}
+
+impl<N: Number> Line<N> {
+    /// From the means of x and i, and their covariances: xx, xi and ii.
+    fn new([x, i]: [N; 2], [xx, xi, ii]: [N; 3]) -> Self {
+        let slope = xi / (ii + N::constant(LEAST_DEVIATION * LEAST_DEVIATION));
+        Line { offset: x - slope * i, slope, left: xx - slope * xi, of_current: ii }
+    }
 }
 
 /// The lines of spool over current, by the twin and as measured.
-fn lines<W: Statistics>(window: &W, spool: usize, current: usize) -> [[W::Number; 4]; 2] {
+fn lines<W: Statistics>(window: &W, spool: usize, current: usize) -> [Line<W::Number>; 2] {
     let pairs = [(spool, spool), (spool, current), (current, current)];
     let of_twin = pairs.map(|(a, b)| window.twin_covariance(a, b));
     let measured = pairs.map(|(a, b)| {
@@ -35,7 +47,7 @@ fn lines<W: Statistics>(window: &W, spool: usize, current: usize) -> [[W::Number
     });
     let mean_of_twin = [spool, current].map(|sensor| window.twin_mean(sensor));
     let mean = [spool, current].map(|sensor| window.mean(sensor) + window.twin_mean(sensor));
-    [line(mean_of_twin, of_twin), line(mean, measured)]
+    [Line::new(mean_of_twin, of_twin), Line::new(mean, measured)]
 }
 
 pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window: &W, out: &mut S) {
@@ -44,25 +56,24 @@ pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window:
         let (spool, current) = (find(Quantity::Spool), find(Quantity::Current));
         let [twin, measured] = lines(window, spool, current);
         // Twin and sensors show the noise of real sensors, so that nothing below it counts.
-        let over = |noise: Noise, place: usize| {
+        let over = |noise: Noise, measured, twin| {
             let of_twin = Noise { carried: 0.0, ..noise };
-            log_deviation(measured[place], noise) - log_deviation(twin[place], of_twin)
+            log_deviation(measured, noise) - log_deviation(twin, of_twin)
         };
-        let left = over(sensors.noise(&[(spool, 1.0), (current, 1.0)]), 2);
-        let lag = left - over(sensors.noise(&[(current, 1.0)]), 3);
-        let zero = W::Number::constant(0.0);
-        let stand_ins = window.stands_in(spool) + window.stands_in(current);
-        // A stand-in value does not follow the law, so the law counts as fulfilled.
-        let known = |value: W::Number| zero.if_less(stand_ins, zero, value);
+        let of_both = sensors.noise(&[(spool, 1.0), (current, 1.0)]);
+        let left = over(of_both, measured.left, twin.left);
+        let of_current = sensors.noise(&[(current, 1.0)]);
+        let lag = left - over(of_current, measured.of_current, twin.of_current);
+        let known = |value| of_law(window, [spool, current].into_iter(), value, 0.0);
         let of_spool = &sensors.0[spool];
-        out.put(known(measured[1] - twin[1]), || {
+        out.put(known(measured.slope - twin.slope), || {
             of_spool.feature(
                 "law_gain",
                 "1",
                 "slope over the current, less that of the twin, of {}",
             )
         });
-        out.put(known(measured[0] - twin[0]), || {
+        out.put(known(measured.offset - twin.offset), || {
             let meaning = "value at a current of zero, less that of the twin, of {}";
             of_spool.feature("law_offset", "of scale", meaning)
         });

@@ -20,7 +20,7 @@ mod proportion;
 mod views;
 mod vote;
 
-use crate::number::Number;
+use crate::number::{Number, sum};
 use crate::residual::{Statistics, Window};
 use alloc::format;
 use alloc::string::String;
@@ -435,6 +435,18 @@ impl Noise {
     fn least_deviation(self) -> f64 {
         libm::sqrt(self.resolved + square(FLOOR))
     }
+}
+
+/// A value of a law between sensors. A stand-in value does not follow the law, so the law counts as fulfilled then.
+fn of_law<W: Statistics>(
+    window: &W,
+    sensors: impl Iterator<Item = usize>,
+    value: W::Number,
+    fulfilled: f64,
+) -> W::Number {
+    let number = W::Number::constant;
+    let stand_ins = sum(sensors.map(|sensor| window.stands_in(sensor)));
+    number(0.0).if_less(stand_ins, number(fulfilled), value)
 }
 
 /// The logarithm of a standard deviation (base ten).

@@ -17,7 +17,7 @@
 //!
 //! Source: parity relations, Chow and Willsky, IEEE Transactions on Automatic Control 29 (1984) 603.
 
-use super::{Combination, Noise, Sensors, Sink, Teaches, correlation, log_deviation};
+use super::{Combination, Noise, Sensors, Sink, Teaches, correlation, log_deviation, of_law};
 use crate::number::{Number, sum};
 use crate::residual::Statistics;
 use alloc::format;
@@ -70,13 +70,13 @@ fn relations(sensors: &Sensors) -> impl Iterator<Item = (usize, Relation)> + '_ 
 pub(super) fn list<W: Statistics, S: Sink<W::Number>>(sensors: &Sensors, window: &W, out: &mut S) {
     for (place, relation) in relations(sensors) {
         let noise = sensors.noise(relation.terms());
-        // A stand-in value does not follow the law, so the relation counts as fulfilled.
-        let stand_ins = sum(relation.terms().iter().map(|term| window.stands_in(term.0)));
-        let (known, fulfilled) = (relation.of(window, place), [0.0, noise.carried, 0.0]);
-        let [mean, variance, with_twin] = [0, 1, 2].map(|i| {
-            let fulfilled = W::Number::constant(fulfilled[i]);
-            W::Number::constant(0.0).if_less(stand_ins, fulfilled, known[i])
-        });
+        let [mean, variance, with_twin] = relation.of(window, place);
+        let known = |value, fulfilled| {
+            of_law(window, relation.terms().iter().map(|term| term.0), value, fulfilled)
+        };
+        let mean = known(mean, 0.0);
+        let variance = known(variance, noise.carried);
+        let with_twin = known(with_twin, 0.0);
         let of_twin = window.twin_covariance(place, place);
         let log_dev = log_deviation(variance, noise);
         let feature = |kind: &str, unit, meaning: &str| {

@@ -11,7 +11,7 @@ use super::{Fit, FitError};
 
 /// The most turns for each specimen.
 const MOST_TURNS: usize = 24;
-/// No smaller share of a step is tried: what is left of F to gain is then less than the errors of J.
+/// No smaller share of a step is tried: J then no longer tells where F falls.
 const LEAST_SHARE: f64 = 0.1;
 /// Number of runs whose residuals are kept in memory.
 const AT_ONCE: usize = 96;
@@ -25,16 +25,15 @@ pub(crate) struct Specimen {
     pub(crate) overrides: Vec<(usize, usize, f64)>,
 }
 
-/// The fitted specimens, or why the twin of one cannot be simulated, and the standard error of each unknown, which all
-/// have in common.
-pub(crate) type Fleet = (Vec<Result<Specimen, FitError>>, Vec<f64>);
+/// The fitted specimens, and the standard error of each unknown, which all have in common.
+pub(crate) type Fleet = (Vec<Specimen>, Vec<f64>);
 
 impl Fit<'_> {
     /// Fits specimens to their sensor values, which are ordered by sample as in a [`FitRecord`](super::FitRecord). The
     /// calibration flight is the first record; its measured values are not used.
     ///
     /// # Errors
-    /// The nominal twin cannot be simulated, an unknown is not determined, or the run was stopped.
+    /// The twin in the middle of the ranges cannot be simulated, an unknown is not determined, or the run was stopped.
     pub(crate) fn fleet(&self, measured: &[Vec<f64>]) -> Result<Fleet, FitError> {
         if self.records.is_empty() {
             return Err(FitError::NoRecord);
@@ -47,19 +46,23 @@ impl Fit<'_> {
         let linear = self.linear(&middle, DerivativeScheme::Central)?;
         let covariance = linear.curvature.inverse().ok_or(FitError::Undetermined)?;
         let errors = (0..self.unknowns.len()).map(|k| covariance.at(k, k).sqrt()).collect();
+        let record = &self.records[0];
+        let twins = self.twins(record, (1, 1.0), |_| self.variant(&middle, &record.inputs))?;
+        let twin = twins.into_iter().next().expect("one twin")?;
         let mut all = vec![];
         for measured in measured.chunks(AT_ONCE) {
-            let mut fitted = vec![Progress::at(&middle); measured.len()];
-            for _ in 0..MOST_TURNS {
+            let first = |own: &Vec<f64>| self.progress(&linear, middle.clone(), own, &twin);
+            let mut fitted = measured.iter().map(first).collect::<Result<Vec<Progress>, _>>()?;
+            for _ in 1..MOST_TURNS {
                 self.turn(&linear, measured, &mut fitted)?;
             }
-            all.extend(fitted.into_iter().map(Progress::end));
+            all.extend(fitted.into_iter().map(|own| own.z));
         }
         let specimen = |z: Vec<f64>| {
             let overrides = self.variant(&z, &[]).overrides;
             Specimen { z, overrides }
         };
-        Ok((all.into_iter().map(|z| z.map(specimen)).collect(), errors))
+        Ok((all.into_iter().map(specimen).collect(), errors))
     }
 
     /// Tries the next point of every specimen that is not at its minimum.
@@ -70,61 +73,49 @@ impl Fit<'_> {
         all: &mut [Progress],
     ) -> Result<(), FitError> {
         let record = &self.records[0];
-        let open: Vec<usize> = (0..all.len()).filter(|&place| !all[place].has_ended).collect();
-        let points: Vec<Vec<f64>> = open.iter().map(|&place| self.next(&all[place])).collect();
+        let open: Vec<usize> = (0..all.len()).filter(|&place| all[place].is_open()).collect();
+        let next = |own: &Progress| self.point_behind(&own.z, &own.step, own.share);
+        let points: Vec<Vec<f64>> = open.iter().map(|&place| next(&all[place])).collect();
         let variant = |job: usize| self.variant(&points[job], &record.inputs);
         let twins = self.twins(record, (points.len(), 1.0), variant)?;
         for ((place, z), twin) in open.into_iter().zip(points).zip(twins) {
             let own = &mut all[place];
-            let residuals = twin.map(|twin| self.residuals_beside(record, &measured[place], &twin));
-            match residuals.map(|residuals| (self.cost(&z, &residuals), linear.pull(&residuals))) {
-                Ok((cost, pull)) if cost < own.cost => {
-                    let (step, promised) = self.step(linear, &z, &pull, None)?;
-                    *own = Progress { z, cost, step, share: 1.0, ..own.clone() };
-                    (own.failure, own.has_ended) = (None, promised < SMALL_GAIN);
-                }
-                // A twin that cannot be simulated at the first point has none to step back to.
-                Err(failure) if own.cost.is_infinite() => {
-                    (own.failure, own.has_ended) = (Some(failure), true);
-                }
-                Ok(_) | Err(_) => {
-                    own.share *= 0.5;
-                    own.has_ended = own.share < LEAST_SHARE;
-                }
+            let tried = twin.and_then(|twin| self.progress(linear, z, &measured[place], &twin));
+            match tried {
+                Ok(tried) if tried.cost < own.cost => *own = tried,
+                _ => own.share *= 0.5,
             }
         }
         Ok(())
     }
 
-    /// The point that a specimen tries next.
-    fn next(&self, own: &Progress) -> Vec<f64> {
-        let moved = own.z.iter().zip(&own.step).zip(&self.unknowns);
-        moved.map(|((z, step), u)| (z + own.share * step).clamp(u.range.0, u.range.1)).collect()
+    /// What a specimen's sensors say at a point, beside its twin there.
+    fn progress(
+        &self,
+        linear: &Linear,
+        z: Vec<f64>,
+        measured: &[f64],
+        twin: &[f64],
+    ) -> Result<Progress, FitError> {
+        let residuals = self.residuals_beside(&self.records[0], measured, twin);
+        let (step, promised) = self.step(linear, &z, &linear.pull(&residuals), None)?;
+        let share = if promised < SMALL_GAIN { 0.0 } else { 1.0 };
+        Ok(Progress { cost: self.cost(&z, &residuals), z, step, share })
     }
 }
 
 /// How far the fit of a specimen is.
-#[derive(Clone)]
 struct Progress {
     /// The best unknowns so far, and F there.
     z: Vec<f64>,
     cost: f64,
-    /// The step from there, and the share of it that is tried.
+    /// The step from there, and the share of it that is tried next.
     step: Vec<f64>,
     share: f64,
-    failure: Option<FitError>,
-    has_ended: bool,
 }
 
 impl Progress {
-    /// Before the first run.
-    fn at(z: &[f64]) -> Self {
-        let step = vec![0.0; z.len()];
-        let (cost, share) = (f64::INFINITY, 1.0);
-        Progress { z: z.to_vec(), cost, step, share, failure: None, has_ended: false }
-    }
-
-    fn end(self) -> Result<Vec<f64>, FitError> {
-        self.failure.map_or(Ok(self.z), Err)
+    fn is_open(&self) -> bool {
+        self.share >= LEAST_SHARE
     }
 }

@@ -136,6 +136,12 @@ impl Fit<'_> {
         Ok(Minimum { linear, z, residuals, cost, converged, steps })
     }
 
+    /// The point behind a share of a step, within the ranges.
+    pub(super) fn point_behind(&self, z: &[f64], step: &[f64], share: f64) -> Vec<f64> {
+        let moved = z.iter().zip(step).map(|(z, step)| z + share * step);
+        moved.zip(&self.unknowns).map(|(z, u)| z.clamp(u.range.0, u.range.1)).collect()
+    }
+
     /// The best of several lengths of a step; `None` if none gives F below `bar`.
     fn best_of(
         &self,
@@ -144,11 +150,8 @@ impl Fit<'_> {
         lengths: &[f64],
         bar: f64,
     ) -> Result<Option<(Vec<f64>, Residuals)>, FitError> {
-        let point = |length: &f64| -> Vec<f64> {
-            let moved = z.iter().zip(step).map(|(z, step)| z + length * step);
-            moved.zip(&self.unknowns).map(|(z, u)| z.clamp(u.range.0, u.range.1)).collect()
-        };
-        let points: Vec<Vec<f64>> = lengths.iter().map(point).collect();
+        let points: Vec<Vec<f64>> =
+            lengths.iter().map(|length| self.point_behind(z, step, *length)).collect();
         let mut best: Option<(f64, Vec<f64>, Residuals)> = None;
         for (point, found) in points.iter().zip(self.residuals(&points)?) {
             let Ok(residuals) = found else { continue };

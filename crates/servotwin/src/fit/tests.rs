@@ -263,7 +263,7 @@ fn a_fleet_is_fitted_as_each_of_it_alone() {
     let (found, errors) = problem.fleet(&measured).unwrap();
     let (mut inside, mut all) = (0, 0);
     for (n, (specimen, record)) in found.iter().zip(&records).enumerate() {
-        let z = &specimen.as_ref().unwrap().z;
+        let z = &specimen.z;
         let truth = truth(&study, &problem.unknowns, n);
         let is_inside = |&k: &usize| (z[k] - truth[k]).abs() <= 1.96 * errors[k];
         inside += (0..truth.len()).filter(is_inside).count();

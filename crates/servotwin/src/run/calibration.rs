@@ -94,12 +94,8 @@ pub(crate) fn fit_twins(
         cancel: ensemble.cancel,
         ..Fit::new(&study.system, vec![calibration_record(study, calibration, sensors, first)])
     };
-    let failed = |specimen: usize, error: FitError| match error {
+    problem.fleet(&measured).map_err(|error| match error {
         FitError::Cancelled => RunError::Cancelled,
-        error => RunError::Calibration { specimen, reason: error.to_string() },
-    };
-    let (found, errors) = problem.fleet(&measured).map_err(|error| failed(0, error))?;
-    let found = found.into_iter().enumerate();
-    let specimens = found.map(|(place, fit)| fit.map_err(|error| failed(place, error)));
-    Ok((specimens.collect::<Result<_, _>>()?, errors))
+        error => RunError::Calibration { specimen: 0, reason: error.to_string() },
+    })
 }
