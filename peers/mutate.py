@@ -52,11 +52,11 @@ x_p = { quantity = "ram", unit = 1 }
 x_v = { quantity = "spool", unit = 1, follows = { x_p = 0.1 } }
 [[classes]]
 detail = "leakage"
-command = "stop"
+action = "stop"
 faults = ["leakage_a.leakage", "leakage_b.leakage"]
 [[classes]]
 detail = "valve"
-command = "warn"
+action = "warn"
 faults = ["servo_valve.clogging_pa", "servo_valve.gain_low"]
 [reactions]
 stop = { switches_off = true }

@@ -4,7 +4,7 @@
 
 FOLDER is the output of `servotwin study`; scenarios are `ideal`, `noise` and `realistic` (default: all
 that are there). The hierarchy of CART trees (A: the actuator, learning from mirror images too; B: the
-command; below it the detail, both seen from the failed actuator with its own sensors' features) is trained
+action; below it the detail, both seen from the failed actuator with its own sensors' features) is trained
 with the criterion and depth that `evaluation.json` names, and asked end to end,
 
 learned from the training commands and judged on the others (new command), there also with scikit-learn's
@@ -63,7 +63,7 @@ class Rows:
         self.own = table.select([f"f:{n}" for n in self.names]).to_numpy()
         self.mirror = table.select([f"m:{n}" for n in self.names]).to_numpy()
         self.actuator = table["actuator"].to_numpy()
-        self.command = table["command"].to_numpy()
+        self.action = table["action"].to_numpy()
         self.detail = table["detail"].to_numpy()
 
     def reading(self, names):
@@ -110,13 +110,13 @@ def end_to_end(model, train, rows, test, places):
     said = first.predict(test.own[places])
     right = said == test.actuator[places]
     faulty = rows[train.actuator[rows] != "healthy"]
-    second = model().fit(train.seen(faulty), train.command[faulty])
+    second = model().fit(train.seen(faulty), train.action[faulty])
     seen = test.seen(places)
-    command = second.predict(seen)
-    right &= command == test.command[places]
-    for name in np.unique(train.command[faulty]):
-        of = faulty[train.command[faulty] == name]
-        asked = np.flatnonzero(command == name)
+    action = second.predict(seen)
+    right &= action == test.action[places]
+    for name in np.unique(train.action[faulty]):
+        of = faulty[train.action[faulty] == name]
+        asked = np.flatnonzero(action == name)
         if len(asked) == 0:
             continue
         if len(np.unique(train.detail[of])) == 1:

@@ -76,7 +76,7 @@ impl Diagnoser {
         let names = diagnoser.names();
         let sensors = diagnoser.sensors.iter().enumerate();
         let lost = sensors.filter(|(place, _)| self.session.is_lost(*place));
-        let command = |raised: diagnoser::Raised| {
+        let in_names = |raised: diagnoser::Raised| {
             let unit = names.actuators[raised.actuator as usize].clone();
             (unit, names.actions[raised.action as usize].clone())
         };
@@ -84,7 +84,7 @@ impl Diagnoser {
             sample: said.sample,
             finding: diagnoser.describe(said.finding),
             alarm: said.alarm.name(),
-            raised: said.raised.map(command),
+            raised: said.raised.map(in_names),
             confidence: said.confidence,
             worst_sensor: said.worst_sensor.map(|s| diagnoser.sensors[s as usize].name.clone()),
             excess: said.excess,
@@ -188,7 +188,7 @@ impl Diagnoser {
                 values[row * shape[1]..(row + 1) * shape[1]].to_vec()
             };
             let (mut times, mut findings, mut alarms) = (vec![], vec![], vec![]);
-            let (mut units, mut commands, mut confidences) = (vec![], vec![], vec![]);
+            let (mut units, mut actions, mut confidences) = (vec![], vec![], vec![]);
             for at in 0..rows {
                 if watch.cancel.load(Ordering::Relaxed) {
                     break;
@@ -199,17 +199,17 @@ impl Diagnoser {
                 times.push(self.session.time_s(said.sample));
                 findings.push(said.finding);
                 alarms.push(said.alarm.to_owned());
-                let (unit, command) = said.raised.unwrap_or_default();
+                let (unit, action) = said.raised.unwrap_or_default();
                 units.push(unit);
-                commands.push(command);
+                actions.push(action);
                 confidences.push(said.confidence);
             }
             Ok(Columns::from_columns(vec![
                 Column::new("time_s", "s", times),
                 Column::new("finding", "", findings),
                 Column::new("alarm", "", alarms),
-                Column::new("raised_unit", "", units),
-                Column::new("raised_command", "", commands),
+                Column::new("raised_actuator", "", units),
+                Column::new("raised_action", "", actions),
                 Column::new("confidence", "", confidences),
             ])?)
         })??;

@@ -65,7 +65,7 @@ pub(crate) fn watch(
         text("state", &|finding| finding.state.words().into()),
         text("phase", &|finding| finding.phase.words().into()),
         text("actuator", &|finding| finding.unit.clone().unwrap_or_default()),
-        text("action", &|finding| finding.command.clone()),
+        text("action", &|finding| finding.action.clone()),
         text("component", &|finding| finding.detail.clone()),
         number("confidence", "", &|(_, finding)| finding.confidence),
         text("finding", &|finding| finding.words()),

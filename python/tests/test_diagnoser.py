@@ -24,7 +24,7 @@ def test_a_whole_table_says_what_one_sample_after_the_other_does(learned):
 def test_a_healthy_actuator_raises_nothing(learned):
     diagnoser = servotwin.Diagnoser(learned)
     said = diagnoser.run(*flight(diagnoser))
-    assert set(said["raised_unit"]) == {""}
+    assert set(said["raised_actuator"]) == {""}
 
 
 def test_a_sensor_that_goes_silent_is_named(learned):

@@ -44,8 +44,8 @@ pub struct ExplainedVerdict {
     pub outcome: &'static str,
     /// The actuator that the committee names; `None` if the only actuator has no name.
     pub actuator: Option<String>,
-    /// The command that the committee asks for.
-    pub command: Option<String>,
+    /// The action that the committee asks for.
+    pub action: Option<String>,
     /// The probability that both are right; `None` if no stage was asked.
     pub confidence: Option<f64>,
 }
@@ -167,13 +167,13 @@ fn verdict(
     };
     let names = &panel.trees.names;
     let actuator = said.and_then(|said| said.actuator);
-    let command = said.and_then(|said| said.action);
+    let action = said.and_then(|said| said.action);
     Ok(ExplainedVerdict {
         outcome,
         actuator: actuator
             .map(|actuator| names.actuators[actuator as usize].clone())
             .filter(|name| !name.is_empty()),
-        command: command.map(|command| names.actions[command as usize].clone()),
+        action: action.map(|action| names.actions[action as usize].clone()),
         confidence: said.map(|said| said.confidence),
     })
 }
@@ -188,7 +188,7 @@ fn facts(table: &Table, row: usize, variant: u32) -> Result<Explanation, TableEr
         verdict: ExplainedVerdict {
             outcome: "healthy",
             actuator: None,
-            command: None,
+            action: None,
             confidence: None,
         },
         largest_residual: table.f64("largest_residual")?[row],
@@ -206,13 +206,13 @@ fn views(table: &Table, hierarchy: &Hierarchy, row: usize) -> Result<Vec<Vec<f64
     (0..hierarchy.views()).map(of_view).collect()
 }
 
-/// The true actuator, command and fault class of a fault.
+/// The true actuator, action and fault class of a fault.
 fn truth(study: &Study, words: &Vocabulary, fault: &str) -> [String; 3] {
     let known = study.faults.iter().find(|known| known.id == fault);
     known.map_or(["healthy"; 3].map(Into::into), |known| {
         let class = &study.classes[known.class];
         let unit = words.class(Question::Actuator, &study.units[known.unit]);
-        [unit.to_owned(), class.command.clone(), class.detail.clone()]
+        [unit.to_owned(), class.action.clone(), class.detail.clone()]
     })
 }
 

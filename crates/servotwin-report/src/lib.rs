@@ -138,11 +138,6 @@ pub static CHAPTERS: &[Chapter] = &[
             section("protocols", "The trees under every protocol", protocols::write),
             section("committee", "The committee", committee::write),
             section("settings", "Settings", settings::write),
-            section(
-                "uncertainty",
-                "Answers that hang on less than a sensor shows",
-                uncertainty::write,
-            ),
             section("confusion", "Confusion matrices", confusion::write),
             section("classifiers", "Classifiers compared", classifiers::write),
         ],

@@ -105,7 +105,7 @@ pub(crate) fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(St
     let mut stages: Vec<(String, String)> = vec![];
     let all = results.iter().flat_map(|result| &result.stages);
     for stage in all.filter(|stage| stage.actuator.is_none() && decides(stage)) {
-        let finds = match (stage.question, &stage.command) {
+        let finds = match (stage.question, &stage.action) {
             (Question::Actuator, _) if words.has_several() => words.unit().to_owned(),
             (Question::Actuator, _) => words.question(stage.question),
             (Question::Action, _) => "action".into(),

@@ -1,31 +1,31 @@
-//! Plot styles of a study's actuators, commands and failures in the figures of its report.
+//! Plot styles of a study's actuators, actions and failures in the figures of its report.
 
 use servotwin::job::Subject;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::{Look, SemanticColor};
 
-/// The plot styles of a study's actuators, commands and failures.
+/// The plot styles of a study's actuators, actions and failures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Looks {
     units: Vec<String>,
-    commands: Vec<String>,
-    /// Fault classes, each with the index of its command.
+    actions: Vec<String>,
+    /// Fault classes, each with the index of its action.
     details: Vec<(String, usize)>,
 }
 
 impl Looks {
-    /// Assigns styles to a study's actuators, commands and failures.
+    /// Assigns styles to a study's actuators, actions and failures.
     pub(crate) fn of(study: &Study) -> Self {
-        let commands = study.commands();
+        let actions = study.actions();
         let mut details: Vec<(String, usize)> = vec![];
         for class in &study.classes {
-            let command = commands.iter().position(|command| *command == class.command);
+            let action = actions.iter().position(|action| *action == class.action);
             if details.iter().all(|(known, _)| *known != class.detail) {
-                details.push((class.detail.clone(), command.unwrap_or(0)));
+                details.push((class.detail.clone(), action.unwrap_or(0)));
             }
         }
-        Looks { units: study.units.clone(), commands, details }
+        Looks { units: study.units.clone(), actions, details }
     }
 
     /// The style of a class, by the question that it answers. Healthy is plain.
@@ -34,7 +34,7 @@ impl Looks {
         let found = match question {
             Question::Actuator => place(&self.units).map(|place| SemanticColor::Unit(place).look()),
             Question::Action => {
-                place(&self.commands).map(|place| SemanticColor::Command(place).look())
+                place(&self.actions).map(|place| SemanticColor::Action(place).look())
             }
             Question::Detail => self.detail(name),
         };
@@ -43,10 +43,10 @@ impl Looks {
 
     fn detail(&self, name: &str) -> Option<Look> {
         let place = self.details.iter().position(|(known, _)| known == name)?;
-        let command = self.details[place].1;
-        let below = self.details[..place].iter().filter(|(_, other)| *other == command).count();
+        let action = self.details[place].1;
+        let below = self.details[..place].iter().filter(|(_, other)| *other == action).count();
         // Without colors, every fault class still has its own look.
-        Some(SemanticColor::Detail(command, below).look().at(place))
+        Some(SemanticColor::Detail(action, below).look().at(place))
     }
 }
 

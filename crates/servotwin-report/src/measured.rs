@@ -326,7 +326,7 @@ fn action_table(classes: &[ClassMetrics]) -> Table {
     for class in classes {
         let visible = class.rates.of(&measure::VISIBLE);
         let never = format!("{} of {}", visible.of - visible.count, visible.of);
-        let action = Value::of(begun(&spoken(&class.command)), &class.command);
+        let action = Value::of(begun(&spoken(&class.action)), &class.action);
         let mut row = row![action, counts(visible), never];
         row.extend(shares.map(|measure| counts(class.rates.of(measure))));
         let times = class.isolation.as_ref();

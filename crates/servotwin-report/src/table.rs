@@ -6,7 +6,7 @@ use servotwin::study::Study;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FaultRow {
     /// The action that the flight control computer must take.
-    pub command: String,
+    pub action: String,
     /// The fault class.
     pub detail: String,
     /// The number of components of one actuator in this class.
@@ -20,7 +20,7 @@ pub fn rows(study: &Study) -> Vec<FaultRow> {
     let row = |(place, class): (usize, &servotwin::study::Class)| {
         let own = study.faults.iter().filter(|fault| fault.class == place && fault.unit == 0);
         FaultRow {
-            command: class.command.clone(),
+            action: class.action.clone(),
             detail: class.detail.clone(),
             components: class.components(),
             faults: own.count(),

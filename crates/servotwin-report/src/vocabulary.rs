@@ -116,14 +116,6 @@ impl Vocabulary {
         }
     }
 
-    /// The same as [`Vocabulary::action`] for answers in which either is wrong.
-    pub(crate) fn action_wrong(&self) -> String {
-        match self.has_several() {
-            true => format!("{} or action", self.unit),
-            false => "action".into(),
-        }
-    }
-
     /// What happens in a measure without a limit on latency.
     pub(crate) fn measure(&self, measure: &Measure) -> String {
         let [sentence, _] = self.describe_measure(measure, &[]);

@@ -37,7 +37,7 @@ fn table_1_is_the_papers() {
     let rows = table::rows(&study);
     let found: Vec<_> = rows
         .iter()
-        .map(|row| (row.command.as_str(), row.detail.as_str(), row.components, row.faults))
+        .map(|row| (row.action.as_str(), row.detail.as_str(), row.components, row.faults))
         .collect();
     assert_eq!(found, expected);
     assert_eq!(table::sum(&study), (28, 820));
@@ -257,7 +257,6 @@ fn evaluation(has_stop: bool) -> Evaluation {
         baseline: vec![],
         random_thirds: vec![],
         isolation: vec![],
-        flips: None,
         classifiers: vec![],
         stages: vec![],
         healthy: Default::default(),

@@ -8,10 +8,10 @@ const token = new URLSearchParams(location.search).get("token");
 const query = token ? `?token=${encodeURIComponent(token)}` : "";
 
 /** An action and its cause in words. */
-const answerInWords = ({ command, detail }) => `${words(command)}${detail ? `: ${words(detail)}` : ""}`;
+const answerInWords = ({ action, detail }) => `${words(action)}${detail ? `: ${words(detail)}` : ""}`;
 /** The actions that stand: the last one of each kind for each actuator, until a new flight begins. */
 const standing = (state) =>
-  [...new Map((state?.actions || []).map((action) => [`${action.actuator} ${action.command}`, action])).values()];
+  [...new Map((state?.actions || []).map((action) => [`${action.actuator} ${action.action}`, action])).values()];
 /** What stands in one line: "Actuator 1 shut down: external leakage". */
 const headline = (state) => {
   const line = standing(state).map((action) => `${words(action.actuator)} ${answerInWords(action)}`.trim()).join("; ");
@@ -217,7 +217,7 @@ function showState(next) {
   $("alarm").textContent = headline(state) || now;
   $("finding").textContent = words(`${actions.length ? `now ${now}, ` : ""}${state.finding || ""}`);
   const last = actions[actions.length - 1];
-  document.body.dataset.action = last ? `${last.actuator} ${last.command}` : "";
+  document.body.dataset.action = last ? `${last.actuator} ${last.action}` : "";
   showActions();
   showWorst(state);
   const injected = state.injected || [];
@@ -234,10 +234,10 @@ function showState(next) {
 
 /** Each action of an actuator stands until a new flight, whatever the diagnosis says of the present. */
 function showActions() {
-  const items = standing(state).map(({ actuator, command, detail, time_s: time }) => {
+  const items = standing(state).map(({ actuator, action, detail, time_s: time }) => {
     const item = element("p");
-    const strong = element("strong", { textContent: `${words(actuator) || "the actuator"}: ${words(command)}` });
-    const effect = (about.effects || {})[command];
+    const strong = element("strong", { textContent: `${words(actuator) || "the actuator"}: ${words(action)}` });
+    const effect = (about.effects || {})[action];
     item.append(strong, ` at ${time.toFixed(2)} s${detail ? `, because of ${words(detail)}` : ""}.${effect ? ` ${effect}` : ""}`);
     return item;
   });
@@ -261,10 +261,10 @@ function outcomeOf({ fault, since_s: since }) {
 }
 
 /** Whether an answer to a fault is the one that the study calls for. */
-function besideStudy(fault, { command, detail }) {
+function besideStudy(fault, { action, detail }) {
   const known = about.components.flatMap(({ faults }) => faults).find(({ id }) => id === fault);
   if (!known?.answer) return "; the study has no such fault";
-  const isRight = known.answer.command === command && (!detail || known.answer.detail === detail);
+  const isRight = known.answer.action === action && (!detail || known.answer.detail === detail);
   return isRight ? ", which is right" : `; right would be ${answerInWords(known.answer)}`;
 }
 

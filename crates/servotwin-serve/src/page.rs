@@ -65,7 +65,7 @@ pub(crate) fn page_of(
         }
     }
     let verdict = last_action.map_or("No action.".into(), |action| {
-        let words = ["actuator", "command", "detail"].map(|key| action[key].as_str().unwrap_or(""));
+        let words = ["actuator", "action", "detail"].map(|key| action[key].as_str().unwrap_or(""));
         let words: Vec<String> = words
             .iter()
             .filter(|word| !word.is_empty())
@@ -90,7 +90,7 @@ mod tests {
         let signal = PlayerSignal::new("a", HOSTILE, HOSTILE, SignalGroup::Reading);
         let frame = Frames::frame_of(0, 1, &[0.5, f32::NAN]);
         let event =
-            json!({ "time_s": 0.01, "kind": "action", "actuator": HOSTILE, "command": "off" });
+            json!({ "time_s": 0.01, "kind": "action", "actuator": HOSTILE, "action": "off" });
         let messages = [frame, Message::Event(event.to_string().into())];
         let html = page_of(HOSTILE, 0.01, &[signal], &messages);
         assert!(html.contains("alert(1)&#60;/script&#62;") && html.contains(", off at 0.01 s"));

@@ -57,7 +57,7 @@ fn answer(study: &Study, fault: &str) -> Value {
     let known = study.faults.iter().find(|known| known.id == fault);
     known.map_or(Value::Null, |known| {
         let class = &study.classes[known.class];
-        json!({ "command": class.command, "detail": class.detail })
+        json!({ "action": class.action, "detail": class.detail })
     })
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn named(diagnoser: &Diagnoser, raised: &Raised) -> Value {
     let names = diagnoser.names();
     json!({
         "actuator": names.actuators[raised.actuator as usize],
-        "command": names.actions[raised.action as usize],
+        "action": names.actions[raised.action as usize],
         "detail": raised.detail.map(|detail| &names.details[detail as usize]),
     })
 }

@@ -33,7 +33,7 @@ const FIRST: [Shade; 4] = [
 ];
 const SECOND: [Shade; 3] = [["#6f4fa8", "#ad93e0"], ["#9a78e0", "#d6c6ff"], ["#3d1f78", "#8563c9"]];
 const THIRD: [Shade; 3] = [["#8a6a00", "#d9b13a"], ["#b08a1e", "#ffe08a"], ["#524000", "#a8852a"]];
-const COMMANDS: [&[Shade]; 3] = [&FIRST, &SECOND, &THIRD];
+const ACTIONS: [&[Shade]; 3] = [&FIRST, &SECOND, &THIRD];
 const SCENARIOS: [Shade; 5] = [
     ["#3aa56b", "#8fe0b0"],
     ["#007a4d", "#2fc79b"],
@@ -56,7 +56,7 @@ pub enum SemanticColor {
     /// An actuator, by index.
     Unit(usize),
     /// An action, by index.
-    Command(usize),
+    Action(usize),
     /// A fault class: the index of its action, and its own index below that.
     Detail(usize, usize),
     /// A scenario, by index in the order of reports.
@@ -75,15 +75,15 @@ impl SemanticColor {
     /// The style of a series with this meaning.
     pub fn look(self) -> Look {
         let of = |shades: &[Shade], place: usize| Look::new(shades[place % shades.len()][0], place);
-        let below = |command: usize, place: usize| {
+        let below = |action: usize, place: usize| {
             // Actions beyond the third start with another shade.
-            let (shades, round) = (COMMANDS[command % COMMANDS.len()], command / COMMANDS.len());
+            let (shades, round) = (ACTIONS[action % ACTIONS.len()], action / ACTIONS.len());
             Look::new(shades[(place + round) % shades.len()][0], place)
         };
         match self {
             SemanticColor::Unit(place) => of(&UNITS, place),
-            SemanticColor::Command(place) => Look { index: place, ..below(place, 0) },
-            SemanticColor::Detail(command, place) => below(command, place),
+            SemanticColor::Action(place) => Look { index: place, ..below(place, 0) },
+            SemanticColor::Detail(action, place) => below(action, place),
             SemanticColor::Scenario(place) => of(&SCENARIOS, place),
             SemanticColor::Measured => of(&PLAIN, 0),
             SemanticColor::Twin => Look::new(TWIN[0], 1),
@@ -95,8 +95,8 @@ impl SemanticColor {
 
 /// Every color with a meaning, and its replacement on a dark background.
 pub(super) fn shades() -> Vec<Shade> {
-    let commands = COMMANDS.concat();
-    [&UNITS[..], &commands, &SCENARIOS, &[TWIN], &MEDIA, &PLAIN].concat()
+    let actions = ACTIONS.concat();
+    [&UNITS[..], &actions, &SCENARIOS, &[TWIN], &MEDIA, &PLAIN].concat()
 }
 
 /// Style sheet rules that make a drawing's colors readable on a dark background; texts keep their colors.
@@ -132,11 +132,11 @@ mod tests {
     fn what_is_broken_has_the_colours_of_its_command() {
         assert_eq!(
             SemanticColor::Detail(1, 0).look().colour,
-            SemanticColor::Command(1).look().colour
+            SemanticColor::Action(1).look().colour
         );
         let off: Vec<&str> =
             (0..4).map(|place| SemanticColor::Detail(0, place).look().colour).collect();
         assert!(off.iter().all(|colour| FIRST.iter().any(|shade| shade[0] == *colour)));
-        assert_ne!(SemanticColor::Command(3).look(), SemanticColor::Command(0).look());
+        assert_ne!(SemanticColor::Action(3).look(), SemanticColor::Action(0).look());
     }
 }

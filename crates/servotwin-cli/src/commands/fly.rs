@@ -429,7 +429,7 @@ impl Flown<'_> {
     /// What the flight control computer did.
     fn actions(&self, onset_s: f64) -> Rows {
         let mut table =
-            Rows::of("time | command:carried out | unit:_ | after_onset:after the onset");
+            Rows::of("time | action:carried out | unit:_ | after_onset:after the onset");
         let names = self.diagnoser.names();
         for action in &self.with.actions {
             let unit = names.actuators[action.raised.actuator as usize].as_str();

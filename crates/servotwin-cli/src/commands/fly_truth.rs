@@ -46,7 +46,7 @@ impl AnsweredFault {
         };
         let actuator = actuator.cloned().unwrap_or_default();
         let class = known.map(|case| &study.classes[case.class]);
-        let expected = class.map(|class| [class.command.clone(), class.detail.clone()]);
+        let expected = class.map(|class| [class.action.clone(), class.detail.clone()]);
         let names = diagnoser.names();
         let of = |action: &Action| names.actuators[action.raised.actuator as usize].as_str();
         let later = || record.actions.iter().filter(|action| action.time_s >= onset_s);
@@ -107,16 +107,16 @@ impl AnsweredFault {
 /// The faults and their answers for programs.
 pub(crate) fn table(faults: &[AnsweredFault]) -> Table {
     let mut table = Table::of(
-        "fault: | onset_s: | unit: | command: | detail: | detected_s: | action_s: | is_unit_right: | is_command_right: | \
+        "fault: | onset_s: | actuator: | action: | detail: | detected_s: | action_s: | is_actuator_right: | is_action_right: | \
          is_detail_right:",
     );
     for AnsweredFault { name, onset_s, actuator, expected, detected_s, said, is_right } in faults {
-        let unit = Some(actuator).filter(|actuator| !actuator.is_empty());
-        let [command, detail] = [0, 1].map(|place| expected.as_ref().map(|own| &own[place]));
+        let actuator = Some(actuator).filter(|actuator| !actuator.is_empty());
+        let [action, detail] = [0, 1].map(|place| expected.as_ref().map(|own| &own[place]));
         let action_s = said.as_ref().map(|(time_s, ..)| *time_s);
         let times = [Some(*onset_s), *detected_s, action_s].map(|time_s| Value::of("", &time_s));
         let [onset_s, detected_s, action_s] = times;
-        let mut row = row![name, onset_s, unit, command, detail, detected_s, action_s];
+        let mut row = row![name, onset_s, actuator, action, detail, detected_s, action_s];
         row.extend(is_right.map(Value::from));
         table.push(row);
     }

@@ -153,7 +153,7 @@ fn a_fault_that_changes_nothing_is_told_with_its_place() {
     assert!(text.contains(cylinder));
     let smooth = text.replace(cylinder, &format!("{cylinder}coulomb_friction_n = 0\n"));
     std::fs::write(&system, smooth).unwrap();
-    let class = "[[classes]]\ndetail = \"friction\"\ncommand = \"warning\"\nfaults = [\n\
+    let class = "[[classes]]\ndetail = \"friction\"\naction = \"warning\"\nfaults = [\n\
                  \"cylinder.friction\",\n\"cylinder.viscous_friction\"]\n\n[[classes]]";
     let text = include_str!("../../../../studies/spring_actuator.toml")
         .replace("system = \"spring_actuator\"", "system = \"system.toml\"")

@@ -74,10 +74,13 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let output = servotwin(&[&fly[..], &["--duration", "5s", "--json"]].concat());
     let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
-    assert_eq!(flown["actions"][0]["command"], "shut_down", "{flown}");
+    assert_eq!(flown["actions"][0]["action"], "shut_down", "{flown}");
     let truth = &flown["faults"][0];
-    assert_eq!((&truth["unit"], &truth["command"]), (&"actuator_1".into(), &"shut_down".into()));
-    assert_eq!((&truth["is_unit_right"], &truth["is_command_right"]), (&true.into(), &true.into()));
+    assert_eq!((&truth["actuator"], &truth["action"]), (&"actuator_1".into(), &"shut_down".into()));
+    assert_eq!(
+        (&truth["is_actuator_right"], &truth["is_action_right"]),
+        (&true.into(), &true.into())
+    );
     let [detected, acted] = ["detected_s", "action_s"].map(|key| truth[key].as_f64().unwrap());
     assert!(2.0 < detected && detected <= acted, "{truth}");
     assert_eq!(flown["false_alarms"], 0);

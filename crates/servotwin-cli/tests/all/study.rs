@@ -537,7 +537,7 @@ fn results_of_another_study_are_only_replaced_when_that_is_asked_for() {
 #[ignore = "slow: ./check --all"]
 fn a_study_of_one_class_is_a_study_of_the_actuator_only() {
     let folder = Folder::new("one-class");
-    let class = "[[classes]]\ndetail = \"external_leakage\"\ncommand = \"shut_down\"\n\
+    let class = "[[classes]]\ndetail = \"external_leakage\"\naction = \"shut_down\"\n\
                  faults = [\"leakage_a.leakage\"]\n";
     let study = write_study(&folder, class);
     let output = run(&["study", &study, "--out", &folder.file("out")]);

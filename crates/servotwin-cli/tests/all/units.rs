@@ -242,7 +242,7 @@ fn one_unit_without_a_name_is_flown_and_watched() {
     let text = run(&fly);
     assert!(text.contains("carried out") && text.contains("stop"), "{text}");
     let flown = json(&[&fly[..], &["--json"]].concat());
-    assert_eq!(flown["actions"][0]["command"], "stop");
+    assert_eq!(flown["actions"][0]["action"], "stop");
     assert!(flown["actions"][0]["unit"].is_null(), "{flown}");
     let (log, html) = (&folder.file("log.csv"), &folder.file("log.html"));
     let command = "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=5";

@@ -48,7 +48,7 @@ fn a_watch_that_goes_on_after_a_repair_judges_anew_once_its_alarm_is_reset() {
     };
     let shown = |finding: &serde_json::Value| {
         let text = |key: &str| finding[key].as_str().unwrap().to_owned();
-        [text("state"), text("phase"), text("command")]
+        [text("state"), text("phase"), text("action")]
     };
     let raised = changes(&faulty, &[]);
     assert_eq!(shown(raised.last().unwrap()), ["isolated", "raised", "shut_down"]);

@@ -343,7 +343,7 @@ impl Diagnoser {
         let of = |names: &Names| [&names.actuators, &names.actions, &names.details].map(Vec::clone);
         let names = &panel.trees.names;
         require_sound(of(names) == of(self.names()), "window lengths have other names")?;
-        require_sound(!names.actions.is_empty(), "there is no command")?;
+        require_sound(!names.actions.is_empty(), "there is no action")?;
         require_sound(panel.bands.len() == self.watched(), "window lengths have other bands")?;
         let fits = panel.bands.len() <= self.sensors.len();
         let same = panel.bands.iter().zip(&self.sensors).all(|(b, s)| b.sensor == s.name);

@@ -316,7 +316,7 @@ impl Tuning {
         let kept = f64::from(self.least_on);
         require(self.least_on <= actuators, "least_on", kept, "at most the number of actuators")?;
         let known = self.off_actions.iter().all(|action| names.actions.contains(action));
-        require_sound(known, "a command that switches off is none of the commands")
+        require_sound(known, "an action that switches off is none of the actions")
     }
 }
 

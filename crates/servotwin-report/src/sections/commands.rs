@@ -62,7 +62,8 @@ pub fn write(material: &Material, page: &mut Document) {
         page.table("", list(study, training).captioned(format!(
             "Trees and committee learn from {} other commands, run for {} s each at a load of its own; of every command \
              there are {} healthy specimens, which run {} s. Of a pattern every range is filled evenly by the draws, \
-             wide ones on a logarithmic scale.",
+             wide ones on a logarithmic scale. Each of their windows also teaches in copies that are perturbed within its \
+             uncertainty or farther; half of the copies of a fault are weaker.",
             commands(training).len(),
             chosen(training.duration_s),
             training.healthy,

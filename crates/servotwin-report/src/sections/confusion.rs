@@ -23,7 +23,7 @@ pub fn write(material: &Material, page: &mut Document) {
             for stage in judged.stages.iter().filter(shown) {
                 let class = |name: &String| spoken(words.class(stage.question, name));
                 let classes: Vec<String> = stage.score.classes.iter().map(class).collect();
-                let within = match &stage.command {
+                let within = match &stage.action {
                     Some(action) => format!(", failures that call for “{}”", spoken(action)),
                     None => String::new(),
                 };

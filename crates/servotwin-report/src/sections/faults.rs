@@ -16,7 +16,7 @@ pub fn write(material: &Material, page: &mut Document) {
     let rows = table::rows(study);
     for row in &rows {
         let (components, faults) = (row.components.to_string(), row.faults.to_string());
-        grid.push(vec![spoken(&row.command), spoken(&row.detail), components, faults]);
+        grid.push(vec![spoken(&row.action), spoken(&row.detail), components, faults]);
     }
     let sum = table::sum(study);
     let words = material.words();

@@ -68,7 +68,7 @@ pub fn write(material: &Material, page: &mut Document) {
     page.heading("How soon a fault is isolated");
     page.text(format!(
             "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
-             makes it so by chance; it is isolated when the right command{} is raised. The curves show which \
+             makes it so by chance; it is isolated when the right action{} is raised. The curves show which \
              share of the visible faults of intensity {STRONG} and more is isolated how long after the \
              onset. What is never isolated is why a curve stays below 100 %.",
             match words.has_several() {
@@ -140,7 +140,7 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
     let run = words.run();
     format!(
         "Here the twin runs along, and the diagnosis sample by sample, with windows of {} that slide. \
-         A fault begins during the {run}. A command is raised only when the evidence for it beats every \
+         A fault begins during the {run}. An action is raised only when the evidence for it beats every \
          other explanation in a sequential test{}. Trees, committee and bands were learned in other \
          {run}s, of other commands, specimens and surroundings. The scenarios differ in the specimen: with \
          noise only, the specimen is exactly its twin (as if the twin had been fitted to it); in the \
@@ -486,8 +486,8 @@ fn latencies(metrics: &FlightMetrics, looks: &Looks) -> Figure {
         let points = class.isolation.iter().flat_map(|latency| &latency.by_s);
         let points = points.map(|&(time_s, share)| (time_s, 100.0 * share)).collect();
         lines = lines.with(
-            Curve::new(spoken(&class.command), points)
-                .looking(looks.class(Question::Action, &class.command)),
+            Curve::new(spoken(&class.action), points)
+                .looking(looks.class(Question::Action, &class.action)),
         );
     }
     lines.draw()
@@ -515,7 +515,7 @@ fn by_action(metrics: &FlightMetrics, words: &Vocabulary) -> Table {
         let count =
             |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
         let action =
-            format!("{}\nintensity {} … {}", spoken(&class.command), chosen(low), chosen(high));
+            format!("{}\nintensity {} … {}", spoken(&class.action), chosen(low), chosen(high));
         let cell = |measure: &Measure| count(&class.rates.of(measure));
         let mut row = vec![action, cell(&measure::VISIBLE), cell(&measure::RIGHT_ACTION)];
         row.push(cell(&measure::OTHER_ACTION));

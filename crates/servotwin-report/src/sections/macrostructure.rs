@@ -43,11 +43,11 @@ pub fn write(material: &Material, page: &mut Document) {
 fn schematic(hierarchy: &Hierarchy, judged: Option<&ProtocolResult>, looks: &Looks) -> Schematic {
     let names = &hierarchy.names;
     // Parts of an action have the color of that action.
-    let commands =
+    let actions =
         names.actions.iter().map(|name| (spoken(name), looks.class(Question::Action, name)));
     let plain = [("tree", 0), ("residuals", 1)];
     let plain = plain.map(|(kind, place)| (kind.to_owned(), SemanticColor::Plain(place).look()));
-    let kinds = plain.into_iter().chain(commands).collect();
+    let kinds = plain.into_iter().chain(actions).collect();
     let actuators = names.actuators.iter().map(|name| spoken(name));
     let groups = [String::new()].into_iter().chain(actuators).collect();
     let mut drawn = Schematic { kinds, groups, ..Schematic::default() };

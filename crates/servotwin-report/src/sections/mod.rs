@@ -20,5 +20,4 @@ pub(crate) mod settings;
 pub(crate) mod summary;
 pub(crate) mod system;
 pub(crate) mod twin;
-pub(crate) mod uncertainty;
 pub(crate) mod unseen;

@@ -49,9 +49,6 @@ pub fn write(material: &Material, page: &mut Document) {
             }
         ));
     limits.iter().for_each(|limits| _ = page.note(missed_limits(limits)));
-    if let Some(remark) = beyond_sensors(&hardest.evaluation, words) {
-        page.note(&remark);
-    }
     page.note(bands_in_use(&scenarios, words));
     if let Some(remark) = tripping(material) {
         page.note(&remark);
@@ -86,18 +83,6 @@ fn missed_limits(limits: &[flights::Limit]) -> String {
         [] => "None of the limits at work is missed for certain.".to_owned(),
         missed => format!("Limits missed: {}.", missed.join("; ")),
     }
-}
-
-/// Reports the answers that no training makes certain.
-fn beyond_sensors(evaluation: &Evaluation, words: &Vocabulary) -> Option<String> {
-    let (trees, committee) = evaluation.flips.as_ref().filter(|flips| flips.0.action.of > 0)?;
-    Some(format!(
-        "What sensors cannot show: moved within the uncertainty of their windows, {} of the trees' answers about {} \
-         change, and {} of the committee's.",
-        rate(Some(trees.action)),
-        words.action(),
-        rate(Some(committee.action)),
-    ))
 }
 
 /// A table with measures in rows and scenarios in columns.

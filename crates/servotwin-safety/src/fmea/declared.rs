@@ -58,9 +58,9 @@ pub(super) fn action(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     };
     let study = sources.study;
     let class = &study.classes[case.class];
-    let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
+    let reaction = study.reactions.of(case.unit, &class.action, Some(&class.detail));
     Ok(FmeaCell::new(
-        format!("{}: {}", spoken(&class.command), reaction_in_words(study, &reaction)),
+        format!("{}: {}", spoken(&class.action), reaction_in_words(study, &reaction)),
         format!("study.toml classes {}, reactions", class.detail),
     ))
 }

@@ -219,7 +219,7 @@ pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
 /// What the level would be if the study's action were raised.
 fn by_action_alone(study: &Study, case: &FaultCase) -> FmeaCell {
     let class = &study.classes[case.class];
-    let reaction = study.reactions.of(case.unit, &class.command, Some(&class.detail));
+    let reaction = study.reactions.of(case.unit, &class.action, Some(&class.detail));
     let (level, clause) = level(SeverityInputs {
         growth: None,
         lanes_off: usize::from(reaction.switches_off),

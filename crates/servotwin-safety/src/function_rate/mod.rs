@@ -257,7 +257,7 @@ impl FunctionModel {
         rates: &FailureRates,
         intensities: FaultIntensities,
     ) -> Self {
-        let actions = study.commands();
+        let actions = study.actions();
         // Bonferroni, as in the fault trees.
         let of_action = 5 + usize::from(tested.passed.is_some());
         let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + of_action * actions.len()) as f64;
@@ -311,7 +311,7 @@ impl FunctionModel {
                 inputs.push(TreeParameter { id, value, evidence: rate.source.clone() });
                 inputs.len() - 1
             });
-            let command = &study.classes[fault.class].command;
+            let command = &study.classes[fault.class].action;
             let action = actions.iter().position(|action| action == command);
             faults[fault.unit].extend(action.map(|action| (place, action)));
         }

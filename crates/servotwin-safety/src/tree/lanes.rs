@@ -182,7 +182,7 @@ fn add(list: &mut Vec<TreeParameter>, id: String, value: CountedValue, evidence:
 
 impl TreeGrower<'_> {
     fn grow(&mut self) {
-        let actions = self.study.commands();
+        let actions = self.study.actions();
         let of_action =
             2 + usize::from(self.names.len() > 1) + usize::from(self.flights.passed.is_some());
         let counted = 1 + actions.len() * of_action;
@@ -327,7 +327,7 @@ impl TreeGrower<'_> {
         for fault in study.faults.iter().filter(|fault| fault.unit == lane) {
             let class = &study.classes[fault.class];
             // A fault stands in the list once for each intensity.
-            if class.command != action || last.replace(&fault.id) == Some(&fault.id) {
+            if class.action != action || last.replace(&fault.id) == Some(&fault.id) {
                 continue;
             }
             let Some(rate) = self.rates.of(&fault.id, &fault.kind) else { continue };

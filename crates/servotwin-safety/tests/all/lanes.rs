@@ -22,7 +22,7 @@ fn study(classes: &str) -> Study {
 }
 
 fn class(detail: &str, action: &str, fault: &str) -> String {
-    format!("[[classes]]\ndetail = \"{detail}\"\ncommand = \"{action}\"\nfaults = [\"{fault}\"]\n")
+    format!("[[classes]]\ndetail = \"{detail}\"\naction = \"{action}\"\nfaults = [\"{fault}\"]\n")
 }
 
 /// Flights with so many isolated of so many flown, with the other counts beside them.
@@ -231,7 +231,7 @@ fn the_trees_of_the_aileron_are_read_on_two_screens() {
     let faults = rated_faults(&study);
     let list: Vec<(&str, f64)> = faults.iter().map(|fault| (fault.id.as_str(), 1e-7)).collect();
     let classes: Vec<(String, usize, usize, usize, usize)> =
-        study.commands().into_iter().map(|action| (action, 300, 240, 3, 0)).collect();
+        study.actions().into_iter().map(|action| (action, 300, 240, 3, 0)).collect();
     let classes: Vec<_> =
         classes.iter().map(|(action, a, b, c, d)| (action.as_str(), *a, *b, *c, *d)).collect();
     let trees = lane_trees(&study, &flights(&classes, 0, 3.6), &rates(&list)).unwrap();

@@ -142,7 +142,7 @@ fn a_fault_is_injected_found_and_answered_as_the_server_logs_it() {
         let injected = wait_for(&mut viewer, |said| event_of(said, "inject"));
         let action = wait_for(&mut viewer, |said| event_of(said, "action"));
         assert_eq!(
-            (&action["actuator"], &action["command"]),
+            (&action["actuator"], &action["action"]),
             (&json!("actuator_1"), &json!("shut_down"))
         );
         let time = |event: &Value| event["time_s"].as_f64().unwrap();
@@ -150,7 +150,7 @@ fn a_fault_is_injected_found_and_answered_as_the_server_logs_it() {
         assert!((time(&action) - time(&injected) - latency_s).abs() < 0.05, "{action} {injected}");
         let state = wait_for(&mut viewer, |said| said.get("state").cloned());
         assert_eq!(state["injected"][0]["fault"], FAULT);
-        assert_eq!(state["actions"][0]["command"], "shut_down");
+        assert_eq!(state["actions"][0]["action"], "shut_down");
         let events = own(address, "/events");
         assert_eq!(events[0]["kind"], "begin");
         assert!(events.as_array().unwrap().contains(&action));
@@ -293,7 +293,7 @@ fn a_session_beside_fifty_viewers_is_the_flight_without_any_to_the_bit() {
     let sample = |k: usize| values.iter().map(move |column| (column[k] as f32).to_bits());
     let bits: Vec<u32> = (0..samples).flat_map(sample).collect();
     assert!(flown_without_a_server(&live, injected + 1, samples) == bits, "{samples} samples");
-    assert!(texts.iter().any(|text| text["state"]["actions"][0]["command"] == "shut_down"));
+    assert!(texts.iter().any(|text| text["state"]["actions"][0]["action"] == "shut_down"));
     let evidence = session.f64("evidence.actuator_1.shut_down").unwrap();
     assert!(evidence.iter().copied().fold(0.0, f64::max) >= 1.0, "the line reaches the limit");
 }

@@ -164,7 +164,7 @@ fn rows_are_shown_sample_by_sample_with_the_action_of_their_fault() {
     let events = events(&session);
     let action = events.iter().find(|event| event["kind"] == "action").unwrap();
     assert_eq!(
-        (&action["actuator"], &action["command"]),
+        (&action["actuator"], &action["action"]),
         (&json!("actuator_1"), &json!("shut_down"))
     );
     let at_s = action["time_s"].as_f64().unwrap();
@@ -214,7 +214,7 @@ fn streams_are_watched_as_they_come_and_silence_is_no_health() {
         let mut viewer = join(address);
         rows.into_iter().for_each(|row| sender.send(row).unwrap());
         let action = wait_for(&mut viewer, |said| event_of(said, "action"));
-        assert_eq!(action["command"], "shut_down");
+        assert_eq!(action["action"], "shut_down");
         wait_for(&mut viewer, |said| (said["state"]["is_silent"] == true).then_some(()));
         let about = own(address, "/about");
         assert_eq!((&about["kind"], &about["title"]), (&json!("stream"), &json!("<left>")));

@@ -37,14 +37,14 @@ impl<S: Screen> Watched<S> {
         let at = moment::shown(time_s);
         let last = std::mem::replace(&mut self.last, finding.clone());
         let action = |of: &Finding| {
-            let is_raised = of.phase == Phase::Raised && !of.command.is_empty();
+            let is_raised = of.phase == Phase::Raised && !of.action.is_empty();
             let unit = || of.unit.clone().unwrap_or_default();
-            is_raised.then(|| (unit(), of.command.clone(), of.detail.clone()))
+            is_raised.then(|| (unit(), of.action.clone(), of.detail.clone()))
         };
         let raised = action(finding).filter(|raised| action(&last).as_ref() != Some(raised));
-        if let Some((actuator, command, detail)) = raised {
+        if let Some((actuator, action, detail)) = raised {
             let about =
-                json!({ "at": at, "actuator": actuator, "command": command, "detail": detail });
+                json!({ "at": at, "actuator": actuator, "action": action, "detail": detail });
             self.event("action", about);
         }
         let Finding { state, confidence, evidence, .. } = finding;

@@ -643,7 +643,7 @@ fn an_hour_is_a_small_page() {
         let (inputs, sensors) = (noise(inputs), noise(13));
         if k == 200_000 {
             finding.state = DiagnosisState::Isolated;
-            finding.command = "shutdown".into();
+            finding.action = "shutdown".into();
         }
         let observation = Observation { twin: &sensors, residuals: &sensors, finding: &finding };
         let changed = k == 0 || k == 200_000;

@@ -43,7 +43,7 @@ impl Truth {
         let fault = flight.fault.map(|fault| &study.faults[fault]);
         let class = fault.map(|fault| &study.classes[fault.class]);
         let name = |of: Option<&String>| of.map_or(HEALTHY, String::as_str).to_owned();
-        let action = class.map(|class| class.command.clone()).unwrap_or_default();
+        let action = class.map(|class| class.action.clone()).unwrap_or_default();
         let run = RunOutcome {
             number: flight.number as u64,
             environment: flight.environment as u64,

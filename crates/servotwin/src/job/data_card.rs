@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// The columns that the card counts.
-const COUNTED: [&str; 6] = ["kind", "command", "detail", "split", "fold", "failure"];
+const COUNTED: [&str; 6] = ["kind", "action", "detail", "split", "fold", "failure"];
 
 /// Writes the card of the folder's data sets. A folder without data sets gets none.
 ///
@@ -48,7 +48,7 @@ struct DataFile {
     columns: Table,
     rows: usize,
     failed: usize,
-    /// Rows by command, detail and kind.
+    /// Rows by action, detail and kind.
     classes: BTreeMap<[String; 3], usize>,
     /// Rows by split.
     splits: BTreeMap<String, usize>,
@@ -77,7 +77,7 @@ impl DataFile {
 
     fn add(&mut self, part: &Table) -> Result<(), TableError> {
         let [kinds, commands, details, splits, reasons] =
-            ["kind", "command", "detail", "split", "failure"].map(|name| part.text(name));
+            ["kind", "action", "detail", "split", "failure"].map(|name| part.text(name));
         let (kinds, commands, details) = (kinds?, commands?, details?);
         let (splits, reasons, folds) = (splits?, reasons?, part.u32("fold")?);
         for row in 0..part.row_count() {
@@ -159,12 +159,12 @@ fn list_classes(out: &mut String, files: &[DataFile]) {
     classes.dedup();
     let names: String = files.iter().map(|file| format!(" `{}` |", file.name)).collect();
     let rule = "---|".repeat(3 + files.len());
-    add(out, format_args!("## Classes\n\n| `command` | `detail` | `kind` |{names}\n|{rule}\n"));
+    add(out, format_args!("## Classes\n\n| `action` | `detail` | `kind` |{names}\n|{rule}\n"));
     for class in classes {
-        let [command, detail, kind] = class;
+        let [action, detail, kind] = class;
         let counts = files.iter().map(|file| file.classes.get(class).copied().unwrap_or(0));
         let counts: String = counts.map(|count| format!(" {count} |")).collect();
-        let labels = [command, detail, kind].map(|label| cell(label));
+        let labels = [action, detail, kind].map(|label| cell(label));
         add(out, format_args!("| {} |{counts}\n", labels.join(" | ")));
     }
     *out += "\nThe counts follow from the fault list of the study, not from how often a fault occurs in service.\n\n";

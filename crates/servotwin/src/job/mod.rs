@@ -29,7 +29,7 @@ pub use results::Results;
 pub use run::{StudyEvent, StudyResults, StudyRun};
 pub use subject::Subject;
 
-use crate::learn::flips::Moving;
+use crate::learn::perturbation::Perturbation;
 use crate::learn::train;
 use crate::learn::{self, Context, DataSet, model_file};
 use crate::parallel::{self, Workers};
@@ -106,23 +106,8 @@ impl<'j> Job<'j> {
     }
 }
 
-/// How windows are perturbed within their uncertainty.
-#[derive(Clone, Copy)]
-struct Moves {
-    draws: usize,
-    seed: u64,
-    reaches: &'static [f64],
-}
-
-/// The perturbation of training windows. The larger reach exceeds the windows' uncertainty, so that splits keep a
-/// distance from the training data. It is largest without noise, where the uncertainty alone is small.
-fn learned(subject: Subject) -> Moves {
-    let reaches: &[f64] = if subject.scenario().has_noise() { &[1.0, 2.0] } else { &[1.0, 8.0] };
-    Moves { draws: 6, seed: 1, reaches }
-}
-
-/// The perturbation of evaluation windows.
-const JUDGED: Moves = Moves { draws: 4, seed: 2, reaches: &[1.0] };
+/// Perturbed copies of a training window.
+const PERTURBED: usize = 6;
 
 /// The perturbation that covers the solver's error, as a share of scale. For 37 of the aileron's 41 kinds of fault the
 /// largest error is smaller (6e-5). Four kinds that ring or cavitate exceed it at times (up to 2.9e-3,
@@ -159,7 +144,7 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
     }
     let mut features = data_features(study);
     features.retain(|known| subject.extra_sensor() || !known.extra);
-    DataSet::new(&tables, features, &study.units, &study.commands()).map_err(wrong)
+    DataSet::new(&tables, features, &study.units, &study.actions()).map_err(wrong)
 }
 
 /// A pool number for each sensor with a band. Corresponding sensors of all actuators share a number.
@@ -177,8 +162,6 @@ struct Prepared {
     subject: Subject,
     /// The data set with every feature, including those without value for training.
     all_features: DataSet,
-    /// The windows of all rows; empty without training commands.
-    windows: Vec<Window>,
     /// The data set for training and evaluation: banded, and with training features only. It has perturbed rows if
     /// there are windows.
     data: DataSet,
@@ -195,10 +178,10 @@ impl Prepared {
         let windows = windows(folder, study, subject, &all_features)?;
         let taught = all_features.taught()?;
         let (mut data, _) = learn::banded(&taught, &subject.settings(study), &pools(study));
-        if let Some(moving) = moving(study, subject, &windows, learned(subject)) {
-            data = data.with_moved(&moving, workers)?;
+        if !windows.is_empty() {
+            data = data.with_perturbed(&perturbation(study, subject, &windows), workers)?;
         }
-        Ok(Self { subject, all_features, windows, data })
+        Ok(Self { subject, all_features, data })
     }
 
     /// Trains trees and committee with all training data, and writes them as a diagnoser of records, with what it answers in
@@ -225,11 +208,9 @@ impl Prepared {
         workers: Workers,
         progress: &dyn Fn(&str, f64),
     ) -> Result<SubjectResult, JobError> {
-        let Prepared { subject, all_features, windows, data } = self;
-        let moving = moving(study, *subject, windows, JUDGED);
+        let Prepared { subject, all_features, data } = self;
         let (pools, settings) = (pools(study), subject.settings(study));
-        let moving = moving.as_ref();
-        let context = Context { trained, pools: &pools, all_features, moving, workers, progress };
+        let context = Context { trained, pools: &pools, all_features, workers, progress };
         let evaluation = learn::evaluate(data, &settings, &context)?;
         Ok(SubjectResult::new(*subject, study, settings, evaluation))
     }
@@ -298,28 +279,25 @@ fn windows(
     Ok(windows)
 }
 
-fn moving<'w>(
-    study: &'w Study,
-    subject: Subject,
-    windows: &'w [Window],
-    Moves { draws, seed, reaches }: Moves,
-) -> Option<Moving<'w>> {
+/// The perturbation of training windows. The larger reach exceeds the windows' uncertainty, so that splits keep a
+/// distance from the training data. It is largest without noise, where the uncertainty alone is small.
+fn perturbation<'w>(study: &Study, subject: Subject, windows: &'w [Window]) -> Perturbation<'w> {
     let has_noise = subject.scenario().has_noise();
     let noise = study.sensors.0.iter().map(|s| if has_noise { s.noise } else { 0.0 });
     let features = data_features(study).into_iter().enumerate();
     let own = features
         .filter(|(_, known)| known.feature.teaches.of_records())
         .filter(|(_, known)| subject.extra_sensor() || !known.extra);
-    (!windows.is_empty()).then(|| Moving {
+    Perturbation {
         sensors: study.sensors_in(subject.scenario()),
         windows,
         noise: noise.collect(),
         lasting: SOLVER_ERROR,
         columns: own.map(|(place, _)| place).collect(),
-        reaches,
-        draws,
-        seed,
-    })
+        reaches: if has_noise { &[1.0, 2.0] } else { &[1.0, 8.0] },
+        draws: PERTURBED,
+        seed: 1,
+    }
 }
 
 /// Reads the bands, trees and committee trained for a subject.

@@ -1,4 +1,4 @@
-//! Compares all classifiers under the same protocols, for the actuator (A) and the command (B).
+//! Compares all classifiers under the same protocols, for the actuator (A) and the action (B).
 
 use super::data_set::DataSet;
 use super::error::EvaluationError;

@@ -1,6 +1,6 @@
 //! The data sets of a scenario for evaluation: features in every view, labels, groups.
 //!
-//! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `grade`, `actuator`, `command`, `detail`,
+//! Columns: `case`, `flown` (the command of the case), `fault`, `kind`, `intensity`, `grade`, `actuator`, `action`, `detail`,
 //! `failure`, `detectable`, `largest:<sensor>` and `f:<feature>`. If the system has like actuators, `m:<feature>` is
 //! the same feature seen from the second one, `m3:<feature>` from the third, and so on
 //! ([`servotwin_diagnosis::hierarchy`]). Rows whose `kind` is `healthy` have no fault. Rows with a text in `failure`
@@ -9,7 +9,7 @@
 //! The judged rows come first, followed by the training rows.
 
 use super::error::EvaluationError;
-use super::flips::{Moved, Moving};
+use super::perturbation::{Perturbation, PerturbedWindow};
 use crate::parallel::{self, Workers};
 use crate::records::columns::view_column;
 use crate::records::{DataFeature, largest_column};
@@ -276,13 +276,13 @@ impl DataSet {
     }
 
     /// Adds perturbed copies of the training rows, one per draw, so that trees do not learn details below the sensors'
-    /// uncertainty. Faults are also made weaker ([`Moving::spread`]). Apply bands first.
+    /// uncertainty. Faults are also made weaker ([`Perturbation::of_fault`]). Apply bands first.
     ///
     /// # Errors
     /// [`EvaluationError::Cancelled`]; a value that is not finite.
-    pub(crate) fn with_moved(
+    pub(crate) fn with_perturbed(
         &self,
-        moving: &Moving,
+        perturbation: &Perturbation,
         workers: Workers,
     ) -> Result<Self, EvaluationError> {
         let rows = self.rows_where(Purpose::Train, |row| row.excess > LEAST_EXCESS);
@@ -292,18 +292,18 @@ impl DataSet {
             let own = &self.rows[row];
             let moved = match own.is_healthy {
                 true => {
-                    let still = |window| Moved { window, factor: 1.0 };
-                    moving.moved(row).into_iter().map(still).collect()
+                    let still = |window| PerturbedWindow { window, factor: 1.0 };
+                    perturbation.perturbed(row).into_iter().map(still).collect()
                 }
-                false => moving.spread(row, &specimens[own.case as usize]),
+                false => perturbation.of_fault(row, &specimens[own.case as usize]),
             };
-            let one = |(draw, Moved { window, factor }): (usize, Moved)| {
+            let one = |(draw, PerturbedWindow { window, factor }): (usize, PerturbedWindow)| {
                 let mut copy = DataRow { moved: 1 + draw, factor, ..own.clone() };
                 if factor != 1.0 {
                     let sizes = copy.largest.iter_mut().enumerate();
                     sizes.for_each(|(sensor, size)| *size = window.largest(sensor));
                 }
-                (copy, moving.views(&window, views))
+                (copy, perturbation.views(&window, views))
             };
             moved.into_iter().enumerate().map(one).collect()
         };
@@ -471,15 +471,15 @@ fn names(
         names.retain(|name| name != HEALTHY);
         Ok(names)
     };
-    let mut commands = of("command")?;
+    let mut actions = of("action")?;
     let place = |name: &String| urgency.iter().position(|known| known == name);
-    commands.sort_by_key(|name| (place(name).unwrap_or(urgency.len()), name.clone()));
+    actions.sort_by_key(|name| (place(name).unwrap_or(urgency.len()), name.clone()));
     let found = of("actuator")?;
     let all_known = found.iter().all(|name| units.contains(name));
     Ok(Names {
         features: features.iter().map(|feature| feature.feature.name.clone()).collect(),
         actuators: if all_known { units.to_vec() } else { found },
-        actions: commands,
+        actions,
         details: of("detail")?,
     })
 }
@@ -488,14 +488,14 @@ fn labels(origins: &[Origin], names: &Names) -> Result<Vec<Label>, EvaluationErr
     let place = |known: &[String], text: &String| {
         known.iter().position(|name| name == text).unwrap_or(0) as u32
     };
-    let (actuators, commands, details) =
-        (texts(origins, "actuator")?, texts(origins, "command")?, texts(origins, "detail")?);
+    let (actuators, actions, details) =
+        (texts(origins, "actuator")?, texts(origins, "action")?, texts(origins, "detail")?);
     let label = |row: usize| Label {
         actuator: match actuators[row] == HEALTHY {
             true => names.healthy(),
             false => place(&names.actuators, &actuators[row]),
         },
-        action: place(&names.actions, &commands[row]),
+        action: place(&names.actions, &actions[row]),
         detail: place(&names.details, &details[row]),
     };
     Ok((0..origins.len()).map(label).collect())

@@ -9,8 +9,8 @@
 //! - `boundaries`: what a wrong reading of a boundary value does
 //!
 //! Of records, [`evaluate`] takes the data sets of a scenario and returns an [`Evaluation`]. It covers detection, the nine trees
-//! and the committee under every protocol, the seed paper's trees, all classifiers, what may stay not isolated, and
-//! flips. It also examines the [`Hierarchy`] that [`train()`] returns. The same data sets, settings and seeds give the same
+//! and the committee under every protocol, the seed paper's trees, all classifiers, and what may stay not isolated.
+//! It also examines the [`Hierarchy`] that [`train()`] returns. The same data sets, settings and seeds give the same
 //! bytes, on any number of threads.
 
 pub mod bands;
@@ -21,9 +21,9 @@ pub(crate) mod comparison;
 pub mod data_set;
 pub mod detection;
 mod error;
-pub mod flips;
 pub mod isolation;
 pub mod model_file;
+pub(crate) mod perturbation;
 pub mod protocol;
 pub(crate) mod run;
 pub mod spreads;
@@ -40,7 +40,6 @@ use crate::measure::Rates;
 use crate::parallel::Workers;
 use bands::Band;
 use baseline::RandomThirds;
-use flips::{Flips, Moving};
 use protocol::{Holding, Protocol, ProtocolResult, isolated, summary};
 use run::Scope;
 use serde::{Deserialize, Serialize};
@@ -54,8 +53,6 @@ use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::novelty;
 use servotwin_learning::splits::Split;
 use servotwin_learning::tree::Criterion;
-
-use crate::study::Purpose;
 
 /// The scope and methods of an evaluation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -167,8 +164,6 @@ pub struct Evaluation {
     /// What trees and committee decide together if a fault may stay not isolated, where kinds are left out and under new
     /// commands.
     pub isolation: Vec<ProtocolResult>,
-    /// Flips of the trees and of the committee.
-    pub flips: Option<(Flips, Flips)>,
     /// Results of the classifier comparison.
     pub classifiers: Vec<comparison::Compared>,
     /// The sizes of the final trees.
@@ -297,8 +292,6 @@ pub struct Context<'c> {
     pub pools: &'c [usize],
     /// The same data with every feature, including unused ones, for the paper's trees.
     pub all_features: &'c DataSet,
-    /// The windows for perturbation.
-    pub moving: Option<&'c Moving<'c>>,
     /// The worker threads.
     pub workers: Workers<'c>,
     /// Receives a description of the current step, and the approximate progress from 0 to 1.
@@ -348,8 +341,6 @@ pub fn evaluate(
         evaluation.classifiers =
             comparison::evaluate(data, &settings.training, list, holding, workers)?;
     }
-    progress("moving windows", 0.9);
-    evaluation.flips = flips(data, trained, context)?;
     Ok(evaluation)
 }
 
@@ -395,26 +386,6 @@ fn under_protocols(
         }
     }
     Ok(())
-}
-
-/// The detected judged faults; empty if the diagnosis was trained on judged rows.
-fn unseen(data: &DataSet) -> Vec<usize> {
-    if !data.has_training() {
-        return vec![];
-    }
-    let wanted = |row: &data_set::DataRow| !row.is_healthy && row.is_detected();
-    data.rows_where(Purpose::Test, wanted)
-}
-
-fn flips(
-    data: &DataSet,
-    trained: &Panel,
-    context: &Context,
-) -> Result<Option<(Flips, Flips)>, EvaluationError> {
-    let rows = unseen(data);
-    let Some(moving) = context.moving.filter(|_| !rows.is_empty()) else { return Ok(None) };
-    let of = |hierarchy| flips::evaluate(data, hierarchy, moving, &rows, context.workers);
-    Ok(Some((of(&trained.trees)?, of(&trained.committee)?)))
 }
 
 /// The size of a stage's tree.

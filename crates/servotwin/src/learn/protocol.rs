@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::hierarchy::{HEALTHY, Hierarchy, Question, StagePlace};
 use servotwin_learning::hierarchy::HierarchySettings;
-use servotwin_learning::metrics::{Prediction, Score, Trial};
+use servotwin_learning::metrics::{Prediction, Score};
 use servotwin_learning::splits::{Split, grouped_k_fold, leave_one_group_out, random_thirds};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -186,12 +186,6 @@ pub(crate) fn of_healthy(
     Ok(counting.rates(|row| data.rows[row].is_healthy))
 }
 
-/// One trial of a rate over rows.
-pub(super) fn trial(data: &DataSet, row: usize, holds: bool) -> Trial {
-    let row = &data.rows[row];
-    Trial { cluster: cluster(data, row), kind: row.kind, holds }
-}
-
 /// The score of one stage on the rows that truly belong to it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageScore {
@@ -201,8 +195,8 @@ pub struct StageScore {
     pub question: Question,
     /// The actuator whose rows are counted; `None` for all.
     pub actuator: Option<String>,
-    /// The command whose details the stage distinguishes.
-    pub command: Option<String>,
+    /// The action whose details the stage distinguishes.
+    pub action: Option<String>,
     /// The score with its confusion matrix.
     pub score: Score,
 }
@@ -369,7 +363,7 @@ pub(super) fn stage_score(
         let healthy = data.examples.names().healthy();
         let (truth, said) = match place.question {
             Question::Actuator => (truth.actuator, outcome.said.actuator.or(Some(healthy))),
-            Question::Action => (truth.action, outcome.command),
+            Question::Action => (truth.action, outcome.action),
             Question::Detail => (truth.detail, outcome.detail),
         };
         Some(Prediction {
@@ -385,7 +379,7 @@ pub(super) fn stage_score(
         id: place.id(),
         question: place.question,
         actuator: place.actuator.map(|actuator| names.actuators[actuator as usize].clone()),
-        command: place.action.map(|command| names.actions[command as usize].clone()),
+        action: place.action.map(|action| names.actions[action as usize].clone()),
         score: Score::of(class_names.collect(), &predictions),
     }
 }

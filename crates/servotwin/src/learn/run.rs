@@ -26,8 +26,8 @@ pub(crate) struct RowOutcome {
     pub(crate) row: usize,
     /// The hierarchy's answer; each stage relies on the one above.
     pub(crate) said: Diagnosis,
-    /// The command, given the true actuator.
-    pub(crate) command: Option<u32>,
+    /// The action, given the true actuator.
+    pub(crate) action: Option<u32>,
     /// The detail, given the true actuator and action.
     pub(crate) detail: Option<u32>,
     /// Whether the answer counts. Where it does not, the fault stays not isolated.
@@ -120,8 +120,8 @@ pub(crate) fn ask(
             let view = &values[stage.place.view(truth.actuator)];
             Some(stage.answer(view, &mut scratch).class)
         };
-        let (command, detail) = (below(Question::Action), below(Question::Detail));
-        Ok(RowOutcome { row, said, command, detail, is_decided: true })
+        let (action, detail) = (below(Question::Action), below(Question::Detail));
+        Ok(RowOutcome { row, said, action, detail, is_decided: true })
     };
     rows.iter().map(&mut ask_row).collect()
 }

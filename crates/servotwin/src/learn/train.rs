@@ -212,13 +212,13 @@ fn assembled(
 /// The certainty that a decision needs. Every window counts in full: noise is new in every pane, and the allowance
 /// covers the repeated effect of tolerances.
 fn tuning((study, scenario): (&Study, Scenario), names: &Names, evidence_quantile: f64) -> Tuning {
-    let commands = names.actions.iter().map(String::as_str);
-    let off_commands = commands.filter(|command| study.reactions.switches_off(command));
-    let off_commands: Vec<&str> = off_commands.collect();
+    let actions = names.actions.iter().map(String::as_str);
+    let off_actions = actions.filter(|action| study.reactions.switches_off(action));
+    let off_actions: Vec<&str> = off_actions.collect();
     let least_on = study.least_on();
-    let mut settings = Tuning { least_on, ..Tuning::usual(names, &off_commands) };
+    let mut settings = Tuning { least_on, ..Tuning::usual(names, &off_actions) };
     let of_off = settings.costs.other_actuator.iter_mut().zip(&names.actions);
-    let of_off = of_off.filter(|(_, command)| off_commands.contains(&command.as_str()));
+    let of_off = of_off.filter(|(_, action)| off_actions.contains(&action.as_str()));
     of_off.for_each(|(cost, _)| *cost = WRONG_ACTUATOR_COST);
     let Tuning { health_allowance_nats, off_allowance_nats, .. } = settings;
     let against_health = (health_allowance_nats, health_allowance_nats + off_allowance_nats);
@@ -226,7 +226,7 @@ fn tuning((study, scenario): (&Study, Scenario), names: &Names, evidence_quantil
         (settings.health_allowance_nats, settings.off_allowance_nats) =
             allowed(against_health, evidence_quantile);
         let of_healthy = settings.costs.same_actuator[0].iter_mut().skip(1).zip(&names.actions);
-        let of_others = of_healthy.filter(|(_, name)| !off_commands.contains(&name.as_str()));
+        let of_others = of_healthy.filter(|(_, name)| !off_actions.contains(&name.as_str()));
         of_others.for_each(|(cost, _)| *cost = WITH_TOLERANCES_COST);
     } else {
         settings.health_allowance_nats = NOISE_ALLOWANCE_NATS;
@@ -235,7 +235,7 @@ fn tuning((study, scenario): (&Study, Scenario), names: &Names, evidence_quantil
     settings
 }
 
-/// The allowance against health, and the additional one for a command that switches off, limited so that enough
+/// The allowance against health, and the additional one for an action that switches off, limited so that enough
 /// evidence remains.
 fn allowed((of_any, of_off): (f64, f64), evidence_quantile: f64) -> (f64, f64) {
     let most = (evidence_quantile - LEFT_NATS).max(0.0);
@@ -292,7 +292,7 @@ fn length(
     let mut features = data_features(study);
     features.retain(|known| !known.extra);
     let data =
-        DataSet::new(tables, features, &study.units, &study.commands())?.taught_to_windows()?;
+        DataSet::new(tables, features, &study.units, &study.actions())?.taught_to_windows()?;
     let settings = settings();
     let is_further =
         |data: &DataSet, row: &DataRow| data.cases[row.case as usize].starts_with(HARD_NEGATIVES);

@@ -319,11 +319,11 @@ impl<'f> ClosedLoopFlight<'f> {
         self.done = Some(raised.sample);
         let names = self.runtime.session().diagnoser().names();
         let detail = raised.detail.map(|detail| names.details[detail as usize].as_str());
-        let command = &names.actions[raised.action as usize];
+        let action = &names.actions[raised.action as usize];
         let unit = &names.actuators[raised.actuator as usize];
         let study = self.plan.study;
         let place = study.units.iter().position(|known| known == unit).unwrap_or(0);
-        let reaction = study.reactions.of(place, command, detail);
+        let reaction = study.reactions.of(place, action, detail);
         self.set.extend(reaction.inputs.iter().copied());
         self.overrides.extend(reaction.parameters.iter().copied());
         let time_s = self.time_s();

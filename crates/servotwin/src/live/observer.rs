@@ -146,7 +146,7 @@ pub struct Finding {
     #[serde(serialize_with = "named")]
     pub unit: Option<String>,
     /// The action to carry out; empty for none.
-    pub command: String,
+    pub action: String,
     /// The fault class; empty if unknown.
     pub detail: String,
     /// Confidence, from 0 to 1.
@@ -177,14 +177,14 @@ impl Finding {
         };
         let said = |f: &Finding| (state(f), f.phase, f.actuator);
         said(self) == said(other)
-            && (&self.command, &self.detail, &self.stands)
-                == (&other.command, &other.detail, &other.stands)
+            && (&self.action, &self.detail, &self.stands)
+                == (&other.action, &other.detail, &other.stands)
     }
 
     /// Whether its texts are short and without control characters.
     pub(crate) fn is_text(&self) -> bool {
         let lists = self.unit.iter().chain(&self.evidence).chain(&self.stands);
-        let mut words = [&self.command, &self.detail].into_iter().chain(lists).map(String::as_str);
+        let mut words = [&self.action, &self.detail].into_iter().chain(lists).map(String::as_str);
         self.evidence.len().max(self.stands.len()) <= MAX_EVIDENCE
             && words.all(|text| text.len() <= MAX_TEXT && !text.contains(char::is_control))
     }
@@ -237,7 +237,7 @@ impl Finding {
 
     /// Actuator, action and fault class as text: `actuator 1, shutdown, supply valve`.
     pub(crate) fn action_in_words(&self) -> String {
-        let parts = [self.unit_in_words(), spoken(&self.command), spoken(&self.detail)];
+        let parts = [self.unit_in_words(), spoken(&self.action), spoken(&self.detail)];
         parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
     }
 }

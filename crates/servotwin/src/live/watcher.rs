@@ -78,11 +78,8 @@ impl<'s> Watcher<'s> {
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
         let names = diagnoser.names();
         let off = (0..names.actuators.len()).map(|unit| {
-            let commands = names.actions.iter().map(|c| study.reactions.of(unit, c, None));
-            commands
-                .into_iter()
-                .find(|r| r.switches_off && !r.inputs.is_empty())
-                .unwrap_or_default()
+            let actions = names.actions.iter().map(|c| study.reactions.of(unit, c, None));
+            actions.into_iter().find(|r| r.switches_off && !r.inputs.is_empty()).unwrap_or_default()
         });
         Ok(Watcher {
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
@@ -270,7 +267,7 @@ impl<'s> Watcher<'s> {
         Finding {
             actuator: Some(unit + 1),
             unit: Some(self.units[unit as usize].clone()),
-            command: name(&names.actions, action),
+            action: name(&names.actions, action),
             detail: name(&names.details, detail),
             ..Finding::default()
         }

@@ -31,11 +31,11 @@ pub struct Latency {
     pub by_s: Vec<(f64, f64)>,
 }
 
-/// Results of the flights with faults of one command.
+/// Results of the flights with faults that require one action.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClassMetrics {
-    /// The command for these faults.
-    pub command: String,
+    /// The action for these faults.
+    pub action: String,
     /// The smallest and the largest intensity.
     pub intensities: [f64; 2],
     /// Number of flights.
@@ -46,7 +46,7 @@ pub struct ClassMetrics {
     pub detection: Option<Latency>,
     /// From the onset to the right action.
     pub isolation: Option<Latency>,
-    /// From visibility to the right command.
+    /// From visibility to the right action.
     pub isolation_since_visible: Option<Latency>,
 }
 
@@ -81,7 +81,7 @@ impl KindLatency {
 pub struct HealthyMetrics {
     /// Duration, h.
     pub hours: f64,
-    /// Number of commands raised.
+    /// Number of actions raised.
     pub alarms: u64,
     /// Number of shutdowns raised.
     pub shutdowns: u64,
@@ -305,7 +305,7 @@ impl<'j> Judged<'j> {
         let class = |action: &String| {
             self.class(action, |row| row.action == *action && row.intensity >= least_intensity)
         };
-        self.study.commands().iter().filter_map(class).collect()
+        self.study.actions().iter().filter_map(class).collect()
     }
 
     /// By kind of onset: strong faults that need a shutdown.
@@ -332,7 +332,7 @@ impl<'j> Judged<'j> {
             latency(visible.iter().filter_map(|row| of_row(row)), of)
         };
         Some(ClassMetrics {
-            command: action.into(),
+            action: action.into(),
             intensities,
             flown: outcomes.len() as u64,
             rates: self.rates(&outcomes),

@@ -43,7 +43,7 @@ pub(crate) fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column>
         number("intensity", &|row| row.intensity, "Intensity of the fault, 0 for healthy rows."),
         number("grade", &grade, "Intensity of the study that the row belongs to."),
         text("actuator", &actuator, "Label: the actuator with the fault, or healthy."),
-        text("command", &|row| class(row).map(|c| &c.command), "Label: the required action."),
+        text("action", &|row| class(row).map(|c| &c.action), "Label: the required action."),
         text("detail", &|row| class(row).map(|c| &c.detail), "Label: the faulty component."),
     ]
 }

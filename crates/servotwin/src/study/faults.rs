@@ -12,7 +12,7 @@ pub struct Class {
     /// The fault class, e.g. `external_leakage`.
     pub detail: String,
     /// The action of the flight control computer, e.g. `shut_down`.
-    pub command: String,
+    pub action: String,
     /// Fault names without the actuator, e.g. `leakage_a.leakage`.
     pub(crate) kinds: Vec<String>,
 }
@@ -46,14 +46,14 @@ pub struct FaultCase {
 impl Reader<'_> {
     pub(super) fn classes(&self) -> Vec<Class> {
         let class = |c: &super::ClassText| {
-            for (key, text) in [("detail", &c.detail), ("command", &c.command)] {
+            for (key, text) in [("detail", &c.detail), ("action", &c.action)] {
                 if text.trim().is_empty() {
                     self.empty(&text.at, key);
                 }
             }
             Class {
                 detail: c.detail.value.clone(),
-                command: c.command.value.clone(),
+                action: c.action.value.clone(),
                 kinds: c.faults.iter().map(|name| name.value.clone()).collect(),
             }
         };

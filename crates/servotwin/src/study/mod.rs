@@ -135,7 +135,7 @@ section! {
 section! {
     struct ClassText {
         must detail: At<String>, "faulty component or group of components";
-        must command: At<String>, "action that these faults require";
+        must action: At<String>, "action that these faults require";
         must faults: Vec<At<String>> = some::<Vec<At<String>>>(),
             "names of faults, without the name of the channel";
     }
@@ -393,15 +393,15 @@ impl Study {
 
     /// The actions, the most urgent first: those that switch an actuator off, then the others. Each group has the
     /// order of the classes.
-    pub fn commands(&self) -> Vec<String> {
-        let mut commands: Vec<String> = vec![];
+    pub fn actions(&self) -> Vec<String> {
+        let mut actions: Vec<String> = vec![];
         for class in &self.classes {
-            if !commands.contains(&class.command) {
-                commands.push(class.command.clone());
+            if !actions.contains(&class.action) {
+                actions.push(class.action.clone());
             }
         }
-        commands.sort_by_key(|command| !self.reactions.switches_off(command));
-        commands
+        actions.sort_by_key(|action| !self.reactions.switches_off(action));
+        actions
     }
 
     /// Whether the sensors of all actuators correspond, so that features can take each actuator's view.
@@ -417,9 +417,9 @@ impl Study {
 
     /// The actions that switch an actuator off.
     pub fn shutdowns(&self) -> Vec<String> {
-        let mut commands = self.commands();
-        commands.retain(|command| self.reactions.switches_off(command));
-        commands
+        let mut actions = self.actions();
+        actions.retain(|action| self.reactions.switches_off(action));
+        actions
     }
 
     /// The scales of residuals, one for each measured sensor, in SI units.

@@ -50,14 +50,14 @@ pub struct Reactions {
 impl Reactions {
     pub(super) fn new(texts: &Names<Text>, reader: &Reader) -> Result<Self, Noted> {
         let classes = &reader.text.classes;
-        let commands = classes.iter().map(|class| class.command.value.clone());
-        let both = classes.iter().map(|class| format!("{}/{}", *class.command, *class.detail));
-        let known: Vec<String> = commands.chain(both).collect();
+        let actions = classes.iter().map(|class| class.action.value.clone());
+        let both = classes.iter().map(|class| format!("{}/{}", *class.action, *class.detail));
+        let known: Vec<String> = actions.chain(both).collect();
         let mut list = vec![];
         for (name, text) in texts {
             if !known.contains(name) && !known.is_empty() {
                 let known = known.iter().map(String::as_str);
-                let what = "command, or command/detail, of a class";
+                let what = "action, or action/detail, of a class";
                 reader.unknown(&name.at, (what, name), known);
                 continue;
             }
@@ -69,10 +69,10 @@ impl Reactions {
     }
 
     /// The reaction for an actuator, or no changes if the study defines none.
-    pub fn of(&self, unit: usize, command: &str, detail: Option<&str>) -> Reaction {
+    pub fn of(&self, unit: usize, action: &str, detail: Option<&str>) -> Reaction {
         let find = |name: &str| self.list.iter().find(|(known, _)| known == name);
-        let special = detail.and_then(|detail| find(&format!("{command}/{detail}")));
-        let found = special.or_else(|| find(command));
+        let special = detail.and_then(|detail| find(&format!("{action}/{detail}")));
+        let found = special.or_else(|| find(action));
         found.and_then(|(_, units)| units.get(unit)).cloned().unwrap_or_default()
     }
 
@@ -84,8 +84,8 @@ impl Reactions {
     }
 
     /// Whether an action switches the actuator off.
-    pub fn switches_off(&self, command: &str) -> bool {
-        self.of(0, command, None).switches_off
+    pub fn switches_off(&self, action: &str) -> bool {
+        self.of(0, action, None).switches_off
     }
 }
 

@@ -9,7 +9,7 @@ use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table, Values};
 use std::collections::BTreeMap;
 
-const TAIL: &str = "\n[[classes]]\ndetail = \"part\"\ncommand = \"warning\"\nfaults = \
+const TAIL: &str = "\n[[classes]]\ndetail = \"part\"\naction = \"warning\"\nfaults = \
     [\"servo_valve.gain_low\", \"leakage_a.leakage\"]\n\
     [realistic]\nhealthy = 6\n\
     tolerances = [{ parameters = [\"cylinder.coulomb_friction_n\"], sigma = 0.1 }]\n\

@@ -8,7 +8,7 @@ use servotwin::records::Records;
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{self, Table};
 
-const FAULTS: &str = "\n[[classes]]\ndetail = \"part\"\ncommand = \"warning\"\nfaults = \
+const FAULTS: &str = "\n[[classes]]\ndetail = \"part\"\naction = \"warning\"\nfaults = \
     [\"servo_valve.damping_loss\", \"sensor_ram.lag\", \"servo_valve.gain_low\"]\n\
     [realistic]\nhealthy = 2\ntolerances = []\n";
 

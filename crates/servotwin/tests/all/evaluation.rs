@@ -102,7 +102,7 @@ fn flown(noise: f64, cases: &[&str], seed: u64) -> Table {
             add([case, h, h, h, h, h], 0.0, [0.0; 6]);
         }
     }
-    let names = ["case", "fault", "kind", "actuator", "command", "detail"];
+    let names = ["case", "fault", "kind", "actuator", "action", "detail"];
     let command = |case: &String| case.split('/').next().unwrap().to_owned();
     let flown: Vec<String> = texts[0].iter().map(command).collect();
     let mut columns: Vec<Column> =
@@ -171,7 +171,6 @@ fn evaluated_with(
         trained: &trained,
         pools: &pools,
         all_features: data,
-        moving: None,
         workers,
         progress: &|_, _| (),
     };

@@ -13,7 +13,7 @@ fn text(fitted: &str) -> String {
     let text = include_str!("../../../../studies/spring_actuator.toml");
     let (head, rest) = text.split_once("[[classes]]").unwrap();
     let (_, realistic) = rest.split_once("[realistic]").unwrap();
-    let classes = "[[classes]]\ndetail = \"leak\"\ncommand = \"shut_down\"\n\
+    let classes = "[[classes]]\ndetail = \"leak\"\naction = \"shut_down\"\n\
                    faults = [\"leakage_a.leakage\", \"servo_valve.gain_low\"]\n";
     let head = head.replace("duration_s = 30", "duration_s = 6");
     format!("{head}{classes}\n[realistic]{realistic}\n{fitted}")

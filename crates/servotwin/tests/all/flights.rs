@@ -34,15 +34,15 @@ use std::sync::{Arc, OnceLock};
 const STUDY: &str = r#"
 [[classes]]
 detail = "control_valve"
-command = "shut_down"
+action = "shut_down"
 faults = ["servo_valve.bias_positive", "servo_valve.bias_negative"]
 [[classes]]
 detail = "cylinder_pressure_sensor"
-command = "change_mode"
+action = "change_mode"
 faults = ["sensor_pressure_a.bias_positive"]
 [[classes]]
 detail = "valve_displacement_sensor"
-command = "warning"
+action = "warning"
 faults = ["sensor_spool.bias_positive"]
 [realistic]
 healthy = 2
@@ -295,7 +295,7 @@ fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
     assert_eq!((metrics.failed, metrics.flights), (0, 16));
     let wrong = metrics.rates.of(&measure::WRONG_SHUTDOWN);
     assert_eq!((metrics.healthy.alarms, wrong.count, wrong.of), (0, 0, 16));
-    let shut_down = metrics.classes.iter().find(|class| class.command == "shut_down").unwrap();
+    let shut_down = metrics.classes.iter().find(|class| class.action == "shut_down").unwrap();
     let visible = shut_down.rates.of(&measure::VISIBLE);
     assert_eq!(visible.count, visible.of);
     assert!(shut_down.rates.of(&measure::RIGHT_ACTION).count > 0, "{shut_down:?}");

@@ -17,11 +17,11 @@ use std::sync::Arc;
 const TAIL: &str = r#"
 [[classes]]
 detail = "valve"
-command = "shut_down"
+action = "shut_down"
 faults = ["servo_valve.bias_positive", "servo_valve.gain_low"]
 [[classes]]
 detail = "leak"
-command = "warning"
+action = "warning"
 faults = ["leakage_a.leakage"]
 [realistic]
 healthy = 6

@@ -101,7 +101,7 @@ fn a_log_is_watched_as_the_flight_was_flown_also_after_a_checkpoint() {
     assert!(said == replay(&[0, 55, 127, 250]), "a checkpoint changes nothing");
     let raised = said.iter().position(|(finding, _)| finding.phase == Phase::Raised).unwrap();
     let (finding, _) = &said[raised];
-    assert_eq!((finding.actuator, finding.command.as_str()), (Some(1), "shut_down"));
+    assert_eq!((finding.actuator, finding.action.as_str()), (Some(1), "shut_down"));
     // The log says that the actuator is off from then on: nothing more is said of it.
     assert_eq!(said.last().unwrap().0.state, DiagnosisState::Healthy);
 }
@@ -157,7 +157,7 @@ fn values_that_are_missing_or_absurd_say_so_and_raise_nothing() {
         inputs[k % defaults.len()] = odd;
         let measured = if k % 3 == 0 { vec![odd; sensors] } else { zero.clone() };
         let observation = watcher.push(k as f64 * 0.02, &inputs, &measured);
-        assert!(observation.finding.command.is_empty(), "{:?}", observation.finding);
+        assert!(observation.finding.action.is_empty(), "{:?}", observation.finding);
         assert!(observation.twin.iter().all(|value| value.is_finite()));
     }
 }
@@ -227,7 +227,7 @@ fn a_healthy_actuator_that_was_off_is_judged_by_its_own_parameters_again() {
         let finding = watcher.push(k as f64 * 0.02, &inputs, &measured).finding.clone();
         let session = watcher.runtime().session();
         assert_eq!(session.is_off(0), (100..150).contains(&k), "sample {k}");
-        assert!(finding.command.is_empty() && finding.stands.is_empty(), "{k}: {finding:?}");
+        assert!(finding.action.is_empty() && finding.stands.is_empty(), "{k}: {finding:?}");
         if k == 130 {
             let saved = watcher.save();
             watcher = Watcher::new(with_parameters(), diagnoser().clone()).unwrap();
@@ -303,7 +303,7 @@ fn an_alarm_stands_whatever_happens_to_the_log() {
             }
             let finding = watcher.push(k as f64 * 0.02, &inputs, &measured).finding.clone();
             assert!(!is_raised || finding.phase == Phase::Raised, "{seed}, {k}: {finding:?}");
-            assert!(finding.actuator != Some(2) || finding.command.is_empty(), "{finding:?}");
+            assert!(finding.actuator != Some(2) || finding.action.is_empty(), "{finding:?}");
             is_raised = finding.phase == Phase::Raised;
             let of_1 = |stands: &String| stands.starts_with("actuator 1, shut down");
             assert!(

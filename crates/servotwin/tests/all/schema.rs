@@ -202,7 +202,7 @@ fn studies_that_are_read_keep_to_the_schema_and_slips_do_not() {
         ("units = [\"actuator_1\", \"actuator_2\"]", "units = []"),
         ("quantity = \"ram\"", "quantity = \"rod\""),
         ("unit = 1 }", "unit = 1.5 }"),
-        ("command = \"shut_down\"", "comand = \"shut_down\""),
+        ("action = \"shut_down\"", "acton = \"shut_down\""),
         ("healthy = 60", "healthy = 100000000"),
         ("sigma = 0.033", "sigma = 3.3"),
         ("absolute = true", "absolute = 1"),

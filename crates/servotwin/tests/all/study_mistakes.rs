@@ -108,7 +108,7 @@ fn spring(intensities: &str, rest: &str) -> Result<Study, TomlError> {
 #[test]
 fn a_study_whose_records_would_be_refused_is_incomplete_and_says_where() {
     let classes =
-        "classes = [{ detail = \"leak\", command = \"stop\", faults = [\"leakage_a.leakage\"] }]\n";
+        "classes = [{ detail = \"leak\", action = \"stop\", faults = [\"leakage_a.leakage\"] }]\n";
     let flights = |repeats: usize| {
         format!(
             "[flights]\nduration_s = 6\nonset_s = [2, 3]\nwindows_s = [0.5]\ncommands = [\"step:size=2deg\"]\n\

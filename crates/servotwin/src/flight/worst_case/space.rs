@@ -271,7 +271,7 @@ fn faults(study: &Study, objective: SearchObjective) -> Vec<usize> {
     let is_searched = |place: &usize| {
         let fault = &study.faults[*place];
         let is_first = study.faults.iter().position(|other| other.id == fault.id) == Some(*place);
-        let needs_shutdown = shutdowns.contains(&study.classes[fault.class].command);
+        let needs_shutdown = shutdowns.contains(&study.classes[fault.class].action);
         is_first && (needs_shutdown || objective != SearchObjective::MissedShutdown)
     };
     let all = if objective.has_fault(study) { 0..study.faults.len() } else { 0..0 };
