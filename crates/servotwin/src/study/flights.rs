@@ -4,6 +4,7 @@
 //! flown in it beside one virtual twin. The twin knows the environment, because its boundary values are
 //! measured, but not the specimen. How many flights there are, and for what, is said by suites ([`super::suites`]).
 
+use super::Study;
 use super::faults::full_name;
 use super::keys::{FLIGHT_S, some};
 use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
@@ -12,6 +13,7 @@ use super::seed::{Seed, Stream};
 use super::training::{check_pattern, count_ranges, filled_at, halton_in};
 use crate::format::{At, Names, Value, section, usual};
 use crate::signal::bus::as_sent;
+use crate::toml_text::Diagnostic;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::MAX_ACTUATORS;
 use servotwin_model::signal::Piecewise;
@@ -28,6 +30,8 @@ section! {
         must pub(super) commands: Vec<At<String>> = some::<Vec<At<String>>>(),
             "signals with {a..b} and {n}; the environments use them in turn";
         may pub(super) inputs: Ranges, "ranges of inputs, drawn for each environment";
+        may pub(super) phases: Vec<At<PhaseText>>,
+            "parts of a flight with ranges of their own; the environments take turns";
         may pub(super) unit_inputs: Ranges, "ranges of inputs that every channel has";
         may pub(super) unit_parameters: Ranges, "ranges of parameters that every channel has";
         may pub(super) least_on: Option<At<u32>> = Value::Whole(0.0, MAX_ACTUATORS as f64),
@@ -37,6 +41,13 @@ section! {
         may pub(super) other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
         may pub(super) limits: Limits => usual(), "targets of the diagnosis";
+    }
+}
+
+section! {
+    /// A part of a flight, such as cruise: inputs that belong together.
+    pub(super) struct PhaseText {
+        must inputs: Ranges = some::<Ranges>(), "ranges of inputs; the same inputs in every phase";
     }
 }
 
@@ -68,6 +79,23 @@ pub struct Environment {
     pub(crate) parameters: Vec<(usize, usize, f64)>,
 }
 
+impl Environment {
+    /// The value of an input at the beginning, or of a parameter that the environment changes, SI.
+    pub(crate) fn value_of(&self, study: &Study, name: &str) -> Option<f64> {
+        let network = study.system.network();
+        let input = network.inputs.iter().position(|input| input.id == name);
+        let of_parameter = || {
+            let is_it = |&&(component, place, _): &&(usize, usize, f64)| {
+                let own = &network.components[component];
+                let parameter = &own.component.parameters[place];
+                name == format!("{}.{}", own.id, parameter.name)
+            };
+            self.parameters.iter().find(is_it).map(|&(_, _, value)| value)
+        };
+        input.map(|input| self.inputs[input].value(0.0)).or_else(of_parameter)
+    }
+}
+
 /// What all flights of a study have in common.
 #[derive(Clone, Debug)]
 pub struct Flights {
@@ -94,7 +122,7 @@ pub struct Flights {
 /// What varies between environments: the commands, and ranges of inputs and parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EnvironmentRanges {
-    /// The patterns of the commands, each with the number of its ranges.
+    /// The patterns of the commands in each phase, each with the number of its ranges.
     pub(crate) commands: Vec<(String, usize)>,
     /// Inputs and parameters of the system with their ranges, SI.
     pub ranges: Vec<(String, [f64; 2])>,
@@ -109,7 +137,7 @@ pub struct EnvironmentRanges {
 pub(crate) struct ChosenEnvironment<'c> {
     /// The seed of the random part of the command.
     pub(crate) seed: Seed,
-    /// The index of the pattern of the command.
+    /// The index among the commands in [`EnvironmentRanges`].
     pub(crate) pattern: usize,
     /// The place in each range of the pattern, from 0 to 1.
     pub(crate) command: &'c [f64],
@@ -124,6 +152,7 @@ impl Flights {
         let varied = Varied {
             commands: text.commands.clone(),
             inputs: text.inputs.clone(),
+            phases: text.phases.iter().map(|phase| phase.value.inputs.clone()).collect(),
             unit_inputs: text.unit_inputs.clone(),
             unit_parameters: text.unit_parameters.clone(),
         };
@@ -164,6 +193,21 @@ impl Text {
             let is_allowed = *least as usize <= units;
             reader.range(("least_on", at), f64::from(*least), is_allowed, allowed)?;
         }
+        for At { value: phase, at } in &self.phases {
+            let first = &self.phases[0].value.inputs;
+            if !phase.inputs.keys().eq(first.keys()) {
+                let names: Vec<&str> = first.keys().map(|name| name.value.as_str()).collect();
+                let message =
+                    format!("this phase has other inputs than the first one, {}", names.join(", "));
+                return Err(reader.note(at, Diagnostic::new(message)));
+            }
+            if let Some((name, _)) =
+                phase.inputs.iter().find(|(name, _)| self.inputs.contains_key(*name))
+            {
+                let message = format!("'{}' has a range for all phases, too", name.value);
+                return Err(reader.note(&name.at, Diagnostic::new(message)));
+            }
+        }
         for At { value: window_s, at } in &self.windows_s {
             let fits = window_s * reader.text.sample_hz >= 10.0 && *window_s <= d - to;
             let allowed = "10 samples … what remains of a flight after the latest onset";
@@ -180,6 +224,8 @@ pub(super) struct Varied {
     pub(crate) commands: Vec<At<String>>,
     /// Ranges of inputs.
     pub(crate) inputs: Ranges,
+    /// Ranges of inputs that belong together, of which an environment has one.
+    pub(crate) phases: Vec<Ranges>,
     /// Ranges of inputs that every actuator has.
     pub(crate) unit_inputs: Ranges,
     /// Ranges of parameters that every actuator has.
@@ -200,9 +246,13 @@ impl Varied {
             });
             merged
         };
+        let mut phases = self.phases.clone();
+        phases.iter_mut().for_each(|own| own.retain(|name, _| !inputs.contains_key(name)));
+        phases.retain(|own| !own.is_empty());
         Varied {
             commands: commands.unwrap_or(&self.commands).clone(),
             inputs: merged(&self.inputs, inputs),
+            phases,
             unit_inputs: merged(&self.unit_inputs, unit_inputs),
             unit_parameters: merged(&self.unit_parameters, unit_parameters),
         }
@@ -215,12 +265,12 @@ impl Varied {
         reader: &Reader,
         duration_s: f64,
     ) -> Result<Environment, Noted> {
-        let (commands, inputs) = (self.commands.clone(), self.inputs.clone());
-        let shared = Varied { commands, inputs, ..Varied::default() };
+        let Varied { commands, inputs, phases, .. } = self.clone();
+        let shared = Varied { commands, inputs, phases, ..Varied::default() };
         shared.middle(reader, 0, duration_s)
     }
 
-    /// The environment in the middle of the ranges of a command.
+    /// The environment in the middle of the ranges of a command and of the phases.
     fn middle(
         &self,
         reader: &Reader,
@@ -229,6 +279,7 @@ impl Varied {
     ) -> Result<Environment, Noted> {
         let command = &vec![0.5; count_ranges(&self.commands[pattern])];
         let seed = Seed::of(0, "", pattern as u64);
+        let pattern = pattern + self.commands.len() * (self.phases.len() / 2);
         let chosen = ChosenEnvironment { seed, pattern, command, shares: &[] };
         self.environment(reader, &chosen, String::new(), duration_s)
     }
@@ -248,7 +299,8 @@ impl Varied {
     /// Checks that both ends of every range are possible.
     pub(super) fn check(&self, reader: &Reader) -> Result<(), Noted> {
         let units = || reader.text.units.iter();
-        let own = self.inputs.iter().map(|range| (String::new(), range));
+        let own = self.inputs.iter().chain(self.phases.iter().flatten());
+        let own = own.map(|range| (String::new(), range));
         let of_units = self.unit_inputs.iter();
         let of_units =
             of_units.flat_map(|range| units().map(move |unit| (unit.value.clone(), range)));
@@ -284,10 +336,31 @@ impl Varied {
         };
         let shared = self.inputs.iter().map(|(name, range)| (name.value.clone(), range.value));
         let shared = shared.collect();
-        let command = |command: &At<String>| (command.value.clone(), count_ranges(command));
+        let all_phases = |(name, range): (&At<String>, &At<[f64; 2]>)| {
+            let own = self.phases.iter().filter_map(|phase| phase.get(name));
+            let [low, high] = own.fold(range.value, |[low, high], own| {
+                [low.min(own.value[0]), high.max(own.value[1])]
+            });
+            (name.value.clone(), [low, high])
+        };
+        let of_phases = self.phases.iter().take(1).flatten().map(all_phases).collect();
+        let command = |phase: usize, command: &At<String>| {
+            let name = match self.phases.is_empty() {
+                true => command.value.clone(),
+                false => format!("{} (phase {})", command.value, phase + 1),
+            };
+            (name, count_ranges(command))
+        };
+        let of_phase = |phase: usize| self.commands.iter().map(move |own| command(phase, own));
         EnvironmentRanges {
-            commands: self.commands.iter().map(command).collect(),
-            ranges: [shared, of_units(&self.unit_inputs), of_units(&self.unit_parameters)].concat(),
+            commands: (0..self.phases.len().max(1)).flat_map(of_phase).collect(),
+            ranges: [
+                shared,
+                of_units(&self.unit_inputs),
+                of_units(&self.unit_parameters),
+                of_phases,
+            ]
+            .concat(),
             onset_s,
             duration_s,
         }
@@ -317,8 +390,12 @@ impl Varied {
             .collect();
         let mut random = seed.stream(Stream::Ranges);
         let count = |ranges: &Ranges| ranges.len() * reader.text.units.len();
-        let ranges = self.inputs.len() + count(&self.unit_inputs) + count(&self.unit_parameters);
+        let of_phase = self.phases.first().map_or(0, |phase| phase.len());
+        let shared = self.inputs.len() + of_phase;
+        let ranges = shared + count(&self.unit_inputs) + count(&self.unit_parameters);
         let shares: Vec<f64> = (0..ranges).map(|_| random.unit()).collect();
+        let phase = (number / patterns) % self.phases.len().max(1);
+        let pattern = pattern + patterns * phase;
         let chosen = ChosenEnvironment { seed, pattern, command: &command, shares: &shares };
         self.environment(reader, &chosen, name, longest_s)
     }
@@ -332,7 +409,8 @@ impl Varied {
         longest_s: f64,
     ) -> Result<Environment, Noted> {
         let &ChosenEnvironment { seed, pattern: position, command, shares } = chosen;
-        let pattern = &self.commands[position];
+        let pattern = &self.commands[position % self.commands.len()];
+        let phase = self.phases.get(position / self.commands.len());
         let number = seed.choices(Stream::Noise).next_u64() % COMMANDS;
         let command = filled_at(pattern, number as usize, |place| command[place]);
         let mut inputs = reader.default_inputs();
@@ -360,6 +438,9 @@ impl Varied {
                 let (component, place) = super::realism::find(reader, unit, parameter)?;
                 parameters.push((component, place, draw(range.value)));
             }
+        }
+        for (input, range) in phase.into_iter().flatten() {
+            inputs[reader.input(&input.at, input)?] = constant(draw(range.value));
         }
         Ok(Environment { name, command, inputs, parameters })
     }

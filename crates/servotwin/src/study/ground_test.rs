@@ -89,6 +89,7 @@ impl super::Text {
             windows_s: vec![At::new(test.duration_s, at.clone())],
             commands: vec![test.command],
             inputs: test.inputs,
+            phases: vec![],
             unit_inputs: test.unit_inputs,
             unit_parameters: test.unit_parameters,
             // An action at the end of a test is in time.

@@ -290,6 +290,35 @@ fn shares_of_a_suite_join_to_the_bytes_of_an_undivided_one() {
 }
 
 #[test]
+fn environments_take_turns_between_the_phases_of_a_flight() {
+    let study = Study::default();
+    let suite = study.suite(JUDGE).unwrap();
+    const COMMANDS: usize = 6;
+    let place = |name: &str| {
+        study.system.network().inputs.iter().position(|input| input.id == name).unwrap()
+    };
+    let [speed, altitude] = ["air_speed", "altitude"].map(place);
+    let bounds =
+        [([0.0, 110.0], [0.0, 3e3]), ([100.0, 170.0], [0.0, 9e3]), ([160.0, 240.0], [7e3, 12e3])];
+    let environments = study.environments(suite, 0..6 * COMMANDS).unwrap();
+    for (number, environment) in environments.iter().enumerate() {
+        let (of_speed, of_altitude) = bounds[number / COMMANDS % bounds.len()];
+        for ([low, high], input) in [(of_speed, speed), (of_altitude, altitude)] {
+            let value = environment.inputs[input].value(0.0);
+            assert!((low..=high).contains(&value), "{number}: {value} in {low} … {high}");
+        }
+    }
+    // What a suite says itself replaces the phases.
+    let own = "[suites]\ncold = { environments = 9, healthy = 1, inputs.air_speed = [20, 30] }\n";
+    let text = include_str!("../../../../studies/paper.toml").replace("[suites]\n", own);
+    let cold = Study::parse(&text, "cold.toml").unwrap();
+    let suite = cold.suite("cold").unwrap();
+    for environment in cold.environments(suite, 0..9).unwrap() {
+        assert!((20.0..=30.0).contains(&environment.inputs[speed].value(0.0)));
+    }
+}
+
+#[test]
 fn faults_in_flights_are_found_and_healthy_flights_raise_nothing() {
     let metrics = measured(&outcomes(JUDGE, 2));
     assert_eq!((metrics.failed, metrics.flights), (0, 16));

@@ -220,11 +220,14 @@ impl SearchSpace {
         };
         let mut parts = vec![fault];
         parts.extend(flown.iter().map(|environment| format!("command {}", environment.command)));
-        parts.extend(self.environment().map(|(place, dimension)| {
-            let [low, high] = dimension.range.unwrap_or_default();
-            let value = low + (high - low) * point.values[place];
-            format!("{} {}", dimension.name, shown(value, study.system.unit_of(&dimension.name)))
-        }));
+        let values = flown.iter().flat_map(|environment| {
+            self.environment().map(|(_, dimension)| {
+                let (name, unit) = (&dimension.name, study.system.unit_of(&dimension.name));
+                let value = environment.value_of(study, name).unwrap_or(f64::NAN);
+                format!("{name} {}", shown(value, unit))
+            })
+        });
+        parts.extend(values);
         let begins = self.begins[2];
         let tolerances = self.dimensions[begins..].iter().zip(self.deviations(point));
         let mut largest: Vec<_> = tolerances.filter(|(_, size)| size.abs() >= LARGE).collect();
