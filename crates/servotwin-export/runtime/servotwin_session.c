@@ -584,29 +584,75 @@ static bool is_blind(const servotwin_session *session)
     return blind;
 }
 
-/* Checks the values and copies them, with stand-ins for masked and lost sensors. */
-static usability copy_measured(servotwin_session *session, const servotwin_real *measured, const servotwin_real *twin)
+/* Whether a sensor is one of an actuator that is off or not judged. */
+static bool is_off(const servotwin_session *session, int32_t sensor)
 {
-    usability all = USABLE;
+    const int32_t actuator = servotwin_sensors[sensor].actuator;
+    return (actuator != SERVOTWIN_NONE) && is_masked(session, actuator);
+}
+
+/* Whether a sensor gives no value. */
+static bool is_lacking(const servotwin_session *session, int32_t sensor)
+{
+    return session->is_taken_out[sensor] || session->is_lost[sensor];
+}
+
+/* Whether the sensors of the other actuators correspond to a sensor. */
+static bool has_peers(int32_t sensor)
+{
+    return (SERVOTWIN_VIEWS > 1) && (servotwin_sensors[sensor].actuator != SERVOTWIN_NONE);
+}
+
+/* Whether a corresponding sensor of another actuator gives no value. */
+static bool lacks_peer(const servotwin_session *session, int32_t sensor)
+{
+    bool lacks = false;
+    for (int32_t view = 1; (view < SERVOTWIN_VIEWS) && has_peers(sensor); view++) {
+        const int32_t peer = servotwin_orders[view][sensor];
+        lacks = lacks || (is_lacking(session, peer) && !is_off(session, peer));
+    }
+    return lacks;
+}
+
+static bool is_sound(int32_t sensor, const servotwin_real *twin)
+{
+    return SERVOTWIN_ABS(twin[sensor] / servotwin_sensors[sensor].scale) <= PLAUSIBLE;
+}
+
+/* Looks which sensors are there, and how large their noise is. */
+static void notice_sensors(servotwin_session *session, const servotwin_real *measured, const servotwin_real *twin)
+{
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
-        const servotwin_sensor *known = &servotwin_sensors[sensor];
+        const servotwin_real scale = servotwin_sensors[sensor].scale;
+        const servotwin_real value = measured[sensor];
         const servotwin_real expected = twin[sensor];
-        const bool is_sound = (SERVOTWIN_ABS(expected / known->scale) <= PLAUSIBLE);
-        const bool is_out = session->is_taken_out[sensor]
-            || ((known->actuator != SERVOTWIN_NONE) && is_masked(session, known->actuator));
-        servotwin_real value = measured[sensor];
-        const bool is_there = is_sound && (usability_of(value, expected, known->scale) == USABLE);
+        const bool is_there = is_sound(sensor, twin) && (usability_of(value, expected, scale) == USABLE);
         const servotwin_real difference = value - expected;
-        if (is_out) {
+        if (session->is_taken_out[sensor] || is_off(session, sensor)) {
             session->is_lost[sensor] = false;
             session->against[sensor] = 0U;
-        } else if (is_sound) {
+        } else if (is_sound(sensor, twin)) {
             notice(session, sensor, is_there);
         } else {
             /* Nobody knows what the value should be. */
         }
-        session->stands_in[sensor] = is_out || session->is_lost[sensor];
-        measure_noise(session, sensor, is_there, difference / known->scale);
+        measure_noise(session, sensor, is_there, difference / scale);
+    }
+}
+
+/*
+ * Checks the values and copies them, with stand-ins. A stand-in looks healthy. So that no actuator looks healthier than
+ * another one, what one of them lacks is not read of the others either.
+ */
+static usability copy_measured(servotwin_session *session, const servotwin_real *measured, const servotwin_real *twin)
+{
+    usability all = USABLE;
+    notice_sensors(session, measured, twin);
+    for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+        const servotwin_real expected = twin[sensor];
+        servotwin_real value = measured[sensor];
+        session->stands_in[sensor] =
+            is_off(session, sensor) || is_lacking(session, sensor) || lacks_peer(session, sensor);
         if (session->stands_in[sensor]) {
             value = with_noise(session, sensor, expected);
         } else if (is_quiet(session, sensor)) {
@@ -614,10 +660,10 @@ static usability copy_measured(servotwin_session *session, const servotwin_real 
         } else {
             /* It has its own noise. */
         }
-        if (!is_sound) {
+        if (!is_sound(sensor, twin)) {
             all = WRONG_VALUE;
         } else if (all == USABLE) {
-            all = usability_of(value, expected, known->scale);
+            all = usability_of(value, expected, servotwin_sensors[sensor].scale);
         } else {
             /* One sensor is enough. */
         }
@@ -652,14 +698,14 @@ static servotwin_real margin(const servotwin_session *session, int32_t length, i
     return servotwin_margin(&session->evidence[length], length, claim);
 }
 
-/* Whether an actuator may be accused: all other judged actuators have all their sensors. */
+/* Whether an actuator may be accused: no other judged actuator lacks a sensor that is still read of this one. */
 static bool is_comparable(const servotwin_session *session, int32_t actuator)
 {
     bool holds = true;
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
         const int32_t own = servotwin_sensors[sensor].actuator;
-        const bool is_elsewhere = (own != actuator) && ((own == SERVOTWIN_NONE) || !is_masked(session, own));
-        holds = holds && !(is_elsewhere && (session->is_taken_out[sensor] || session->is_lost[sensor]));
+        const bool is_elsewhere = (own != SERVOTWIN_NONE) && (own != actuator) && !is_off(session, sensor);
+        holds = holds && !(is_elsewhere && is_lacking(session, sensor) && !has_peers(sensor));
     }
     return holds;
 }

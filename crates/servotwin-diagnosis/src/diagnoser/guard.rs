@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use super::environment::{InputChecks, InputDifference, InputRange, Why};
 use super::outcome::{Alarm, IndexedFinding};
-use super::{Diagnoser, LARGEST_COUNT};
+use super::{DiagnosedSensor, Diagnoser, LARGEST_COUNT};
 use crate::error::{Error, require_sound};
 use crate::random::Random;
 
@@ -82,7 +82,9 @@ pub(super) struct Guard {
     until_back: u64,
     /// Number of samples that are not judged after a start or a restart.
     settle_samples: u64,
-    /// The measured values, with stand-ins for masked and lost sensors.
+    /// For each sensor, the corresponding ones of the other actuators.
+    peers: Vec<Vec<usize>>,
+    /// The measured values, with stand-ins for masked and lost sensors and for the peers of lost ones.
     pub(crate) measured: Vec<f64>,
     /// The sensors with stand-in values.
     pub(crate) stands_in: Vec<bool>,
@@ -138,6 +140,12 @@ impl Guard {
             sensors: vec![SensorState::default(); sensors],
         };
         let settle_samples = diagnoser.samples(diagnoser.tuning.settle_s);
+        let rotations = diagnoser.sensors_seen().rotations(diagnoser.views()).unwrap_or_default();
+        let is_of_one = |sensor: usize| diagnoser.sensors[sensor].actuator.is_some();
+        let peers = |sensor: usize| match is_of_one(sensor) {
+            true => rotations.iter().map(|order| order[sensor]).collect(),
+            false => vec![],
+        };
         let mut guard = Guard {
             frozen_after: checks.inputs.iter().map(frozen_after).collect(),
             pairs: checks.differences.iter().filter_map(pair).collect(),
@@ -146,6 +154,7 @@ impl Guard {
             until_lost: diagnoser.samples(diagnoser.tuning.no_data_after_s).max(1),
             until_back: settle_samples.max(1),
             settle_samples,
+            peers: (0..sensors).map(peers).collect(),
             measured: vec![0.0; sensors],
             stands_in: vec![false; sensors],
             state,
@@ -271,46 +280,62 @@ impl Guard {
         if measured.len() != sensors.len() || twin.len() != sensors.len() {
             return Err(Alarm::Error);
         }
-        let mut usable = Ok(());
+        let is_sound = |place: usize| (twin[place] / sensors[place].scale).abs() <= PLAUSIBLE;
+        let usability = |place: usize, value: f64| match value {
+            value if value.is_nan() => Err(Alarm::NoData),
+            value if ((value - twin[place]) / sensors[place].scale).abs() > PLAUSIBLE => {
+                Err(Alarm::Error)
+            }
+            _ => Ok(()),
+        };
         for (place, sensor) in sensors.iter().enumerate() {
-            let (value, expected) = (measured[place], twin[place]);
-            let of = |value: f64| match value {
-                value if value.is_nan() => Err(Alarm::NoData),
-                value if ((value - expected) / sensor.scale).abs() > PLAUSIBLE => Err(Alarm::Error),
-                _ => Ok(()),
-            };
-            let is_sound = (expected / sensor.scale).abs() <= PLAUSIBLE;
+            let is_there = is_sound(place) && usability(place, measured[place]).is_ok();
             let state = &mut self.state.sensors[place];
-            let is_masked = state.is_taken_out || sensor.actuator.is_some_and(&is_masked);
-            let is_there = is_sound && of(value).is_ok();
-            if is_masked {
+            if state.is_taken_out || sensor.actuator.is_some_and(&is_masked) {
                 (state.is_lost, state.against) = (false, 0);
-            } else if is_sound {
+            } else if is_sound(place) {
                 let limit = if state.is_lost { self.until_back } else { self.until_lost };
                 state.notice(is_there, limit);
             }
-            let noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
-            let residual = is_there.then(|| (value - expected) / sensor.scale);
-            state.measure_noise(residual, noise);
-            self.stands_in[place] = is_masked || state.is_lost;
+            let residual = is_there.then(|| (measured[place] - twin[place]) / sensor.scale);
+            state.measure_noise(residual, sensor.noise_of_stand_in());
+        }
+        self.find_stand_ins(sensors, is_masked);
+        let mut usable = Ok(());
+        for (place, sensor) in sensors.iter().enumerate() {
+            let noise = sensor.noise_of_stand_in();
             let of_noise = || {
                 let mut random = Random::stream(place as u64, sample + 1);
                 sensor.scale * noise * normal(&mut random)
             };
             self.measured[place] = if self.stands_in[place] {
-                expected + of_noise()
-            } else if state.is_quiet(noise) {
-                value + of_noise()
+                twin[place] + of_noise()
+            } else if self.state.sensors[place].is_quiet(noise) {
+                measured[place] + of_noise()
             } else {
-                value
+                measured[place]
             };
             usable = match usable {
-                _ if !is_sound => Err(Alarm::Error),
-                Ok(()) => of(self.measured[place]),
+                _ if !is_sound(place) => Err(Alarm::Error),
+                Ok(()) => usability(place, self.measured[place]),
                 wrong => wrong,
             };
         }
         if usable.is_ok() && self.is_blind(diagnoser) { Err(Alarm::NoData) } else { usable }
+    }
+
+    /// Finds the sensors with a stand-in value. A stand-in looks healthy. So that no actuator looks healthier than another
+    /// one, what one of them lacks is not read of the others either.
+    fn find_stand_ins(&mut self, sensors: &[DiagnosedSensor], is_masked: impl Fn(u32) -> bool) {
+        let is_off = |place: usize| sensors[place].actuator.is_some_and(&is_masked);
+        let lacks = |place: usize| {
+            let state = &self.state.sensors[place];
+            state.is_taken_out || state.is_lost
+        };
+        for (place, stands_in) in self.stands_in.iter_mut().enumerate() {
+            let lacks_peer = || self.peers[place].iter().any(|&peer| lacks(peer) && !is_off(peer));
+            *stands_in = is_off(place) || lacks(place) || lacks_peer();
+        }
     }
 
     /// Whether too many of an actuator's sensors, or of all sensors, are lost: the rest does not suffice.
@@ -328,19 +353,20 @@ impl Guard {
         self.lost() > 0 && (has_lost_most(None) || actuators.any(has_lost_most))
     }
 
-    /// Whether an actuator may be accused: all other judged actuators have all their sensors. A stand-in value always
-    /// looks healthy, so a fault of an actuator without a sensor would look like a fault of its neighbor.
+    /// Whether an actuator may be accused: no other judged actuator lacks a sensor that is still read of this one. A
+    /// stand-in looks healthy, so a fault of the actuator without the sensor would look like one of its neighbor.
     pub(super) fn is_comparable(
         &self,
         diagnoser: &Diagnoser,
         actuator: usize,
         is_masked: impl Fn(u32) -> bool,
     ) -> bool {
-        let mut sensors = diagnoser.sensors.iter().zip(&self.state.sensors);
-        sensors.all(|(sensor, state)| {
-            let is_own = sensor.actuator == Some(actuator as u32);
+        let sensors = diagnoser.sensors.iter().zip(&self.state.sensors);
+        let mut sensors = sensors.zip(&self.peers);
+        sensors.all(|((sensor, state), peers)| {
+            let is_own = sensor.actuator.is_none_or(|own| own == actuator as u32);
             let is_there = !state.is_taken_out && !state.is_lost;
-            is_own || is_there || sensor.actuator.is_some_and(&is_masked)
+            is_own || is_there || !peers.is_empty() || sensor.actuator.is_some_and(&is_masked)
         })
     }
 

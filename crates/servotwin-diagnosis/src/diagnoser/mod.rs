@@ -96,6 +96,11 @@ impl DiagnosedSensor {
         }
     }
 
+    /// The noise of a value that stands in for a measured one, in parts of scale.
+    pub(crate) fn noise_of_stand_in(&self) -> f64 {
+        if self.is_noisy { self.noise } else { 0.0 }
+    }
+
     /// What its residual is divided by, in words: its scale, and its spread if that grows.
     pub fn residual_divisor(&self) -> &'static str {
         if self.spread.is_some() { "scale and spread" } else { "scale" }
@@ -228,6 +233,11 @@ impl Diagnoser {
     pub fn views_of(&self, length: &Length) -> usize {
         let of_models = length.panel.trees.views().max(length.panel.committee.views());
         of_models.max(self.views_of_novelty(length))
+    }
+
+    /// Number of views that the models of any length need: more than one where actuators are alike.
+    pub fn views(&self) -> usize {
+        self.lengths.iter().map(|length| self.views_of(length)).max().unwrap_or(1)
     }
 
     /// Number of views that a length's novelty score needs.

@@ -70,11 +70,6 @@ pub(crate) fn names(diagnoser: &Diagnoser) -> [(&'static str, Vec<String>); 5] {
     ]
 }
 
-/// Most views that any length needs.
-fn views(diagnoser: &Diagnoser) -> usize {
-    diagnoser.lengths.iter().map(|length| diagnoser.views_of(length)).max().unwrap_or(1)
-}
-
 /// The sizes of all arrays.
 fn sizes(diagnoser: &Diagnoser) -> [(&'static str, usize); 14] {
     let names = diagnoser.names();
@@ -90,7 +85,7 @@ fn sizes(diagnoser: &Diagnoser) -> [(&'static str, usize); 14] {
         ("ACTIONS", names.actions.len()),
         ("HYPOTHESES", 1 + names.actuators.len() * names.actions.len()),
         ("FEATURES", names.features.len()),
-        ("VIEWS", views(diagnoser)),
+        ("VIEWS", diagnoser.views()),
         ("LENGTHS", diagnoser.lengths.len()),
         ("MOST_PANES", panes.unwrap_or(1) as usize),
         ("COMMON_PAIRS", pairs.len()),

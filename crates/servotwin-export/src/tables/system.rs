@@ -59,7 +59,7 @@ fn inputs(text: &mut String, diagnoser: &Diagnoser) {
 /// The order of the sensors in each view; the first is the own one.
 fn views(text: &mut String, diagnoser: &Diagnoser) {
     let sensors = diagnoser.sensors_seen();
-    let orders = sensors.rotations(super::views(diagnoser)).unwrap_or_default();
+    let orders = sensors.rotations(diagnoser.views()).unwrap_or_default();
     let own: Vec<usize> = (0..sensors.0.len()).collect();
     let rows = std::iter::once(own).chain(orders).map(|order| {
         let places: Vec<String> = order.iter().map(usize::to_string).collect();
