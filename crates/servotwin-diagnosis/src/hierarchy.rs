@@ -292,12 +292,25 @@ impl Hierarchy {
         scratch: &mut Scratch,
     ) -> Result<Diagnosis, Error> {
         self.check_views(views)?;
+        self.diagnose_paired(views[0].as_ref(), views, scratch)
+    }
+
+    /// As [`Hierarchy::diagnose`], with a row of its own for the question which actuator it is: it reads of no actuator
+    /// what another one lacks.
+    pub(crate) fn diagnose_paired<V: AsRef<[f64]>>(
+        &self,
+        paired: &[f64],
+        views: &[V],
+        scratch: &mut Scratch,
+    ) -> Result<Diagnosis, Error> {
+        self.check_views(views)?;
+        let sure = StageAnswer { class: 0, probability: 1.0 };
+        let of_actuators = self.stage(Question::Actuator, 0, 0);
+        let first = of_actuators.map_or(sure, |stage| stage.answer(paired, scratch));
         let mut ask = |question, actuator, action| {
             let stage = self.stage(question, actuator, action)?;
             Some(stage.answer(views[stage.place.view(actuator)].as_ref(), scratch))
         };
-        let sure = StageAnswer { class: 0, probability: 1.0 };
-        let first = ask(Question::Actuator, 0, 0).unwrap_or(sure);
         let mut said = Diagnosis {
             actuator: None,
             action: None,
@@ -329,14 +342,14 @@ impl Hierarchy {
         views.iter().try_for_each(of_view)
     }
 
-    /// Writes the probability of healthy, then of each action actuator by actuator, for a row given in every view.
-    /// Without a stage for the actions they share evenly. Does not allocate.
+    /// Writes the probability of healthy, then of each action actuator by actuator, for the row that tells actuators apart
+    /// and the row in every view. Without a stage for the actions they share evenly. Does not allocate.
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`], and [`Error::LengthMismatch`] if `into` has another length.
     pub fn probabilities_into<V: AsRef<[f64]>>(
         &self,
-        views: &[V],
+        (paired, views): (&[f64], &[V]),
         scratch: &mut Scratch,
         into: &mut [f64],
     ) -> Result<(), Error> {
@@ -348,7 +361,7 @@ impl Hierarchy {
         match self.stage(Question::Actuator, 0, 0) {
             None => into.iter_mut().skip(1).take(actions).for_each(|share| *share = 1.0),
             Some(stage) => {
-                let shares = stage.probabilities(views[0].as_ref(), scratch);
+                let shares = stage.probabilities(paired, scratch);
                 for (&class, &share) in stage.classes.iter().zip(shares) {
                     let is_fault = class != self.names.healthy();
                     let own = if is_fault {

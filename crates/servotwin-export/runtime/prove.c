@@ -45,7 +45,7 @@ typedef struct {
 prove_diagnosis prove_diagnose(int32_t is_committee, int32_t length, const double *const *views);
 prove_diagnosis prove_diagnose(int32_t is_committee, int32_t length, const double *const *views)
 {
-    const servotwin_diagnosis said = servotwin_diagnose(hierarchy_of(is_committee, length), views);
+    const servotwin_diagnosis said = servotwin_diagnose(hierarchy_of(is_committee, length), views[0], views);
     const prove_diagnosis diagnosis = { said.actuator, said.action, said.detail, said.confidence,
         said.detail_confidence };
     return diagnosis;
@@ -54,7 +54,7 @@ prove_diagnosis prove_diagnose(int32_t is_committee, int32_t length, const doubl
 void prove_probabilities(int32_t length, const double *const *views, double *into);
 void prove_probabilities(int32_t length, const double *const *views, double *into)
 {
-    servotwin_probabilities(servotwin_lengths[length].committee, views, into);
+    servotwin_probabilities(servotwin_lengths[length].committee, views[0], views, into);
 }
 
 double prove_value(int32_t length, int32_t stage, int32_t leaf, int32_t output);

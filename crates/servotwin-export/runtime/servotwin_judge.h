@@ -31,6 +31,7 @@ typedef struct {
 /* Working memory; nothing in it lasts from one window to the next. */
 typedef struct {
     servotwin_real rows[SERVOTWIN_VIEWS][SERVOTWIN_FEATURES];
+    servotwin_real paired[SERVOTWIN_FEATURES]; /* the row that reads no unpaired sensor */
     servotwin_window reordered;
 } servotwin_scratch;
 
@@ -41,9 +42,9 @@ int32_t servotwin_hypothesis_of(int32_t actuator, int32_t action);
 
 void servotwin_forget(servotwin_judgement *judgement);
 
-/* Judges a full window. Masked actuators are no possible answers. */
+/* Judges a full window. Masked actuators are no possible answers; another actuator lacks each unpaired sensor. */
 void servotwin_judge(servotwin_judgement *judgement, servotwin_scratch *scratch, int32_t length,
-    const servotwin_window *window, const bool *is_masked, const bool *stands_in);
+    const servotwin_window *window, const bool *is_masked, const bool *stands_in, const bool *unpaired);
 
 /* Whether trees and boosted trees agree on a hypothesis, and the window is not novel. */
 bool servotwin_agrees_on(const servotwin_judgement *judgement, int32_t length, int32_t hypothesis);

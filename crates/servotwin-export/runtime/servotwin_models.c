@@ -129,10 +129,11 @@ static servotwin_answer ask(
     return answer;
 }
 
-servotwin_diagnosis servotwin_diagnose(const servotwin_hierarchy *hierarchy, const servotwin_real *const *views)
+servotwin_diagnosis servotwin_diagnose(
+    const servotwin_hierarchy *hierarchy, const servotwin_real *paired, const servotwin_real *const *views)
 {
     servotwin_diagnosis said = { SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 1.0, 1.0 };
-    const servotwin_answer first = ask(hierarchy, hierarchy->actuator_stage, 0, views, 0);
+    const servotwin_answer first = ask(hierarchy, hierarchy->actuator_stage, 0, &paired, 0);
     said.confidence = first.probability;
     if (first.decided < hierarchy->actuators) {
         const int32_t actuator = first.decided;
@@ -158,14 +159,14 @@ servotwin_answer servotwin_detail(
 
 /* Writes the probability of healthy to the first place, and that of each actuator to the first of its actions. */
 static void share_among_actuators(
-    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, servotwin_real *into)
+    const servotwin_hierarchy *hierarchy, const servotwin_real *paired, servotwin_real *into)
 {
     if (hierarchy->actuator_stage == SERVOTWIN_NONE) {
         into[1] = 1.0;
     } else {
         const servotwin_stage *stage = &hierarchy->stages[hierarchy->actuator_stage];
         servotwin_real shares[SERVOTWIN_MOST_CLASSES] = { 0 };
-        servotwin_shares(stage, views[0], shares);
+        servotwin_shares(stage, paired, shares);
         for (int32_t class_place = 0; class_place < stage->classes; class_place++) {
             const int32_t actuator = stage->names[class_place];
             const int32_t place = (actuator < hierarchy->actuators) ? (1 + (actuator * hierarchy->actions)) : 0;
@@ -195,14 +196,14 @@ static void share_among_actions(
     }
 }
 
-void servotwin_probabilities(
-    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, servotwin_real *into)
+void servotwin_probabilities(const servotwin_hierarchy *hierarchy, const servotwin_real *paired,
+    const servotwin_real *const *views, servotwin_real *into)
 {
     const int32_t count = 1 + (hierarchy->actuators * hierarchy->actions);
     for (int32_t place = 0; place < count; place++) {
         into[place] = 0.0;
     }
-    share_among_actuators(hierarchy, views, into);
+    share_among_actuators(hierarchy, paired, into);
     for (int32_t actuator = 0; actuator < hierarchy->actuators; actuator++) {
         share_among_actions(hierarchy, views, actuator, &into[1 + (actuator * hierarchy->actions)]);
     }

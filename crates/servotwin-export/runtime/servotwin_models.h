@@ -96,12 +96,16 @@ void servotwin_shares(const servotwin_stage *stage, const servotwin_real *row, s
 /* The class that a stage decides. */
 servotwin_answer servotwin_decide(const servotwin_stage *stage, const servotwin_real *row);
 
-/* Asks for actuator, action and detail of a row, given in every view. */
-servotwin_diagnosis servotwin_diagnose(const servotwin_hierarchy *hierarchy, const servotwin_real *const *views);
+/*
+ * Asks for actuator, action and detail of a row, given in every view. `paired` is the row that tells actuators apart: it
+ * reads of none what another one lacks.
+ */
+servotwin_diagnosis servotwin_diagnose(
+    const servotwin_hierarchy *hierarchy, const servotwin_real *paired, const servotwin_real *const *views);
 
 /* Writes the probability of healthy, then of each action actuator by actuator, by boosted trees. */
-void servotwin_probabilities(
-    const servotwin_hierarchy *hierarchy, const servotwin_real *const *views, servotwin_real *into);
+void servotwin_probabilities(const servotwin_hierarchy *hierarchy, const servotwin_real *paired,
+    const servotwin_real *const *views, servotwin_real *into);
 
 /* The detail of a fault with known actuator and action. */
 servotwin_answer servotwin_detail(

@@ -277,6 +277,7 @@ static void clear_session(servotwin_session *session)
         session->differences[sensor] = 0U;
         session->variance[sensor] = 0.0;
         session->stands_in[sensor] = false;
+        session->unpaired[sensor] = false;
         session->measured[sensor] = 0.0;
         session->corrected[sensor] = 0.0;
     }
@@ -597,17 +598,11 @@ static bool is_lacking(const servotwin_session *session, int32_t sensor)
     return session->is_taken_out[sensor] || session->is_lost[sensor];
 }
 
-/* Whether the sensors of the other actuators correspond to a sensor. */
-static bool has_peers(int32_t sensor)
-{
-    return (SERVOTWIN_VIEWS > 1) && (servotwin_sensors[sensor].actuator != SERVOTWIN_NONE);
-}
-
 /* Whether a corresponding sensor of another actuator gives no value. */
 static bool lacks_peer(const servotwin_session *session, int32_t sensor)
 {
     bool lacks = false;
-    for (int32_t view = 1; (view < SERVOTWIN_VIEWS) && has_peers(sensor); view++) {
+    for (int32_t view = 1; view < SERVOTWIN_VIEWS; view++) {
         const int32_t peer = servotwin_orders[view][sensor];
         lacks = lacks || (is_lacking(session, peer) && !is_off(session, peer));
     }
@@ -640,10 +635,7 @@ static void notice_sensors(servotwin_session *session, const servotwin_real *mea
     }
 }
 
-/*
- * Checks the values and copies them, with stand-ins. A stand-in looks healthy. So that no actuator looks healthier than
- * another one, what one of them lacks is not read of the others either.
- */
+/* Checks the values and copies them, with stand-ins. */
 static usability copy_measured(servotwin_session *session, const servotwin_real *measured, const servotwin_real *twin)
 {
     usability all = USABLE;
@@ -651,8 +643,8 @@ static usability copy_measured(servotwin_session *session, const servotwin_real 
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
         const servotwin_real expected = twin[sensor];
         servotwin_real value = measured[sensor];
-        session->stands_in[sensor] =
-            is_off(session, sensor) || is_lacking(session, sensor) || lacks_peer(session, sensor);
+        session->stands_in[sensor] = is_off(session, sensor) || is_lacking(session, sensor);
+        session->unpaired[sensor] = lacks_peer(session, sensor);
         if (session->stands_in[sensor]) {
             value = with_noise(session, sensor, expected);
         } else if (is_quiet(session, sensor)) {
@@ -698,14 +690,14 @@ static servotwin_real margin(const servotwin_session *session, int32_t length, i
     return servotwin_margin(&session->evidence[length], length, claim);
 }
 
-/* Whether an actuator may be accused: no other judged actuator lacks a sensor that is still read of this one. */
+/* Whether an actuator may be accused: where actuators are not alike, no other judged one lacks a sensor. */
 static bool is_comparable(const servotwin_session *session, int32_t actuator)
 {
     bool holds = true;
-    for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
+    for (int32_t sensor = 0; (sensor < SERVOTWIN_SENSORS) && (SERVOTWIN_VIEWS == 1); sensor++) {
         const int32_t own = servotwin_sensors[sensor].actuator;
         const bool is_elsewhere = (own != SERVOTWIN_NONE) && (own != actuator) && !is_off(session, sensor);
-        holds = holds && !(is_elsewhere && is_lacking(session, sensor) && !has_peers(sensor));
+        holds = holds && !(is_elsewhere && is_lacking(session, sensor));
     }
     return holds;
 }
@@ -999,7 +991,8 @@ static void judge_windows(servotwin_session *session)
         const servotwin_ring *ring = &session->rings[length];
         if (ring->has_ended && servotwin_is_full(ring, length)) {
             servotwin_judgement *judgement = &session->judgements[length];
-            servotwin_judge(judgement, &session->scratch, length, &ring->window, masked, session->stands_in);
+            servotwin_judge(judgement, &session->scratch, length, &ring->window, masked, session->stands_in,
+                session->unpaired);
             servotwin_evidence_take(&session->evidence[length], length, judgement);
             session->has_judged = true;
             take_doubts(session, length);

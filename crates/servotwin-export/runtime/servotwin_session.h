@@ -93,6 +93,7 @@ typedef struct {
     uint32_t differences[SERVOTWIN_SENSORS]; /* of successive residuals, up to those that are remembered */
     servotwin_real variance[SERVOTWIN_SENSORS]; /* half of their mean square */
     bool stands_in[SERVOTWIN_SENSORS];
+    bool unpaired[SERVOTWIN_SENSORS]; /* another actuator lacks the sensor */
     servotwin_real measured[SERVOTWIN_SENSORS]; /* with stand-ins, SI */
     servotwin_real divided[SERVOTWIN_SENSORS]; /* the measured values by the spreads of their residuals */
     servotwin_real corrected[SERVOTWIN_SENSORS]; /* less the baseline, SI */

@@ -11,6 +11,8 @@
 
 /* Residuals that the baseline learns are clipped to this part of their scale. */
 #define LARGEST_LEARNED 0.25
+/* The largest residual of a healthy sensor in a window, in standard deviations. */
+#define LARGEST_OF_STAND_IN 3.0
 
 void servotwin_window_clear(servotwin_window *window)
 {
@@ -177,6 +179,17 @@ void servotwin_window_reorder(const servotwin_window *window, const uint8_t *ord
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         into->largest[i] = window->largest[order[i]];
     }
+}
+
+void servotwin_window_hide(servotwin_window *window, int32_t sensor, servotwin_real noise)
+{
+    const servotwin_real variance = noise * noise;
+    window->mean[sensor] = 0.0;
+    for (int32_t j = 0; j < SERVOTWIN_CHANNELS; j++) {
+        window->moments[place_of(sensor, j)] = 0.0;
+    }
+    window->moments[place_of(sensor, sensor)] = variance * (servotwin_real)window->samples;
+    window->largest[sensor] = LARGEST_OF_STAND_IN * noise;
 }
 
 bool servotwin_is_full(const servotwin_ring *ring, int32_t length)

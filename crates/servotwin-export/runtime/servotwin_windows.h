@@ -81,6 +81,9 @@ void servotwin_window_clear(servotwin_window *window);
 /* The window with its sensors in another order, for features: it has no undivided moments. */
 void servotwin_window_reorder(const servotwin_window *window, const uint8_t *order, servotwin_window *into);
 
+/* Gives the residual of a sensor the statistics of a stand-in value with this noise. */
+void servotwin_window_hide(servotwin_window *window, int32_t sensor, servotwin_real noise);
+
 servotwin_real servotwin_covariance(const servotwin_window *window, int32_t a, int32_t b);
 
 void servotwin_stream_clear(servotwin_stream *stream, servotwin_ring *rings, const servotwin_stream_plan *plan);

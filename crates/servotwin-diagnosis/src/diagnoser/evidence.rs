@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::boundary::{Boundary, Doubt, NewWindow};
 use super::common_mode::CommonMode;
 use super::decision::{DecisionLimits, Hypotheses, IsNovel, PairSums, WindowAnswer};
+use super::guard::Guard;
 use super::outcome::{Places, is_share};
 use super::tuning::Tuning;
 use super::{Diagnoser, Length};
@@ -102,7 +103,7 @@ impl Evidence {
         &mut self,
         diagnoser: &Diagnoser,
         (windows, inputs): (&Windows, &[f64]),
-        stands_in: &[bool],
+        guard: &Guard,
         is_masked: impl Fn(u32) -> bool,
     ) -> Result<(), Error> {
         for (place, length) in diagnoser.lengths.iter().enumerate() {
@@ -111,7 +112,7 @@ impl Evidence {
             self.lengths[place].is_new = is_new;
             if is_new {
                 let (window, share) = (newest.window(), newest.share_of_newest());
-                self.lengths[place].take(length, window, stands_in, &is_masked)?;
+                self.lengths[place].take(length, window, guard, &is_masked)?;
                 self.take_doubts(diagnoser, place, (window, share), inputs);
             }
         }
@@ -305,10 +306,10 @@ impl LengthEvidence {
         &mut self,
         length: &Length,
         window: &Window,
-        stands_in: &[bool],
+        guard: &Guard,
         is_masked: impl Fn(u32) -> bool,
     ) -> Result<(), Error> {
-        let novelty = self.judge(length, window, stands_in, is_masked)?;
+        let novelty = self.judge(length, window, guard, is_masked)?;
         let LengthState { probabilities, sums, .. } = &mut self.state;
         let answer = match novelty {
             Some(novelty) => WindowAnswer::Probabilities(probabilities, novelty),
@@ -319,12 +320,13 @@ impl LengthEvidence {
     }
 
     /// Judges a window; `None` if every residual is in its band. Masked actuators are no possible answers, and stand-in
-    /// sensor values do not count in relations with others.
+    /// sensor values do not count in relations with others. A stand-in looks healthy. So that no actuator looks healthier
+    /// than another one, which of them it is is asked without the sensors that one of them lacks.
     fn judge(
         &mut self,
         length: &Length,
         window: &Window,
-        stands_in: &[bool],
+        guard: &Guard,
         is_masked: impl Fn(u32) -> bool,
     ) -> Result<Option<IsNovel>, Error> {
         let bands = &length.panel.bands;
@@ -343,13 +345,13 @@ impl LengthEvidence {
             *last = Some(said);
             return Ok(None);
         }
-        self.views.stand_in(stands_in);
-        let rows = self.views.compute(window)?;
+        self.views.stand_in(&guard.stands_in, &guard.unpaired);
+        let (paired, rows) = self.views.compute(window)?;
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
-        let of_trees = trees.diagnose(rows, &mut self.of_trees)?;
+        let of_trees = trees.diagnose_paired(paired, rows, &mut self.of_trees)?;
         said.of_trees = Some(place(self.hypotheses, of_trees));
         said.detail_of_trees = of_trees.detail;
-        committee.probabilities_into(rows, &mut self.of_committee, probabilities)?;
+        committee.probabilities_into((paired, rows), &mut self.of_committee, probabilities)?;
         mask(probabilities, self.hypotheses, is_masked);
         said.likeliest = crate::numeric::arg_max(probabilities.iter().copied());
         let fault = self.hypotheses.split(said.likeliest);

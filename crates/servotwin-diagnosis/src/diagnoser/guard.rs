@@ -82,12 +82,14 @@ pub(super) struct Guard {
     until_back: u64,
     /// Number of samples that are not judged after a start or a restart.
     settle_samples: u64,
-    /// For each sensor, the corresponding ones of the other actuators.
+    /// For each sensor, the corresponding ones of the other actuators; none where actuators are not alike.
     peers: Vec<Vec<usize>>,
-    /// The measured values, with stand-ins for masked and lost sensors and for the peers of lost ones.
+    /// The measured values, with stand-ins for masked and lost sensors.
     pub(crate) measured: Vec<f64>,
     /// The sensors with stand-in values.
     pub(crate) stands_in: Vec<bool>,
+    /// The sensors whose corresponding one of another actuator has a stand-in value.
+    pub(crate) unpaired: Vec<bool>,
     pub(crate) state: GuardState,
 }
 
@@ -141,11 +143,7 @@ impl Guard {
         };
         let settle_samples = diagnoser.samples(diagnoser.tuning.settle_s);
         let rotations = diagnoser.sensors_seen().rotations(diagnoser.views()).unwrap_or_default();
-        let is_of_one = |sensor: usize| diagnoser.sensors[sensor].actuator.is_some();
-        let peers = |sensor: usize| match is_of_one(sensor) {
-            true => rotations.iter().map(|order| order[sensor]).collect(),
-            false => vec![],
-        };
+        let peers = |sensor: usize| rotations.iter().map(|order| order[sensor]).collect();
         let mut guard = Guard {
             frozen_after: checks.inputs.iter().map(frozen_after).collect(),
             pairs: checks.differences.iter().filter_map(pair).collect(),
@@ -157,6 +155,7 @@ impl Guard {
             peers: (0..sensors).map(peers).collect(),
             measured: vec![0.0; sensors],
             stands_in: vec![false; sensors],
+            unpaired: vec![false; sensors],
             state,
         };
         guard.reset();
@@ -324,17 +323,16 @@ impl Guard {
         if usable.is_ok() && self.is_blind(diagnoser) { Err(Alarm::NoData) } else { usable }
     }
 
-    /// Finds the sensors with a stand-in value. A stand-in looks healthy. So that no actuator looks healthier than another
-    /// one, what one of them lacks is not read of the others either.
+    /// Finds the sensors with a stand-in value, and those that another actuator lacks.
     fn find_stand_ins(&mut self, sensors: &[DiagnosedSensor], is_masked: impl Fn(u32) -> bool) {
         let is_off = |place: usize| sensors[place].actuator.is_some_and(&is_masked);
         let lacks = |place: usize| {
             let state = &self.state.sensors[place];
             state.is_taken_out || state.is_lost
         };
-        for (place, stands_in) in self.stands_in.iter_mut().enumerate() {
-            let lacks_peer = || self.peers[place].iter().any(|&peer| lacks(peer) && !is_off(peer));
-            *stands_in = is_off(place) || lacks(place) || lacks_peer();
+        for (place, peers) in self.peers.iter().enumerate() {
+            self.stands_in[place] = is_off(place) || lacks(place);
+            self.unpaired[place] = peers.iter().any(|&peer| lacks(peer) && !is_off(peer));
         }
     }
 
@@ -353,8 +351,8 @@ impl Guard {
         self.lost() > 0 && (has_lost_most(None) || actuators.any(has_lost_most))
     }
 
-    /// Whether an actuator may be accused: no other judged actuator lacks a sensor that is still read of this one. A
-    /// stand-in looks healthy, so a fault of the actuator without the sensor would look like one of its neighbor.
+    /// Whether an actuator may be accused: where actuators are not alike, no other judged one lacks a sensor. A stand-in
+    /// looks healthy, so a fault of the actuator without the sensor would look like one of its neighbor.
     pub(super) fn is_comparable(
         &self,
         diagnoser: &Diagnoser,

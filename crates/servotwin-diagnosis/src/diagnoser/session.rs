@@ -116,10 +116,10 @@ impl Session {
             is_trusted: self.outcome.alarm == Alarm::Normal,
         });
         if has_new {
-            let (alarms, stands_in) = (&self.alarms, &self.guard.stands_in);
+            let (alarms, guard) = (&self.alarms, &self.guard);
             let is_masked = |actuator| alarms.is_masked(actuator);
             let taken =
-                self.evidence.take(&self.diagnoser, (&self.windows, inputs), stands_in, is_masked);
+                self.evidence.take(&self.diagnoser, (&self.windows, inputs), guard, is_masked);
             if taken.is_err() {
                 self.outcome.counts.errors += 1;
                 return self.report(IndexedFinding::Unjudged, Alarm::Error);

@@ -153,8 +153,8 @@ mod tests {
         list(&sensors(), &Window::new(2), &mut features);
         let names: Vec<String> = features.into_iter().map(|feature| feature.name).collect();
         let mut views = Views::new(sensors(), &names, 1).unwrap();
-        views.stand_in(stands_in);
-        views.compute(&window).unwrap()[0].clone()
+        views.stand_in(stands_in, &[false; 2]);
+        views.compute(&window).unwrap().1[0].clone()
     }
 
     #[test]

@@ -50,6 +50,71 @@ impl Statistics for Seen<'_> {
     }
 }
 
+/// The largest residual of a healthy sensor in a window, in standard deviations.
+const LARGEST_OF_STAND_IN: f64 = 3.0;
+
+/// A window as if the unpaired sensors had stand-in values, too.
+struct Paired<'w> {
+    window: &'w Window,
+    sensors: &'w Sensors,
+    stands_in: &'w [bool],
+    unpaired: &'w [bool],
+}
+
+impl Paired<'_> {
+    fn noise(&self, sensor: usize) -> f64 {
+        let own = &self.sensors.0[sensor];
+        if own.is_noisy { own.noise } else { 0.0 }
+    }
+
+    /// Whether a channel is the residual of an unpaired sensor.
+    fn is_hidden(&self, channel: usize) -> bool {
+        self.unpaired.get(channel).is_some_and(|unpaired| *unpaired)
+    }
+}
+
+impl Statistics for Paired<'_> {
+    type Number = f64;
+
+    fn samples(&self) -> f64 {
+        self.window.samples()
+    }
+
+    fn mean(&self, sensor: usize) -> f64 {
+        if self.unpaired[sensor] { 0.0 } else { self.window.mean(sensor) }
+    }
+
+    fn twin_mean(&self, sensor: usize) -> f64 {
+        self.window.twin_mean(sensor)
+    }
+
+    fn covariance_of(&self, a: usize, b: usize) -> f64 {
+        match self.is_hidden(a) || self.is_hidden(b) {
+            true if a == b => {
+                let noise = self.noise(a);
+                noise * noise * self.samples() / self.samples()
+            }
+            true => 0.0,
+            false => self.window.covariance_of(a, b),
+        }
+    }
+
+    fn largest(&self, sensor: usize) -> f64 {
+        match self.unpaired[sensor] {
+            true => LARGEST_OF_STAND_IN * self.noise(sensor),
+            false => self.window.largest(sensor),
+        }
+    }
+
+    fn stands_in(&self, sensor: usize) -> f64 {
+        if self.stands_in[sensor] || self.unpaired[sensor] { 1.0 } else { 0.0 }
+    }
+
+    fn sensors(&self) -> usize {
+        self.window.sensors()
+    }
+}
+
 /// Computes feature rows from windows in preallocated memory.
 #[derive(Debug, Clone)]
 pub struct Views {
@@ -61,8 +126,12 @@ pub struct Views {
     moved: Window,
     /// The sensors with a stand-in value that looks healthy.
     stands_in: Vec<bool>,
+    /// The sensors that another actuator lacks.
+    unpaired: Vec<bool>,
     all: Vec<f64>,
     rows: Vec<Vec<f64>>,
+    /// The row that reads no unpaired sensor.
+    paired: Vec<f64>,
 }
 
 impl Views {
@@ -84,28 +153,44 @@ impl Views {
             orders,
             moved: Window::new(sensors.0.len()),
             stands_in: vec![false; sensors.0.len()],
+            unpaired: vec![false; sensors.0.len()],
             all: Vec::with_capacity(known.len()),
             rows: vec![vec![0.0; places.len()]; views.max(1)],
+            paired: vec![0.0; places.len()],
             places,
             sensors,
         })
     }
 
-    /// Sets which sensors have a stand-in value that looks healthy. Relations between these and other sensors mean
-    /// nothing.
+    /// Sets which sensors have a stand-in value that looks healthy, and which are unpaired: another actuator lacks them.
+    /// Relations between sensors with a stand-in value and others mean nothing.
     ///
     /// # Panics
-    /// If the length is not the number of sensors.
-    pub(crate) fn stand_in(&mut self, stands_in: &[bool]) {
+    /// If a length is not the number of sensors.
+    pub(crate) fn stand_in(&mut self, stands_in: &[bool], unpaired: &[bool]) {
         self.stands_in.copy_from_slice(stands_in);
+        self.unpaired.copy_from_slice(unpaired);
     }
 
-    /// Computes the rows of a window, one for each view. Does not allocate.
+    /// Computes the rows of a window: the one that reads no unpaired sensor, and one for each view. Does not allocate.
     ///
     /// # Errors
     /// [`Error::LengthMismatch`] for a window with another number of sensors.
-    pub fn compute(&mut self, window: &Window) -> Result<&[Vec<f64>], Error> {
+    pub fn compute(&mut self, window: &Window) -> Result<(&[f64], &[Vec<f64>]), Error> {
         same_length("sensors", self.sensors.0.len(), window.sensors())?;
+        self.compute_views(window);
+        if !self.unpaired.contains(&true) {
+            return Ok((&self.rows[0], &self.rows));
+        }
+        let Views { sensors, stands_in, unpaired, all, paired, .. } = self;
+        values_into(sensors, &Paired { window, sensors, stands_in, unpaired }, all);
+        for (value, &place) in paired.iter_mut().zip(&self.places) {
+            *value = all[place];
+        }
+        Ok((paired, &self.rows))
+    }
+
+    fn compute_views(&mut self, window: &Window) {
         for (view, row) in self.rows.iter_mut().enumerate() {
             if let Some(order) = view.checked_sub(1).map(|place| &self.orders[place]) {
                 window.reorder_into(order, &mut self.moved);
@@ -118,7 +203,6 @@ impl Views {
                 *value = self.all[place];
             }
         }
-        Ok(&self.rows)
     }
 
     /// The rows of the last computed window.

@@ -45,7 +45,7 @@ impl Lessons {
     /// # Errors
     /// As [`Views::compute`].
     pub fn take(&mut self, window: &Window, label: Label, group: u32) -> Result<(), Error> {
-        let rows = self.views.compute(window)?;
+        let (_, rows) = self.views.compute(window)?;
         self.rows.iter_mut().zip(rows).for_each(|(all, row)| all.extend(row));
         self.labels.push(label);
         self.groups.push(group);

@@ -209,7 +209,7 @@ fn compare_probabilities(
     let count = 1 + committee.names.actuators.len() * committee.names.actions.len();
     let mut right = vec![0.0; count];
     let said = compiled.probabilities(at.length, views, count);
-    committee.probabilities_into(views, scratch, &mut right)?;
+    committee.probabilities_into((&views[0], views), scratch, &mut right)?;
     if !same_bits(&said, &right) {
         evidence.differ(at.to_string(), format!("probabilities {said:?} instead of {right:?}"));
     }

@@ -90,7 +90,7 @@ pub fn evidence_quantile(
         for (view, values) in views.iter_mut().enumerate() {
             data.examples.row_into(view, row, values);
         }
-        hierarchy.probabilities_into(&views, &mut scratch, &mut shares)?;
+        hierarchy.probabilities_into((&views[0], &views), &mut scratch, &mut shares)?;
         nats.push(((1.0 - shares[0]) / shares[0].max(f64::MIN_POSITIVE)).ln());
     }
     nats.sort_by(f64::total_cmp);
