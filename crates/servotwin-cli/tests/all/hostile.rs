@@ -1,5 +1,5 @@
 //! Text of somebody else's files never reaches the terminal as something that it acts on: whatever a file calls its
-//! columns, classes, titles, topics and keys.
+//! columns, classes, titles and keys.
 
 use crate::house::sources;
 use crate::{Folder, servotwin, stderr, stdout};
