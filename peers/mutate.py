@@ -188,7 +188,7 @@ class Bench:
         self.must("study", "study.toml", "--out", "out")
         self.must("study", "study.toml", "--suite", "flights", "--out", "out")
         watch = ["watch", "log.csv", "--study", "study.toml", "--model", "out/diagnoser-realistic.json"]
-        self.must(*watch, "--mcap", "log.mcap", "--checkpoint", "checkpoint.json")
+        self.must(*watch, "--checkpoint", "checkpoint.json")
         self.must("watch", "log.csv", "--study", "study.toml", "--make-map", "map.toml")
         # Where the manifest vouches for a file, a changed one is refused before it is read.
         (self.folder / "out/manifest.json").rename(self.folder / "manifest.json")
@@ -198,7 +198,7 @@ class Bench:
         study, model = ["--study", "study.toml"], ["--model", "out/diagnoser-realistic.json"]
         watch = lambda log, *more: ["watch", log, *study, *model, "--html", "w.html", "--events", "e.jsonl", *more]
         logs = {f"log {ending}": (f"log.{ending}", [watch("@"), ["fit", "@", *study, "--out", "fitted.toml"]])
-                for ending in ("csv", "jsonl", "parquet", "mcap")}
+                for ending in ("csv", "jsonl", "parquet")}
         stages = lambda *names: [[name, "out"] for name in names]
         part = next(p for p in sorted((self.folder / "out/parts").iterdir())).relative_to(self.folder)
         return {

@@ -250,7 +250,7 @@ failures! {
     SourceError: |error| match &error {
         SourceError::Cut(CutError::NoTime { .. }) => Failure::usage(format!("--{error}")),
         SourceError::Cut(_) => Failure::input(format!("{error} (--from, --to)")),
-        SourceError::Address { .. } | SourceError::Feature { .. } => Failure::usage(error),
+        SourceError::Address { .. } => Failure::usage(error),
         SourceError::Connection { .. } => Failure::work(error),
         _ => Failure::input(error),
     };

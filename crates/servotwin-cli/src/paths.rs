@@ -38,8 +38,6 @@ impl Format {
     pub(crate) const SVG: Format = Format::Only(&["svg"]);
     /// A system or a map.
     pub(crate) const TOML: Format = Format::Only(&["toml"]);
-    /// A recording for viewers of MCAP.
-    pub(crate) const MCAP: Format = Format::Only(&["mcap"]);
     /// Events, one in each line.
     pub(crate) const LINES: Format = Format::Only(&["jsonl", "ndjson", "json", "log", "txt"]);
 

@@ -87,7 +87,7 @@ impl LiveSource for Stream<'_> {
     }
 
     fn signals(&self) -> Vec<PlayerSignal> {
-        self.scene().signals()
+        self.scene().signals
     }
 
     fn run(

@@ -353,15 +353,20 @@ impl<T: Read> Read for Ids<T> {
     }
 }
 
+/// Whether a text matches [`ID`].
+pub(crate) fn is_id(name: &str) -> bool {
+    let is_good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
+    !name.is_empty() && name.chars().all(is_good)
+}
+
 /// Keys of a component that cannot be names.
 const RESERVED: [&str; 4] = ["kind", "assembly", "fluid", "faults"];
 
 /// Notes that a name cannot be that of a part of a system.
 pub(crate) fn check_id(name: &str, at: &TextSpan, mistakes: &mut Collector) {
-    let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
     let (message, help) = if RESERVED.contains(&name) {
         (format!("the name '{name}' has a meaning of its own"), "choose another")
-    } else if name.is_empty() || !name.chars().all(good) {
+    } else if !is_id(name) {
         (format!("'{name}' cannot be a name"), "names have small letters, digits and '_'")
     } else {
         return;

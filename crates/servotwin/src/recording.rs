@@ -5,7 +5,7 @@ use crate::ensemble::Ensemble;
 use crate::nearest::UnknownName;
 use crate::shown::Shown;
 use crate::signal::random::NormalDeviates;
-use crate::system::imperfection::Imperfections;
+use crate::system::imperfection::Imperfection;
 use crate::system::{Sensor, System};
 use crate::table::{Column, Table, TableError};
 use servotwin_model::program::Slot;
@@ -139,14 +139,13 @@ pub(crate) fn as_shown(
     seed: u64,
     run: usize,
 ) {
-    let all: Vec<usize> = (0..system.sensors.len()).collect();
-    let imperfections = Imperfections::of(system, &all);
     for (one, values) in recorded.iter().zip(values) {
         let is_it = |sensor: &Sensor| with_suffix(&sensor.id, sensor.unit) == one.name;
         if let Some(sensor) = system.sensors.iter().position(is_it) {
             let number = run * system.sensors.len() + sensor;
             let mut noise = NormalDeviates::stream(seed, number as u64);
-            imperfections.apply_to_one(sensor, values, &mut noise);
+            let own = Imperfection::of(system, sensor);
+            values.iter_mut().for_each(|value| *value = own.apply(*value, &mut noise));
         }
     }
 }

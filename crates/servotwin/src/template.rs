@@ -1,6 +1,7 @@
 //! A system and a study to start with, which run unchanged: a servo actuator, two of them on one load, or a press axis.
 
 use crate::built_in;
+use crate::format::is_id;
 
 const SYSTEM: &str = include_str!("template/system.toml");
 const STUDY: &str = include_str!("template/study.toml");
@@ -70,9 +71,7 @@ pub struct Template {
 impl Template {
     /// Creates a template; `None` if a system cannot have this name.
     pub fn new(name: &str, like: Like) -> Option<Self> {
-        let good = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';
-        let fits = !name.is_empty() && name.chars().all(good);
-        fits.then(|| Self { name: name.into(), like })
+        is_id(name).then(|| Self { name: name.into(), like })
     }
 
     /// File name of the system.

@@ -376,15 +376,15 @@ impl Misread {
             ),
             false => (
                 format!("to be {actual} read as {read_as}"),
-                format!("factor = {} in a map file undoes it", rounded(self.factor())),
+                format!("factor = {} in a map file undoes it", in_six_digits(self.factor())),
             ),
         }
     }
 }
 
-/// Six digits, without the rounding of a division.
-fn rounded(factor: f64) -> f64 {
-    format!("{factor:.5e}").parse().unwrap_or(factor)
+/// Six digits of a number for messages, without the rounding of a division.
+pub(crate) fn in_six_digits(value: f64) -> f64 {
+    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 /// How a column may have been misread whose values, in the `declared` unit, are `ratio` times what is expected; `None`

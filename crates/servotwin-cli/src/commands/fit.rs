@@ -33,7 +33,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// is written, and the exit code is 1.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// A record (.csv, .parquet, .mcap, .jsonl).
+    /// A record (.csv, .parquet, .jsonl).
     #[arg(value_name = "LOG", required_unless_present = "design")]
     log: Option<PathBuf>,
     #[command(flatten)]

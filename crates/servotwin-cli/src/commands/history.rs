@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 /// the flights of --within (95 % interval), the command raises an alarm: the exit code is 1.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// The folder with the logs (.csv, .parquet, .mcap, .jsonl).
+    /// The folder with the logs (.csv, .parquet, .jsonl).
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
     #[command(flatten)]

@@ -40,8 +40,7 @@ use std::time::Duration;
 /// for without a twin.
 #[derive(clap::Args)]
 pub(crate) struct Options {
-    /// A log (.csv, .parquet, .jsonl; .mcap if the program has the feature of that name), - for lines from standard
-    /// input, or udp://HOST:PORT to listen on.
+    /// A log (.csv, .parquet, .jsonl), - for lines from standard input, or udp://HOST:PORT to listen on.
     source: String,
     /// A study file, which names the system [default: paper, the paper's study of the aileron].
     #[arg(long, value_name = "FILE")]
@@ -49,15 +48,11 @@ pub(crate) struct Options {
     #[command(flatten)]
     input: InputOptions,
     /// Write a map file for the columns of the source, and exit.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "mcap", "events", "checkpoint"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "html", "events", "checkpoint"])]
     make_map: Option<PathBuf>,
     /// Write a page with all charts and events as an HTML file.
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write inputs, measured values, twin, residuals, bands and decisions as an MCAP file for Foxglove, Rerun and
-    /// PlotJuggler.
-    #[arg(long, value_name = "FILE")]
-    mcap: Option<PathBuf>,
     /// Write every change as a line of JSON when it happens.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
@@ -96,7 +91,6 @@ impl Run for Options {
             .read("--map", &self.input.map)
             .write("--make-map", Format::TOML, &self.make_map)
             .write("--html", Format::HTML, &self.html)
-            .write("--mcap", Format::MCAP, &self.mcap)
             .write("--events", Format::LINES, &self.events)
             .write("--checkpoint", Format::Any, &self.checkpoint)
     }
@@ -135,8 +129,8 @@ fn watch_recording(
     known: (&Diagnoser, &Recorded),
     global: Global,
 ) -> Result<Document, Failure> {
-    let Options { study, make_map, html, mcap, events, checkpoint, .. } = options;
-    let others = [study, make_map, html, mcap, events, checkpoint, &options.input.map];
+    let Options { study, make_map, html, events, checkpoint, .. } = options;
+    let others = [study, make_map, html, events, checkpoint, &options.input.map];
     match log_of(&options.source).filter(|_| others.iter().all(|other| other.is_none())) {
         Some(log) => recordings::watch(&log, known, global),
         None => Err(Failure::usage(

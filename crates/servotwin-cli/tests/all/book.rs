@@ -113,7 +113,7 @@ fn walk(folder: &Folder, blocks: &[(String, String)], mut visit: impl FnMut(Show
 }
 
 /// The endings of files that commands read and write.
-const ENDINGS: [&str; 6] = [".csv", ".toml", ".json", ".parquet", ".jsonl", ".mcap"];
+const ENDINGS: [&str; 5] = [".csv", ".toml", ".json", ".parquet", ".jsonl"];
 
 /// The files that readers bring: their logs, maps and studies.
 const OF_READERS: &[&str] = &[
@@ -130,18 +130,8 @@ fn named_inputs(line: &str) -> Vec<&str> {
     let is_file =
         |word: &str| ENDINGS.iter().any(|ending| word.ends_with(ending)) && !word.contains('=');
     let is_written = |before: &str| {
-        [
-            ">",
-            "--out",
-            "--plot",
-            "--html",
-            "--make-map",
-            "--template",
-            "--events",
-            "--mcap",
-            "--checkpoint",
-        ]
-        .contains(&before)
+        [">", "--out", "--plot", "--html", "--make-map", "--template", "--events", "--checkpoint"]
+            .contains(&before)
     };
     let pairs = words.windows(2).filter(|pair| is_file(pair[1]) && !is_written(pair[0]));
     pairs.map(|pair| pair[1]).collect()

@@ -1,25 +1,20 @@
 //! Sinks: where the results of a watch go.
 
 pub mod events;
-#[cfg(feature = "mcap")]
-pub mod mcap;
 pub mod strip;
 pub mod threads;
 mod watched;
 
 use super::checkpoint::Checkpoint;
 use super::player::{PlayerSignal, SignalGroup};
-use super::source::feature_needed_text;
 use super::watchdog::{Notice, SinkLoss};
 use servotwin::live::observer::{Finding, Observation};
 use servotwin::shown::Shown;
 use servotwin::study::Study;
-use servotwin::system::{Sensor, System};
+use servotwin::system::Sensor;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::files::FileError;
-use servotwin_model::network::ExternalInput;
-use servotwin_model::spec::Unit;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use watched::Watched;
@@ -77,7 +72,7 @@ pub trait Sink {
         Ok(())
     }
 
-    /// Writes out buffered data.
+    /// Waits until all that came before is written.
     ///
     /// # Errors
     /// It cannot be written.
@@ -110,19 +105,10 @@ pub trait Sink {
     fn losses(&self) -> Vec<SinkLoss> {
         vec![]
     }
-
-    /// Ends the output.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    fn close(mut self: Box<Self>) -> Result<(), SinkError> {
-        self.flush()
-    }
 }
 
 /// Why a result cannot be written.
 #[derive(Debug, thiserror::Error)]
-#[expect(missing_docs, reason = "the message of a variant names its fields")]
 pub enum SinkError {
     /// A file cannot be written.
     #[error(transparent)]
@@ -136,9 +122,6 @@ pub enum SinkError {
     /// The thread of a sink ended early.
     #[error("its thread has ended")]
     Thread,
-    /// An output whose writer is behind a disabled feature.
-    #[error("{}", feature_needed_text(.what, .feature))]
-    Feature { what: String, feature: &'static str },
 }
 
 /// A file that holds the last checkpoint.
@@ -150,115 +133,62 @@ impl Sink for CheckpointFile {
     }
 }
 
-/// Opens an MCAP file.
-///
-/// # Errors
-/// It cannot be opened; [`SinkError::Feature`] if the program is built without MCAP.
-pub fn open_mcap(path: &Path, scene: &Scene) -> Result<Box<dyn Sink + Send>, SinkError> {
-    #[cfg(feature = "mcap")]
-    return Ok(Box::new(mcap::Mcap::create(path, scene)?));
-    #[cfg(not(feature = "mcap"))]
-    {
-        let _ = scene;
-        Err(SinkError::Feature { what: path.display().to_string(), feature: "mcap" })
-    }
-}
-
-/// The signals of a watch, for sinks that display them.
+/// The signals of a watch, for pages and viewers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     /// A one-line title.
     pub title: String,
-    /// The inputs of the system.
-    pub inputs: Vec<Trace>,
-    /// The index of the command among them.
-    command: Option<usize>,
-    /// The sensors of the system.
-    pub sensors: Vec<Trace>,
-    /// What the residual of each sensor is divided by, in words.
-    pub residual_divisors: Vec<&'static str>,
-    /// Half the width of each residual's band; NaN for none.
-    pub bands: Vec<f64>,
     /// The sampling period, s.
     pub period_s: f64,
-}
-
-/// A signal to display.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Trace {
-    /// The id in files.
-    pub id: String,
-    /// The display label.
-    pub label: String,
-    /// The SI unit.
-    pub unit: Unit,
-    /// The display unit.
-    pub shown: Shown,
+    /// The signals, in the order of [`values`](Self::values).
+    pub signals: Vec<PlayerSignal>,
+    /// How the inputs and the sensors of the system are shown.
+    inputs: Vec<Shown>,
+    sensors: Vec<Shown>,
 }
 
 impl Scene {
-    /// The signals of a system.
-    pub fn new(title: &str, system: &System, period_s: f64) -> Self {
-        let network = system.network();
-        let input = |(place, input): (usize, &ExternalInput)| {
-            let (id, unit) = (input.id.clone(), input.unit);
-            Trace { label: id.clone(), id, unit, shown: Shown::of_input(network, place) }
-        };
-        let sensor = |sensor: &Sensor| {
-            let (id, label, unit) = (sensor.id.clone(), sensor.label.clone(), sensor.unit);
-            Trace { id, label, unit, shown: Shown::of(unit, sensor.scale) }
-        };
-        Scene {
-            title: title.into(),
-            inputs: network.inputs.iter().enumerate().map(input).collect(),
-            command: None,
-            sensors: system.sensors.iter().map(sensor).collect(),
-            residual_divisors: vec!["scale"; system.sensors.len()],
-            bands: vec![f64::NAN; system.sensors.len()],
-            period_s,
-        }
-    }
-
     /// The signals of a study, with the residuals of a diagnoser: their bands, and what they are divided by.
     pub fn of_study(title: &str, study: &Study, diagnoser: &Diagnoser) -> Self {
-        let mut scene = Scene::new(title, &study.system, diagnoser.period_s);
-        scene.command = Some(study.command_input);
-        for (sensor, band) in diagnoser.sensors.iter().zip(&diagnoser.lengths[0].panel.bands) {
-            if let Some(own) = scene.sensors.iter().position(|trace| trace.id == sensor.name) {
-                scene.residual_divisors[own] = sensor.residual_divisor();
-                scene.bands[own] = band.half_width;
-            }
-        }
-        scene
-    }
-
-    /// The signals of a page, in the order of [`values`](Self::values).
-    pub fn signals(&self) -> Vec<PlayerSignal> {
-        let signal = |trace: &Trace, what: &str, group| {
-            let (id, unit) = (format!("{what}{}", trace.id), trace.shown.symbol());
-            PlayerSignal::new(&id, &trace.label, unit, group)
+        let (network, all) = (study.system.network(), &study.system.sensors);
+        let inputs: Vec<Shown> =
+            (0..network.inputs.len()).map(|place| Shown::of_input(network, place)).collect();
+        let sensors: Vec<Shown> =
+            all.iter().map(|sensor| Shown::of(sensor.unit, sensor.scale)).collect();
+        let input = |(place, shown): (usize, &Shown)| {
+            let is_command = place == study.command_input;
+            let group = if is_command { SignalGroup::Motion } else { SignalGroup::Input };
+            let id = &network.inputs[place].id;
+            PlayerSignal::new(id, id, shown.symbol(), group)
         };
-        let sensors = |what, group| self.sensors.iter().map(move |one| signal(one, what, group));
-        let input = |(place, trace)| {
-            let is_command = self.command == Some(place);
-            signal(trace, "", if is_command { SignalGroup::Motion } else { SignalGroup::Input })
+        let of_sensors = |what: &'static str, group| {
+            let signal = move |(sensor, shown): (&Sensor, &Shown)| {
+                let id = format!("{what}{}", sensor.id);
+                PlayerSignal::new(&id, &sensor.label, shown.symbol(), group)
+            };
+            all.iter().zip(&sensors).map(signal)
         };
-        let residuals = self.residual_divisors.iter().zip(&self.bands);
-        let residuals = residuals.zip(sensors("residual.", SignalGroup::Residual));
-        let residuals = residuals.map(|((divisor, band), signal)| PlayerSignal {
-            unit: format!("% of {divisor}"),
-            band: band.is_finite().then_some(100.0 * band),
-            ..signal
-        });
-        let inputs = self.inputs.iter().enumerate().map(input);
-        let readings = sensors("reading.", SignalGroup::Reading);
-        let twins = sensors("twin.", SignalGroup::Twin);
-        inputs.chain(residuals).chain(readings).chain(twins).collect()
+        let bands = &diagnoser.lengths[0].panel.bands;
+        let residual = |(sensor, signal): (&Sensor, PlayerSignal)| {
+            let mut judged = diagnoser.sensors.iter().zip(bands);
+            let own = judged.find(|(judged, _)| judged.name == sensor.id);
+            let divisor = own.map_or("scale", |(judged, _)| judged.residual_divisor());
+            let band = own.map(|(_, band)| 100.0 * band.half_width).filter(|band| band.is_finite());
+            PlayerSignal { unit: format!("% of {divisor}"), band, ..signal }
+        };
+        let residuals = all.iter().zip(of_sensors("residual.", SignalGroup::Residual));
+        let signals = (inputs.iter().enumerate().map(input))
+            .chain(residuals.map(residual))
+            .chain(of_sensors("reading.", SignalGroup::Reading))
+            .chain(of_sensors("twin.", SignalGroup::Twin))
+            .collect();
+        let (title, period_s) = (title.into(), diagnoser.period_s);
+        Scene { title, period_s, signals, inputs, sensors }
     }
 
     /// The values of the signals in a sample, in the units that are shown.
     pub fn values(&self, sample: &Sample) -> impl Iterator<Item = f64> {
-        let shown = |(trace, &value): (&Trace, &f64)| trace.shown.value(value);
+        let shown = |(shown, &value): (&Shown, &f64)| shown.value(value);
         let inputs = self.inputs.iter().zip(&sample.inputs).map(shown);
         let residuals = sample.residuals.iter().map(|residual| 100.0 * residual);
         let readings = self.sensors.iter().zip(&sample.measured).map(shown);

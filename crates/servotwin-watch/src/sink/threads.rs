@@ -21,7 +21,7 @@ const WAITING: usize = 1024;
 /// The most waiting messages before samples without a change are dropped.
 const WAITING_SAMPLES: usize = WAITING / 2;
 
-/// How long standard output may take at the end for the waiting messages, and again for closing.
+/// How long standard output may take at the end for the waiting messages, and again for the one that it writes.
 const GRACE: Duration = Duration::from_secs(5);
 
 /// How a sink is served.
@@ -38,15 +38,13 @@ pub struct SinkRules {
 /// The kinds of sinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SinkKind {
-    /// A file of all samples, which must be complete: the end of the watch waits for it.
-    File,
-    /// Such a file of changes and notices.
+    /// A file of changes and notices, which must be complete: the end of the watch waits for it.
     Changes,
     /// Changes and notices on standard output.
     Stream,
     /// A file of checkpoints, which receives nothing else.
     Checkpoint,
-    /// A terminal, which shows data that is stored elsewhere: its losses are not counted.
+    /// A terminal, which shows every sample: its losses are not counted.
     Terminal,
 }
 
@@ -63,7 +61,7 @@ enum Message {
 struct Shared {
     waiting: AtomicUsize,
     lost: AtomicU64,
-    /// Nobody waits for this sink any more: its output is not completed.
+    /// Nobody waits for this sink any more: it receives nothing else.
     is_abandoned: AtomicBool,
     /// Why the sink receives nothing any more.
     fault: Mutex<Option<SinkError>>,
@@ -150,12 +148,12 @@ impl SinkThreads {
 }
 
 impl Drop for SinkThreads {
-    /// Without [`SinkThreads::finish`] no output is completed: files that appear on completion do not appear.
+    /// Without [`SinkThreads::finish`] the messages that wait are lost.
     fn drop(&mut self) {
         for thread in &mut self.threads {
             thread.shared.is_abandoned.store(true, Ordering::Relaxed);
             if thread.queue.take().is_some() {
-                // The thread removes its incomplete output.
+                // What is being written is written whole.
                 let _ = thread.done.recv_timeout(GRACE);
             }
         }
@@ -184,7 +182,7 @@ impl SinkThread {
 
     /// Whether it must be complete in the end.
     fn is_file(&self) -> bool {
-        matches!(self.rules.kind, SinkKind::File | SinkKind::Changes | SinkKind::Checkpoint)
+        matches!(self.rules.kind, SinkKind::Changes | SinkKind::Checkpoint)
     }
 
     fn await_end(&self) {
@@ -212,7 +210,7 @@ impl Sink for SinkThreads {
         let limit = if sample.changed { WAITING } else { WAITING_SAMPLES };
         for thread in &self.threads {
             let is_wanted = match thread.rules.kind {
-                SinkKind::File | SinkKind::Terminal => true,
+                SinkKind::Terminal => true,
                 SinkKind::Changes | SinkKind::Stream => sample.changed,
                 SinkKind::Checkpoint => false,
             };
@@ -306,10 +304,6 @@ fn serve(sink: Box<dyn Sink + Send>, messages: &Receiver<Message>, shared: &Shar
             let _ = answer.send(());
         }
     }
-    let ended = sink.filter(|_| !shared.is_abandoned.load(Ordering::Relaxed)).map(Sink::close);
-    if let Some(Err(error)) = ended {
-        shared.fail(error);
-    }
 }
 
 fn give(sink: &mut dyn Sink, message: &Message) -> Result<(), SinkError> {
@@ -317,6 +311,6 @@ fn give(sink: &mut dyn Sink, message: &Message) -> Result<(), SinkError> {
         Message::Sample(sample) => sink.sample(sample),
         Message::Notice(notice) => sink.notice(notice),
         Message::Save(checkpoint) => sink.save(checkpoint, false),
-        Message::Flush(_) => sink.flush(),
+        Message::Flush(_) => Ok(()),
     }
 }

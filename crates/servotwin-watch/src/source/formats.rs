@@ -1,7 +1,5 @@
 //! The formats of log files. A new format is one module here and one entry in [`FORMATS`].
 
-#[cfg(feature = "mcap")]
-use super::mcap;
 use super::{LogColumn, Source, SourceError, Wanted, lines, table};
 use servotwin_io::files::{self, FileError};
 use std::io::Read as _;
@@ -13,8 +11,7 @@ struct LogFormat {
     extensions: &'static [&'static str],
     /// The first bytes of its files, whatever their names are; empty for text.
     mark: &'static [u8],
-    /// Its reader, or the feature that this program was built without.
-    reader: Result<Reader, &'static str>,
+    reader: Reader,
 }
 
 type Opened = Result<Box<dyn Source>, SourceError>;
@@ -28,24 +25,18 @@ pub(super) struct Reader {
     pub columns: fn(&Path) -> Result<Vec<LogColumn>, SourceError>,
 }
 
-#[cfg(feature = "mcap")]
-const MCAP: Result<Reader, &str> = Ok(Reader { open: mcap::open, columns: mcap::columns });
-#[cfg(not(feature = "mcap"))]
-const MCAP: Result<Reader, &str> = Err("mcap");
-
 /// All formats. A file that is of no other is text.
-static FORMATS: [LogFormat; 3] = [
+static FORMATS: [LogFormat; 2] = [
     LogFormat {
         extensions: &["csv", "tsv", "jsonl", "ndjson"],
         mark: b"",
-        reader: Ok(Reader { open: lines::open, columns: lines::columns }),
+        reader: Reader { open: lines::open, columns: lines::columns },
     },
     LogFormat {
         extensions: &["parquet"],
         mark: b"PAR1",
-        reader: Ok(Reader { open: table::open, columns: table::columns }),
+        reader: Reader { open: table::open, columns: table::columns },
     },
-    LogFormat { extensions: &["mcap"], mark: b"\x89MCAP", reader: MCAP },
 ];
 
 impl LogFormat {
@@ -74,7 +65,5 @@ pub(super) fn reader_of(path: &Path) -> Result<Reader, SourceError> {
     let is_marked = |format: &&LogFormat| !format.mark.is_empty() && head.starts_with(format.mark);
     let by_name = || FORMATS.iter().find(|format| format.has_extension_of(path));
     let found = FORMATS.iter().find(is_marked).or_else(by_name);
-    let feature_needed =
-        |feature| SourceError::Feature { what: path.display().to_string(), feature };
-    found.unwrap_or(&FORMATS[0]).reader.map_err(feature_needed)
+    Ok(found.unwrap_or(&FORMATS[0]).reader)
 }

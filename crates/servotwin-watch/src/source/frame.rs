@@ -64,8 +64,11 @@ impl Frames {
         }
         row.begin(self.wanted.names.len());
         if let Some(object) = object(text) {
-            return match self.add("", object, row) {
-                Ok(()) => self.end(row),
+            return match self.add(object, row) {
+                Ok(()) => {
+                    self.wanted.continue_time(row, &mut self.clock);
+                    with_time(&self.wanted, row)
+                }
                 Err(flaw) => Read::Flawed(flaw),
             };
         }
@@ -73,12 +76,12 @@ impl Frames {
         self.cells(line, row).unwrap_or_else(Read::Flawed)
     }
 
-    /// Adds the values of an object to a row; `prefix` precedes the names of its columns.
-    pub(crate) fn add(&mut self, prefix: &str, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
+    /// Adds the values of an object to a row.
+    fn add(&mut self, text: &[u8], row: &mut LogRow) -> Result<(), Flaw> {
         let (before, mut twice) = (row.bad, None);
         let mut fill = |text: &[u8], row: &mut LogRow| {
             let mut filled = vec![false; self.places.len()];
-            walk(prefix, text, &mut |path, leaf| {
+            walk(text, &mut |path, leaf| {
                 let place = self.places.get(path).copied();
                 if let (Some(place), false) = (place, matches!(leaf, Leaf::Missing)) {
                     if std::mem::replace(&mut filled[place], true) {
@@ -106,12 +109,6 @@ impl Frames {
             }
             (_, cause) => Flaw::new(Irregularity::BadObject, cause),
         })
-    }
-
-    /// Completes a row that was assembled from objects; it must have a time.
-    pub(crate) fn end(&mut self, row: &mut LogRow) -> Read {
-        self.wanted.continue_time(row, &mut self.clock);
-        with_time(&self.wanted, row)
     }
 
     /// Whether a line is the header: it has all wanted names.
@@ -231,7 +228,7 @@ pub fn columns(line: &[u8]) -> Option<Vec<String>> {
     }
     if let Some(object) = object(text) {
         let mut keys = vec![];
-        return walk("", object, &mut |path, _| keys.push(path.to_owned())).ok().map(|()| keys);
+        return walk(object, &mut |path, _| keys.push(path.to_owned())).ok().map(|()| keys);
     }
     let (_, names) = header(line);
     // A row of numbers is not a header, even if decimal commas split its cells.

@@ -158,7 +158,7 @@ fn objects(path: &Path, wanted: Option<&Wanted>) -> Result<Vec<LogColumn>, Sourc
     let (mut reader, mut line, mut found) = (encoding::open(path)?.0, vec![], Objects::default());
     let failed = |cause| FileError::from_io(path, cause);
     while next_line(&mut *reader, &mut line).map_err(failed)? != Line::None {
-        frame::object(&line).iter().for_each(|object| found.add("", object));
+        frame::object(&line).iter().for_each(|object| found.add(object));
         if wanted.is_some_and(|wanted| found.has_all(wanted)) {
             break;
         }

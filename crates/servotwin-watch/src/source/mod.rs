@@ -8,8 +8,6 @@ mod formats;
 pub mod frame;
 mod lines;
 mod live;
-#[cfg(feature = "mcap")]
-mod mcap;
 mod object;
 mod stdin;
 mod survey;
@@ -278,14 +276,6 @@ fn without_user(text: &str) -> String {
     }
 }
 
-/// The message about a disabled feature, with the command that enables it.
-pub(crate) fn feature_needed_text(what: &str, feature: &str) -> String {
-    format!(
-        "{what} needs the feature '{feature}', which this program was built without: \
-         cargo install --path crates/servotwin-cli --features {feature} (or cargo run --release --features {feature} -- …)"
-    )
-}
-
 /// Why a source cannot be opened or read further.
 #[derive(Debug, thiserror::Error)]
 #[expect(missing_docs, reason = "the message of a variant names its fields")]
@@ -293,9 +283,6 @@ pub enum SourceError {
     /// The text is not a source.
     #[error("'{given}' names no source: {needed} is needed")]
     Address { given: String, needed: &'static str },
-    /// The reader of this source is behind a disabled feature.
-    #[error("{}", feature_needed_text(.what, .feature))]
-    Feature { what: String, feature: &'static str },
     /// A file cannot be opened or read.
     #[error(transparent)]
     File(#[from] FileError),
@@ -311,11 +298,6 @@ pub enum SourceError {
     /// No line names columns.
     #[error("{address}: no line with the names of columns, and no JSON object: {seen}")]
     NoHeader { address: String, seen: String },
-    /// The messages of a file are not in the order of their times.
-    #[error(
-        "{address} is not in the order of its times: sort it first, for example with 'mcap sort' of Foxglove"
-    )]
-    Unsorted { address: String },
     /// No row of the log lies in the requested time span.
     #[error(transparent)]
     Cut(CutError),

@@ -17,14 +17,10 @@ pub(super) enum Leaf<'l> {
 /// Takes the values of an object, each with its path.
 type Leaves<'l> = dyn FnMut(&str, Leaf) + 'l;
 
-/// Passes the values of an object to `leaves`; `prefix` precedes their paths. Values before a mistake are passed, too.
-pub(super) fn walk(
-    prefix: &str,
-    text: &[u8],
-    leaves: &mut Leaves,
-) -> Result<(), serde_json::Error> {
+/// Passes the values of an object to `leaves`. Values before a mistake are passed, too.
+pub(super) fn walk(text: &[u8], leaves: &mut Leaves) -> Result<(), serde_json::Error> {
     let mut parser = serde_json::Deserializer::from_slice(text);
-    let mut path = prefix.to_owned();
+    let mut path = String::new();
     Node { path: &mut path, leaves }.deserialize(&mut parser)?;
     parser.end()
 }
@@ -49,7 +45,7 @@ impl Node<'_> {
     /// Reads a nested value under a key or list index.
     fn below<T>(&mut self, key: &str, read: impl FnOnce(Node<'_>) -> T) -> T {
         let length = self.path.len();
-        if length > 0 && !self.path.ends_with('.') {
+        if length > 0 {
             self.path.push('.');
         }
         self.path.push_str(key);

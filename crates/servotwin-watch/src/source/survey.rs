@@ -169,30 +169,22 @@ pub(super) struct Objects {
 }
 
 impl Objects {
-    /// Adds an object; `prefix` precedes the names of its values. Anything else is ignored.
-    pub(super) fn add(&mut self, prefix: &str, text: &[u8]) {
-        if walk(prefix, text, &mut |path, leaf| self.take(path, &leaf)).is_err()
+    /// Adds an object. Anything else is ignored.
+    pub(super) fn add(&mut self, text: &[u8]) {
+        if walk(text, &mut |path, leaf| self.take(path, &leaf)).is_err()
             && let Some(plain) = without_special_numbers(text)
         {
             // Columns read before a mistake are kept.
-            let _ = walk(prefix, &plain, &mut |path, leaf| self.take(path, &leaf));
+            let _ = walk(&plain, &mut |path, leaf| self.take(path, &leaf));
         }
     }
 
-    pub(super) fn take(&mut self, path: &str, leaf: &Leaf) {
+    fn take(&mut self, path: &str, leaf: &Leaf) {
         let Some(column) = self.column(path) else { return };
         match *leaf {
             Leaf::Number(value) => column.push(value),
             Leaf::Text(text) => column.take(text, text.parse().ok()),
             Leaf::Flag(_) | Leaf::Missing => {}
-        }
-    }
-
-    #[cfg(feature = "mcap")]
-    /// Adds a column that no object names.
-    pub(super) fn name(&mut self, name: &str, unit: &str) {
-        if let Some(column) = self.column(name) {
-            column.unit = unit.into();
         }
     }
 

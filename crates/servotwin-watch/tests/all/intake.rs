@@ -116,57 +116,6 @@ fn numbers_as_text_are_numbers_and_one_stale_sample_is_left_out_and_counted() {
     );
 }
 
-/// An MCAP file without chunks.
-fn mcap(messages: &[(u16, u64, String)]) -> Vec<u8> {
-    let record =
-        |kind: u8, body: &[u8]| [&[kind], &(body.len() as u64).to_le_bytes()[..], body].concat();
-    let text = |text: &str| [&(text.len() as u32).to_le_bytes()[..], text.as_bytes()].concat();
-    let magic = b"\x89MCAP0\r\n".to_vec();
-    let mut bytes = [magic.clone(), record(1, &[text(""), text("test")].concat())].concat();
-    for (id, topic) in [(1_u16, "/fcc"), (2, "/act1")] {
-        let head = [&id.to_le_bytes()[..], &0_u16.to_le_bytes()].concat();
-        let rest = [text(topic), text("json"), 0_u32.to_le_bytes().to_vec()].concat();
-        bytes.extend(record(4, &[head, rest].concat()));
-    }
-    for (id, time_ns, data) in messages {
-        let head = [&id.to_le_bytes()[..], &0_u32.to_le_bytes()].concat();
-        let times = [time_ns.to_le_bytes(), time_ns.to_le_bytes()].concat();
-        bytes.extend(record(5, &[&head[..], &times, data.as_bytes()].concat()));
-    }
-    bytes.extend(record(2, &[0; 20]));
-    [bytes, magic].concat()
-}
-
-#[test]
-fn mcap_written_topic_by_topic_is_rejected() {
-    let folder = Folder::new("intake-topics");
-    let count = 11_000_u64;
-    let of = |id, text: &str| {
-        let message = |k: u64| (id, k * 10_000_000, text.replace('K', &k.to_string()));
-        (0..count).map(message).collect::<Vec<_>>()
-    };
-    let commands = of(1, r#"{"command_rad": K}"#);
-    let mut values = of(2, r#"{"p_a_1_pa": K}"#);
-    // A key that begins late, and text that is no number.
-    values[10_500].2 = r#"{"p_a_1_pa": "x", "x_p_1_m": 0.5}"#.into();
-    let log = folder.write("topics.mcap", mcap(&[commands.clone(), values.clone()].concat()));
-    let study = Study::default();
-    let told = read(&log, None, &study).unwrap_err().to_string();
-    assert!(told.ends_with("sort it first, for example with 'mcap sort' of Foxglove"), "{told}");
-    let pairs = commands.into_iter().zip(values).flat_map(|(command, value)| [command, value]);
-    let log = folder.write("order.mcap", mcap(&pairs.collect::<Vec<_>>()));
-    let columns = Address::File(log.clone()).columns().unwrap();
-    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
-    assert_eq!(names, ["log_time", "fcc.command_rad", "act1.p_a_1_pa", "act1.x_p_1_m"]);
-    let whole = read(&log, None, &study).unwrap();
-    assert_eq!((whole.counts.frames, whole.counts.samples), (count, count));
-    assert!(column(&whole, "time_s").is_sorted());
-    assert_eq!(column(&whole, "command_rad")[777], 777.0);
-    assert_eq!(column(&whole, "p_a_1_pa")[777], 777.0);
-    assert_eq!(column(&whole, "x_p_1_m")[10_500], 0.5);
-    assert_eq!(whole.counts.of(Irregularity::BadValue).detail, "column 'act1.p_a_1_pa' has 'x'");
-}
-
 #[test]
 fn channels_of_objects_are_found_wherever_they_begin() {
     let folder = Folder::new("intake-late");

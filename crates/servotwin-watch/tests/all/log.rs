@@ -5,6 +5,7 @@ use crate::folder::Folder;
 use proptest::prelude::*;
 use servotwin::study::Study;
 use servotwin::system::System;
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::spread::Spread;
 use servotwin_watch::checkpoint::Checkpoint;
 use servotwin_watch::counts::{Irregularity, WatchCounts};
@@ -12,7 +13,6 @@ use servotwin_watch::map::{Map, Trust, guess};
 use servotwin_watch::player::PlayerRecord;
 use servotwin_watch::sequencer::{Sequencer, SequencerRules, Stamped, Tick};
 use servotwin_watch::sink::events::Events;
-use servotwin_watch::sink::mcap::Mcap;
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{SinkKind, SinkRules, SinkThreads};
 use servotwin_watch::sink::{CheckpointFile, Sample, Scene, Sink, SinkError, Watched};
@@ -623,16 +623,20 @@ fn a_million_damaged_frames() {
     survives(1_000_000, 99);
 }
 
-fn page_of(scene: Scene) -> Watched<PlayerRecord> {
-    let record = PlayerRecord::new(&scene.title, scene.period_s, scene.signals());
+/// The page of the aileron, watched by the shipped diagnosis or another one.
+fn page_of(title: &str, change: impl Fn(&mut Diagnoser)) -> Watched<PlayerRecord> {
+    let study = Study::default();
+    let mut diagnoser = servotwin_watch::shipped::diagnoser(&study).unwrap();
+    change(&mut diagnoser);
+    let scene = Scene::of_study(title, &study, &diagnoser);
+    let record = PlayerRecord::new(&scene.title, scene.period_s, scene.signals.clone());
     Watched::new(scene, record)
 }
 
 #[test]
 fn an_hour_is_a_small_page() {
     let system = System::default();
-    let scene = Scene::new("An hour <of> flight", &system, 0.01);
-    let (mut page, mut strip) = (page_of(scene), Strip::default());
+    let (mut page, mut strip) = (page_of("An hour <of> flight", |_| ()), Strip::default());
     let mut dice = Dice(7);
     let mut noise = |count: usize| -> Vec<f64> {
         (0..count).map(|_| dice.roll(1000) as f64 / 500.0 - 1.0).collect()
@@ -667,11 +671,9 @@ fn an_hour_is_a_small_page() {
 
 #[test]
 fn a_residual_that_is_divided_by_its_spread_is_no_share_of_scale() {
-    let study = Study::default();
-    let mut diagnoser = servotwin_watch::shipped::diagnoser(&study).unwrap();
-    diagnoser.sensors[3].spread = Some(Spread { spool: 3, growth: 1.0 });
-    let scene = Scene::of_study("a log", &study, &diagnoser);
-    let html = page_of(scene).screen.page("", "");
+    let spread = Spread { spool: 3, growth: 1.0 };
+    let page = page_of("a log", |diagnoser| diagnoser.sensors[3].spread = Some(spread));
+    let html = page.screen.page("", "");
     assert_eq!(html.matches("\"% of scale and spread\"").count(), 1);
     assert_eq!(html.matches("\"% of scale\"").count(), 12);
 }
@@ -749,90 +751,6 @@ fn parquet_and_csv_of_the_same_log_say_the_same() {
     assert!(one.0.iter().zip(&values).all(|((_, _, m), v)| m[0].to_bits() == v.to_bits()));
 }
 
-/// Writes what a watch of a log says as MCAP.
-fn recorded(log: &Path, system: &System, path: &Path) -> Kept {
-    let map = simple_map(system);
-    let mut source = Address::File(log.to_path_buf()).open(map.wanted()).unwrap();
-    let scene = Scene::new("a log", system, 0.01);
-    let mut mcap = Mcap::create(path, &scene).unwrap();
-    let (mut fake, mut kept) = (Fake::default(), Kept::default());
-    let mut watch = Watch::new(&mut *source, &map, &mut fake, 0.01);
-    watch.sink(&mut kept);
-    watch.sink(&mut mcap);
-    watch.run(&AtomicBool::new(false), &mut |_, _| ()).unwrap();
-    drop(watch);
-    mcap.finish().unwrap();
-    kept
-}
-
-#[test]
-fn a_watch_written_as_mcap_is_a_log_with_the_same_bits() {
-    let folder = Folder::new("log-mcap");
-    let system = spring();
-    let log = folder.write("log.csv", episodes(1000));
-    let path = folder.0.join("flight.mcap");
-    let kept = recorded(&log, &system, &path);
-    let address = Address::File(path.clone());
-    let found = guess(&address.columns().unwrap(), &spring_study(), Trust::Certain);
-    assert!(found.time && found.sensors.is_empty() && found.inputs.is_empty(), "{}", found.text);
-    assert!(found.text.contains("\"measured.p_a_pa\", unit = \"Pa\""), "{}", found.text);
-    let map = Map::parse(&found.text, "map", &system).unwrap();
-    let (again, counts, _) = watch_file(&path, &map);
-    let bits =
-        |kept: &Kept| -> Vec<u64> { kept.0.iter().map(|(_, _, m)| m[0].to_bits()).collect() };
-    assert_eq!(bits(&again), bits(&kept));
-    assert_eq!(counts.met().count(), 0);
-
-    // Without its end the rest is read, and said.
-    let bytes = std::fs::read(&path).unwrap();
-    let cut = folder.write("cut.mcap", &bytes[..bytes.len() / 2]);
-    let (_, counts, _) = watch_file(&cut, &map);
-    assert_eq!(count(&counts, Irregularity::CutShort), 1);
-    let mut dice = Dice(3);
-    for _ in 0..100 {
-        let mut damaged = bytes.clone();
-        for _ in 0..1 + dice.roll(4) {
-            let at = dice.roll(bytes.len() as u64) as usize;
-            damaged[at] ^= 1 << dice.roll(8);
-        }
-        let path = folder.write("damaged.mcap", damaged);
-        // It may have lost its columns; it must not panic.
-        if let Ok(mut source) = Address::File(path).open(map.wanted()) {
-            let mut row = LogRow::default();
-            while source.read(&mut row).unwrap() != Read::End {}
-        }
-    }
-}
-
-/// Every message: topic, number, time, content.
-fn messages(bytes: &[u8]) -> Vec<(String, u32, u64, Vec<u8>)> {
-    let stream = mcap::MessageStream::new(bytes).unwrap().map(|message| message.unwrap());
-    let parts =
-        |m: mcap::Message| (m.channel.topic.clone(), m.sequence, m.log_time, m.data.to_vec());
-    stream.map(parts).collect()
-}
-
-/// What the library of another language has written, packed in both ways.
-#[test]
-fn val_mcap_of_the_python_library() {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../servotwin-io/tests/foreign/");
-    for name in ["log_lz4.mcap", "log_zstd.mcap", "log_plain.mcap"] {
-        let system = spring();
-        let text = "format = 1\n[time]\ncolumn = \"log_time\"\nunit = \"ns\"\n[sensors]\n\
-            p_a = { column = \"rig/pressures.a\", unit = \"bar\" }\n\
-            x_p = { column = \"rig/stroke.x\", unit = \"mm\" }\n";
-        let map = Map::parse(text, "map", &system).unwrap();
-        let (kept, counts, _) = watch_file(&PathBuf::from(folder.to_owned() + name), &map);
-        assert_eq!((kept.0.len(), counts.met().count()), (200, 0), "{name}: {counts:?}");
-        let sensor = |id: &str| system.sensors.iter().position(|s| s.id == id).unwrap();
-        for (k, (_, _, measured)) in kept.0.iter().enumerate() {
-            let k = k as f64;
-            assert_eq!(measured[sensor("p_a")], (100.0 + k / 7.0) * 1e5, "{name}");
-            assert_eq!(measured[sensor("x_p")], (k * 0.25) * 1e-3, "{name}");
-        }
-    }
-}
-
 /// A stream that is silent until the watch has said so, and once more.
 struct Quiet {
     /// Rows between silences.
@@ -896,8 +814,7 @@ fn a_silent_stream_is_no_longer_healthy_and_comes_back_healthy() {
     let said = Arc::new(Mutex::new(vec![]));
     let mut source = Quiet { left: vec![50, 50, 50], rows: 0, said: said.clone() };
     let (mut fake, mut kept, mut heard) = (Fake::default(), Kept::default(), Heard(said.clone()));
-    let (mut strip, scene) = (Strip::default(), Scene::new("a stream", &system, 0.01));
-    let mut page = page_of(scene);
+    let (mut page, mut strip) = (page_of("a stream", |_| ()), Strip::default());
     let mut watch = Watch::new(&mut source, &map, &mut fake, 0.01);
     watch.sink(&mut kept);
     watch.sink(&mut strip);
@@ -950,16 +867,16 @@ impl Sink for Full {
     }
 }
 
-fn rules(name: &str, waits: bool) -> SinkRules {
-    SinkRules { name: name.into(), waits, kind: SinkKind::File }
+fn rules(name: &str, waits: bool, kind: SinkKind) -> SinkRules {
+    SinkRules { name: name.into(), waits, kind }
 }
 
-/// Gives samples, every hundredth a change, and says whether one of them failed.
-fn give_all(sink: &mut dyn Sink, count: usize) -> Result<(), SinkError> {
+/// Gives samples, of which every so many-th is a change, and says whether one of them failed.
+fn give_all(sink: &mut dyn Sink, count: usize, every: usize) -> Result<(), SinkError> {
     let (values, finding) = ([0.5; 2], Finding::default());
     let observation = Observation { twin: &values, residuals: &values, finding: &finding };
     (0..count).try_for_each(|k| {
-        let (time_s, place, changed) = (k as f64, k as u64, k % 100 == 0);
+        let (time_s, place, changed) = (k as f64, k as u64, k % every == 0);
         let (inputs, measured) = (&values[..], &values[..]);
         sink.sample(&Sample::new((time_s, place), inputs, measured, &observation, changed))
     })
@@ -967,26 +884,32 @@ fn give_all(sink: &mut dyn Sink, count: usize) -> Result<(), SinkError> {
 
 #[test]
 fn a_sink_that_stands_still_delays_nobody_and_loses_its_own_samples_first() {
-    let (permit, permits) = channel();
-    let (got, slow_got) = channel();
-    let (permit_all, all_permits) = channel();
-    let (other_got, others) = channel();
-    let mut threads = SinkThreads::new(true);
-    threads.add(rules("slow", false), Box::new(Slow { permits, got }));
-    let other = Slow { permits: all_permits, got: other_got };
-    threads.add(rules("other", true), Box::new(other));
-    drop(permit_all);
-    // Nobody permits the slow one anything: this would stand still if it were waited for.
-    give_all(&mut threads, 20_000).unwrap();
-    drop(permit);
-    let losses = threads.finish().unwrap();
-    let found: Vec<(f64, bool)> = slow_got.iter().collect();
-    assert_eq!(others.iter().count(), 20_000, "the other has lost none");
-    assert_eq!((losses[1].lost, &losses[1].failure), (0, &None));
-    assert_eq!(losses[0].lost, 20_000 - found.len() as u64);
-    assert!(found.len() <= 1025, "{}", found.len());
-    let changes = found.iter().filter(|(_, changed)| *changed).count();
-    assert_eq!(changes, 200, "changes have places of their own");
+    for (kind, every) in [(SinkKind::Terminal, 100), (SinkKind::Changes, 1)] {
+        let (permit, permits) = channel();
+        let (got, slow_got) = channel();
+        let (permit_all, all_permits) = channel();
+        let (other_got, others) = channel();
+        let mut threads = SinkThreads::new(true);
+        threads.add(rules("slow", false, kind), Box::new(Slow { permits, got }));
+        let other = Slow { permits: all_permits, got: other_got };
+        threads.add(rules("other", true, kind), Box::new(other));
+        drop(permit_all);
+        // Nobody permits the slow one anything: this would stand still if it were waited for.
+        give_all(&mut threads, 20_000, every).unwrap();
+        drop(permit);
+        let losses = threads.finish().unwrap();
+        let found: Vec<(f64, bool)> = slow_got.iter().collect();
+        assert_eq!(others.iter().count(), 20_000, "the other has lost none");
+        assert!(found.len() <= 1025, "{}", found.len());
+        if kind == SinkKind::Terminal {
+            let changes = found.iter().filter(|(_, changed)| *changed).count();
+            assert_eq!(changes, 200, "changes have places of their own");
+            assert_eq!(losses, [], "what a terminal does not show is stored elsewhere");
+        } else {
+            assert_eq!((losses[1].lost, &losses[1].failure), (0, &None));
+            assert_eq!(losses[0].lost, 20_000 - found.len() as u64);
+        }
+    }
 }
 
 #[test]
@@ -995,66 +918,23 @@ fn a_sink_that_fails_is_reported_once_and_the_others_go_on() {
     let (permit, permits) = channel();
     drop(permit);
     let mut threads = SinkThreads::new(true);
-    threads.add(rules("full", false), Box::new(Full));
-    threads.add(rules("other", true), Box::new(Slow { permits, got }));
+    threads.add(rules("full", false, SinkKind::Changes), Box::new(Full));
+    threads.add(rules("other", true, SinkKind::Changes), Box::new(Slow { permits, got }));
     let mut failures = vec![];
     while failures.is_empty() {
-        give_all(&mut threads, 100).unwrap();
+        give_all(&mut threads, 100, 1).unwrap();
         failures = threads.failures();
     }
     assert_eq!(failures.len(), 1);
     assert_eq!(failures[0].0, "full");
-    give_all(&mut threads, 100).unwrap();
+    give_all(&mut threads, 100, 1).unwrap();
     assert_eq!(threads.failures(), []);
     let losses = threads.finish().unwrap();
     assert_eq!(losses[0].lost as usize, others.iter().count(), "all of them, the first included");
     assert!(losses[0].failure.is_some() && losses[1].failure.is_none());
     // A log can be read again: there it is an error.
     let mut threads = SinkThreads::new(false);
-    threads.add(rules("full", true), Box::new(Full));
-    let given = give_all(&mut threads, 100);
+    threads.add(rules("full", true, SinkKind::Changes), Box::new(Full));
+    let given = give_all(&mut threads, 100, 1);
     assert!(given.is_err() || threads.finish().is_err());
-}
-
-#[test]
-fn an_mcap_has_the_silence_of_a_live_watch_and_none_without_finish() {
-    let folder = Folder::new("log-mcap-notices");
-    let scene = Scene::new("a log", &spring(), 0.01);
-    let [path, unfinished] = ["a.mcap", "b.mcap"].map(|name| folder.0.join(name));
-    let mut mcap = Mcap::create(&path, &scene).unwrap();
-    let (values, finding) = ([0.5; 7], Finding::default());
-    let observation =
-        Observation { twin: &values[2..], residuals: &values[2..], finding: &finding };
-    let (inputs, measured) = values.split_at(2);
-    let first = Sample::new((0.0, 0), inputs, measured, &observation, true);
-    mcap.sample(&first).unwrap();
-    let notice = |event, state| Notice {
-        event,
-        wall_time: "2026-11-25T17:05:37.123Z".into(),
-        time_s: Some(0.5),
-        silent_s: 2.0,
-        state,
-        phase: Phase::None,
-    };
-    mcap.notice(&notice(WatchEvent::NoData, DiagnosisState::NoData)).unwrap();
-    mcap.notice(&notice(WatchEvent::DataAgain, DiagnosisState::Healthy)).unwrap();
-    mcap.finish().unwrap();
-    let found = messages(&std::fs::read(&path).unwrap());
-    let of = |topic: &str| -> Vec<(u64, serde_json::Value)> {
-        let own = found.iter().filter(|(name, ..)| name == topic);
-        own.map(|(_, _, time, text)| (*time, serde_json::from_slice(text).unwrap())).collect()
-    };
-    let decisions = of("/decisions");
-    assert_eq!(decisions.len(), 3);
-    assert_eq!((decisions[1].0, &decisions[1].1["state"]), (2_500_000_000, &"no_data".into()));
-    assert_eq!(decisions[2].1["state"], decisions[0].1["state"]);
-    let events: Vec<serde_json::Value> =
-        of("/watch").into_iter().map(|(_, value)| value["event"].clone()).collect();
-    assert_eq!(events, ["no_data", "data_again"]);
-    // A watch that ends with an error leaves no file that looks complete.
-    let mut threads = SinkThreads::new(false);
-    let mcap = Mcap::create(&unfinished, &scene).unwrap();
-    threads.add(rules("b", true), Box::new(mcap));
-    drop(threads);
-    assert_eq!(std::fs::read_dir(&folder.0).unwrap().count(), 1);
 }

@@ -5,7 +5,7 @@
 //! so large that J may be wrong by a factor. After three turns, specimens that differ by tolerances agree with individual
 //! fits to a fraction of a standard error (test).
 
-use super::response::{DerivativeScheme, Linear};
+use super::response::{AT_ONCE, DerivativeScheme, Linear};
 use super::solve::SMALL_GAIN;
 use super::{Fit, FitError};
 
@@ -13,8 +13,6 @@ use super::{Fit, FitError};
 const MOST_TURNS: usize = 24;
 /// No smaller share of a step is tried: J then no longer tells where F falls.
 const LEAST_SHARE: f64 = 0.1;
-/// Number of runs whose residuals are kept in memory.
-const AT_ONCE: usize = 96;
 
 /// A fitted specimen.
 #[derive(Clone, Debug, PartialEq)]

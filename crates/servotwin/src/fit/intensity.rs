@@ -22,7 +22,7 @@ use super::unknown::Unknown;
 use super::{Fit, FitError};
 
 /// 95 % of a normal distribution lie within this many deviations.
-const NORMAL_95: f64 = 1.96;
+pub(super) const NORMAL_95: f64 = 1.96;
 /// Half of the 95 % quantile of χ² with one degree of freedom.
 pub(super) const HALF_CHI_SQUARE_95: f64 = 1.92;
 /// Lower limit of an intensity's standard error: the solver's error.

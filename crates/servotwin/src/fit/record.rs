@@ -19,7 +19,7 @@ use crate::sanitize;
 use crate::system::System;
 use crate::table::{Table, TableError};
 use crate::toml_text::{NumberWithUnit, Quantities};
-use crate::units::{self, Misread, NamedUnit};
+use crate::units::{self, Misread, NamedUnit, in_six_digits};
 use serde::Serialize;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
@@ -86,11 +86,6 @@ pub struct LeftOut {
     /// The values in a sentence, with the range of the sensor.
     #[serde(skip)]
     pub sentence: String,
-}
-
-/// Rounds to six digits, which removes rounding errors.
-fn in_digits(value: f64) -> f64 {
-    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 /// Why a table cannot be used as a record.
@@ -340,7 +335,7 @@ fn outside(
     let sentence = format!(
         "{column} has {} ({first}{more}), which its sensor cannot show ({})",
         NumberWithUnit(value, symbol),
-        Quantities(in_digits(range.0), in_digits(range.1), symbol)
+        Quantities(in_six_digits(range.0), in_six_digits(range.1), symbol)
     );
     Some(LeftOut { column: column.into(), count, first, value, sentence })
 }

@@ -19,6 +19,8 @@ use std::sync::atomic::Ordering;
 
 /// Samples before this time are not compared: an actuator is rarely at rest when its record begins, s.
 const WARM_UP_S: f64 = 1.0;
+/// Number of runs whose residuals are kept in memory.
+pub(super) const AT_ONCE: usize = 96;
 /// Lower limit of a sensor's deviation, as a fraction of its scale: the solver's error.
 const SOLVER_ERROR: f64 = 1e-4;
 

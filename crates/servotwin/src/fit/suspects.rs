@@ -18,7 +18,7 @@ use super::intensity::Diagnosed;
 use super::linear::{Symmetric, dot};
 use super::onset::{FoundOnset, Moments};
 use super::record::FitRecord;
-use super::response::{DerivativeScheme, Linear, RunResiduals, append};
+use super::response::{AT_ONCE, DerivativeScheme, Linear, RunResiduals, append};
 use super::solve::Minimum;
 use super::{Fit, FitError};
 use serde::Serialize;
@@ -50,8 +50,6 @@ const CLOCKS: [f64; 6] = [-0.02, -0.01, -0.003, 0.003, 0.01, 0.02];
 const AROUND: [f64; 9] = [0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2];
 /// A time error explains a record clearly better than a fault if the fault leaves this many times as much.
 const CLEARLY: f64 = 2.0;
-/// Number of runs whose residuals are kept in memory.
-const AT_ONCE: usize = 96;
 
 /// A possible cause of a finding.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -6,17 +6,16 @@
 //! (FT1)  x' = x + v Δ,  v' = v + w,  w of variance q Δ;  y = x + e,  e of variance σ² s
 //!
 //! With q = 0 this is a straight line. The parameter s, at least 1, scales all errors to the observed scatter. q and s
-//! maximize the likelihood of the series, found with a Kalman filter on a grid of q. The threshold is reached when the
-//! mean level passes it; the 95 % interval ends where the ends of the level's band pass it.
+//! maximize the likelihood of the series, found with a Kalman filter on a grid of q; a random walk replaces the straight
+//! line if it gains ½ χ²₁(95 %). The threshold is reached when the mean level passes it; the 95 % interval ends where the
+//! ends of the level's band pass it.
 
-/// 95 % of a normal distribution lie within this many deviations.
-const NORMAL_95: f64 = 1.96;
+use super::intensity::{HALF_CHI_SQUARE_95, NORMAL_95};
+
 /// Prior variance of the first level and rate, relative to their squared range: no prior knowledge.
 const VAGUE: f64 = 1e6;
 /// The grid of q per flight, in units of (range of the levels over their span)²; zero first.
 const WALKS: [f64; 8] = [0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
-/// The gain in ln L that a random walk needs to replace the straight line.
-const CLEARLY: f64 = 1.92;
 /// The fewest flights that make a trend.
 const FEWEST: usize = 4;
 /// Predictions extend to this multiple of the history's length.
@@ -122,7 +121,7 @@ impl Trend {
         let mut all = WALKS.iter().map(filtered);
         let line = all.next().expect("the first walk is none");
         let best = all.fold(line, |a, b| if b.0 > a.0 { b } else { a });
-        let (_, trend) = if best.0 > line.0 + CLEARLY { best } else { line };
+        let (_, trend) = if best.0 > line.0 + HALF_CHI_SQUARE_95 { best } else { line };
         Some(Trend { horizon: HORIZON * span, ..trend })
     }
 

@@ -4,6 +4,7 @@
 //! direction in which a wrong reading of this input moves their residuals.
 
 use crate::live::runtime::{self, RuntimeError};
+use crate::rest::Stopped;
 use crate::study::Study;
 use servotwin_diagnosis::diagnoser::{Boundary, DiagnosedSensor};
 use servotwin_diagnosis::features::Quantity;
@@ -64,6 +65,6 @@ fn readings(study: &Study, inputs: &[Knot], slots: &[Slot]) -> Result<Vec<f64>, 
     let parameters = program.parameters(&[]);
     twin.load(&parameters);
     twin.settle(inputs, &program.first_guess(&parameters))
-        .map_err(|failure| RuntimeError::of_twin(program, failure))?;
+        .map_err(|failure| RuntimeError::Twin(Stopped::new(&study.system, failure)))?;
     Ok(slots.iter().map(|&slot| twin.value(slot)).collect())
 }

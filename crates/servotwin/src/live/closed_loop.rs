@@ -2,6 +2,7 @@
 //! control computer that executes the raised actions.
 
 use super::runtime::{self, Runtime, RuntimeError};
+use crate::rest::Stopped;
 use crate::run::{SensorChain, SpecimenDraw};
 use crate::signal::bus::Bus;
 use crate::study::{Reaction, Scenario, Stream, Study};
@@ -296,7 +297,8 @@ impl<'f> ClosedLoopFlight<'f> {
         } else {
             self.plant.step(&self.knots)
         };
-        stepped.map_err(|failure| RuntimeError::of_twin(program, failure))
+        let system = &self.plan.study.system;
+        stepped.map_err(|failure| RuntimeError::Twin(Stopped::new(system, failure)))
     }
 
     fn load(&mut self, time_s: f64) {

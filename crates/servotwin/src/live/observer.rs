@@ -213,13 +213,6 @@ impl Finding {
         }
     }
 
-    /// The finding while no data comes: what is raised stands.
-    pub fn without_data(&self, evidence: Vec<String>) -> Finding {
-        let is_raised = matches!(self.phase, Phase::Raised | Phase::Recovering);
-        let standing = if is_raised { self.clone() } else { Finding::default() };
-        Finding { state: DiagnosisState::NoData, confidence: 0.0, evidence, ..standing }
-    }
-
     /// State and phase as text, with the shutdowns that stand beside the action of the finding.
     pub fn state_in_words(&self) -> String {
         let mut words = self.state.words().to_owned();

@@ -1,12 +1,13 @@
 //! Runs the twin and the diagnosis beside an actuator, one call per sample.
 
+use crate::rest::Stopped;
 use crate::signal::bus::Bus;
 use crate::study::{Reaction, Study};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, StoredSession};
 use servotwin_diagnosis::error::Error;
 use servotwin_model::lanes::Level;
-use servotwin_model::program::{Program, Slot};
-use servotwin_model::solver::{Between, Knot, Snapshot, SolverFailure, SolverSettings, Twin};
+use servotwin_model::program::Slot;
+use servotwin_model::solver::{Between, Knot, Snapshot, SolverSettings, Twin};
 use std::sync::Arc;
 
 /// Why the twin cannot run.
@@ -20,18 +21,8 @@ pub enum RuntimeError {
     #[error("the diagnoser reads sensor '{name}', which the study '{study}' does not have")]
     Sensor { name: String, study: String },
     /// The simulation of the twin failed.
-    #[error(
-        "the twin cannot be simulated: {} at {:.4} s in {state}",
-        .failure.cause, .failure.time_s
-    )]
-    Twin { state: String, failure: SolverFailure },
-}
-
-impl RuntimeError {
-    /// A failure of the solver, with the name of its state.
-    pub(crate) fn of_twin(program: &Program, failure: SolverFailure) -> Self {
-        RuntimeError::Twin { state: program.states()[failure.state].name.clone(), failure }
-    }
+    #[error("the twin cannot be simulated: {} at {:.4} s in {}", .0.cause, .0.time_s, .0.state)]
+    Twin(Stopped),
 }
 
 /// The complete state of a runtime, for resuming with the same bits.
@@ -200,7 +191,7 @@ impl<'s> Runtime<'s> {
         self.is_settled = stepped.is_ok();
         if let Err(failure) = stepped {
             self.session.push_without_twin();
-            return Err(RuntimeError::of_twin(&self.study.system.program, failure));
+            return Err(RuntimeError::Twin(Stopped::new(&self.study.system, failure)));
         }
         for (value, &slot) in self.expected.iter_mut().zip(&self.slots) {
             *value = self.twin.value(slot);

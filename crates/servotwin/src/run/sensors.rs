@@ -3,12 +3,12 @@
 
 use crate::signal::random::NormalDeviates;
 use crate::study::Study;
-use crate::system::imperfection::Imperfections;
+use crate::system::imperfection::Imperfection;
 
 /// The sensors of one plant in one run.
 pub(crate) struct SensorChain {
     /// Noise and converter steps with their random numbers; `None` for perfect sensors.
-    noise: Option<(Imperfections, NormalDeviates)>,
+    noise: Option<(Vec<Imperfection>, NormalDeviates)>,
     /// The latency of each sensor, at most one sample, in samples; empty without latencies.
     latencies: Vec<f64>,
     /// The variables at the sample before.
@@ -18,8 +18,8 @@ pub(crate) struct SensorChain {
 impl SensorChain {
     /// The first `count` measured sensors of a study. They are perfect without random numbers for their noise.
     pub(crate) fn new(study: &Study, count: usize, noise: Option<NormalDeviates>) -> Self {
-        let imperfections = || Imperfections::of(&study.system, &study.measured[..count]);
-        let noise = noise.map(|noise| (imperfections(), noise));
+        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
+        let noise = noise.map(|noise| (study.measured[..count].iter().map(of).collect(), noise));
         SensorChain { noise, latencies: vec![], before: vec![] }
     }
 
@@ -34,7 +34,9 @@ impl SensorChain {
             self.delay(sample);
         }
         if let Some((imperfections, noise)) = &mut self.noise {
-            imperfections.apply(sample, noise);
+            for (value, own) in sample.iter_mut().zip(imperfections) {
+                *value = own.apply(*value, noise);
+            }
         }
     }
 

@@ -45,22 +45,10 @@ fn slope(now: f64, before: f64) -> f64 {
     (1.5 * now - 0.5 * before).max(-most).min(most)
 }
 
-/// A signal as reconstructed from bus samples.
+/// A function of time as reconstructed from bus samples.
 ///
 /// # Errors
-/// Never for a signal that is finite over the duration.
-pub fn as_sent(
-    signal: &Piecewise,
-    period_s: f64,
-    duration_s: f64,
-) -> Result<Piecewise, CurveError> {
-    sent(|time_s| signal.value(time_s), period_s, duration_s)
-}
-
-/// The same for any function of time.
-///
-/// # Errors
-/// Never for a finite function.
+/// Never for a function that is finite over the duration.
 pub fn sent(
     value: impl Fn(f64) -> f64,
     period_s: f64,
@@ -89,7 +77,7 @@ mod tests {
     #[test]
     fn a_step_becomes_a_rise_over_one_sample_without_swinging_over() {
         let step = Piecewise::steps(&[0.0, 0.5], &[0.0, 1.0]).unwrap();
-        let sent = as_sent(&step, 0.1, 1.0).unwrap();
+        let sent = sent(|time_s| step.value(time_s), 0.1, 1.0).unwrap();
         for k in 0..=1000 {
             let t = f64::from(k) * 1e-3;
             assert!((0.0..=1.0).contains(&sent.value(t)), "{t}: {}", sent.value(t));
@@ -117,7 +105,7 @@ mod tests {
         let sine = |t: f64| (2.0 * std::f64::consts::PI * t).sin();
         let values: Vec<f64> = times.iter().map(|&t| sine(t)).collect();
         let signal = Piecewise::linear(&times, &values).unwrap();
-        let sent = as_sent(&signal, 0.01, 2.0).unwrap();
+        let sent = sent(|time_s| signal.value(time_s), 0.01, 2.0).unwrap();
         // At the beginning, the bus has no slope.
         let known = times.iter().filter(|&&t| t > 0.025);
         let worst = known.map(|&t| (sent.value(t) - sine(t)).abs()).fold(0.0, f64::max);

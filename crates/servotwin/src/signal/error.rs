@@ -3,18 +3,16 @@
 use crate::shown::Shown;
 use crate::table::TableError;
 use crate::toml_text::{NumberWithUnit, Quantities};
+use crate::units::in_six_digits;
 use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
 
 /// Why a signal is invalid.
 #[derive(Debug, thiserror::Error)]
 pub enum SignalError {
-    /// The text is no signal, or its arguments are impossible for this input and run.
+    /// The text is no signal, or its arguments or their units are impossible for this input and run.
     #[error("{0}")]
     Invalid(String),
-    /// A unit does not suit its parameter or the input.
-    #[error("{0}")]
-    WrongUnit(String),
     /// The numbers do not define a function of time.
     #[error(transparent)]
     Curve(#[from] CurveError),
@@ -55,8 +53,4 @@ fn in_file(error: &CurveError) -> String {
         }
         error => error.to_string(),
     }
-}
-
-fn in_six_digits(shown: f64) -> f64 {
-    format!("{shown:.5e}").parse().unwrap_or(shown)
 }

@@ -165,7 +165,7 @@ impl Parameter {
     pub(super) fn wrong_unit(&self, kind: &Kind, given: &str, allowed: &[String]) -> SignalError {
         let (kind, name) = (kind.name, self.name);
         let allowed: String = allowed.iter().map(|unit| format!("{unit}, ")).collect();
-        SignalError::WrongUnit(format!(
+        SignalError::Invalid(format!(
             "{kind}: '{name}={given}' has a wrong unit; allowed: {allowed}a plain number (SI)"
         ))
     }

@@ -49,7 +49,7 @@ fn build(given: &Given) -> Result<Piecewise, SignalError> {
         let (found, wanted) = (row.unit.symbol(), given.unit.symbol());
         let wanted = if wanted.is_empty() { "no unit" } else { wanted };
         let message = format!("column '{column}' is in {found}, the input is in {wanted}");
-        SignalError::WrongUnit(message)
+        SignalError::Invalid(message)
     };
     let factors = unit_of(column, given.unit)
         .map_or(Ok((1.0, 0.0)), |row| row.to(given.unit).ok_or_else(|| wrong_unit(row)));

@@ -12,7 +12,7 @@ use super::reader::{Noted, Reader};
 use super::seed::{Seed, Stream};
 use super::training::{check_pattern, count_ranges, filled_at, halton_in};
 use crate::format::{At, Names, Value, section, usual};
-use crate::signal::bus::as_sent;
+use crate::signal::bus;
 use crate::toml_text::Diagnostic;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::MAX_ACTUATORS;
@@ -418,7 +418,8 @@ impl Varied {
         // The twin reads the command as sent over the bus; no other part has more information.
         let signal = command.parse();
         let built = reader.signal((pattern, &pattern.at), signal, driven, longest_s)?;
-        let sent = as_sent(&built, 1.0 / reader.text.sample_hz, longest_s);
+        let period_s = 1.0 / reader.text.sample_hz;
+        let sent = bus::sent(|time_s| built.value(time_s), period_s, longest_s);
         inputs[driven] = sent.expect("a signal is finite");
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
         let mut shares = shares.iter().copied();

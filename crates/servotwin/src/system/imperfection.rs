@@ -41,7 +41,7 @@ impl Imperfection {
     }
 
     /// Adds noise to a value and quantizes it.
-    fn apply(self, value: f64, noise: &mut NormalDeviates) -> f64 {
+    pub(crate) fn apply(self, value: f64, noise: &mut NormalDeviates) -> f64 {
         let noisy = value + self.sigma * noise.normal();
         // Rounds ties to even, without the cost of the standard library's call.
         if self.step > 0.0 { Primitive::round(noisy / self.step) * self.step } else { noisy }
@@ -71,34 +71,6 @@ pub(crate) fn scale_within_noise(
     Some(Diagnostic::new(message).with_help(help))
 }
 
-/// The imperfections of several sensors, in their order.
-#[derive(Clone, Debug)]
-pub(crate) struct Imperfections(Vec<Imperfection>);
-
-impl Imperfections {
-    /// The imperfections of a system's sensors, given by index.
-    pub(crate) fn of(system: &System, sensors: &[usize]) -> Self {
-        Self(sensors.iter().map(|&sensor| Imperfection::of(system, sensor)).collect())
-    }
-
-    /// Applies the imperfections to one sample of all sensors, in physical units.
-    pub(crate) fn apply(&self, sample: &mut [f64], noise: &mut NormalDeviates) {
-        for (value, imperfection) in sample.iter_mut().zip(&self.0) {
-            *value = imperfection.apply(*value, noise);
-        }
-    }
-
-    /// Applies the imperfection of one sensor to its samples.
-    pub(crate) fn apply_to_one(
-        &self,
-        place: usize,
-        samples: &mut [f64],
-        noise: &mut NormalDeviates,
-    ) {
-        samples.iter_mut().for_each(|value| *value = self.0[place].apply(*value, noise));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -108,12 +80,15 @@ mod tests {
     fn what_sensors_show_has_the_deviation_that_is_declared_and_lies_on_steps() {
         let study = Study::default();
         let sensors = &study.measured[..study.base_sensors()];
-        let imperfections = Imperfections::of(&study.system, sensors);
+        let of = |&sensor: &usize| Imperfection::of(&study.system, sensor);
+        let imperfections: Vec<Imperfection> = sensors.iter().map(of).collect();
         const SAMPLES: usize = 20_000;
         let mut all = vec![0.0; SAMPLES * sensors.len()];
         let mut noise = NormalDeviates::new(5);
-        all.chunks_exact_mut(sensors.len()).for_each(|s| imperfections.apply(s, &mut noise));
-        for (place, own) in imperfections.0.iter().enumerate() {
+        for (value, own) in all.iter_mut().zip(imperfections.iter().cycle()) {
+            *value = own.apply(*value, &mut noise);
+        }
+        for (place, own) in imperfections.iter().enumerate() {
             let shown = || all.iter().skip(place).step_by(sensors.len());
             let deviation = (shown().map(|v| v * v).sum::<f64>() / SAMPLES as f64).sqrt();
             assert!((deviation / own.deviation() - 1.0).abs() < 0.03, "{place}: {deviation}");

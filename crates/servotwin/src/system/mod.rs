@@ -108,10 +108,8 @@ impl System {
         let network = self.network();
         let input = network.inputs.iter().find(|input| input.id == name).map(|input| input.unit);
         let parameter = || {
-            let (id, own) = name.rsplit_once('.')?;
-            let part = network.components.iter().find(|part| part.id == id)?;
-            let spec = part.component;
-            spec.parameter(own).map(|place| spec.parameters[place].unit)
+            let (component, parameter) = self.parameter(name)?;
+            Some(network.components[component].component.parameters[parameter].unit)
         };
         input.or_else(parameter).unwrap_or(Unit::None)
     }

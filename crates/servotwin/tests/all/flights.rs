@@ -17,7 +17,7 @@ use servotwin::run::other_plant::OtherPlants;
 use servotwin::run::part::PARTS;
 use servotwin::run::{Observer, RunError, Runner, plan};
 use servotwin::signal::Signal;
-use servotwin::signal::bus::as_sent;
+use servotwin::signal::bus::sent;
 use servotwin::study::suites::{
     HARD_NEGATIVES, HEALTHY, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN,
 };
@@ -533,7 +533,8 @@ pub fn fly(faults: Vec<(f64, FaultAt)>) -> FlightRecord {
     let command = signal.build(network.inputs[study.command_input].unit, duration_s).unwrap();
     let constant = |value: f64| Piecewise::constant(value).unwrap();
     let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
-    inputs[study.command_input] = as_sent(&command, study.sample_period_s, duration_s).unwrap();
+    inputs[study.command_input] =
+        sent(|time_s| command.value(time_s), study.sample_period_s, duration_s).unwrap();
     let scenario = ClosedLoop { study, inputs, faults, duration_s, specimen: None, reacts: true };
     closed_loop::fly(&scenario, diagnoser(), &[]).unwrap()
 }

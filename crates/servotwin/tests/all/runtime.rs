@@ -9,7 +9,7 @@ use servotwin::live::watcher::Watcher;
 use servotwin::parallel::Workers;
 use servotwin::run::{Observer as FlightObserver, Run, Runner, plan};
 use servotwin::signal::Signal;
-use servotwin::signal::bus::as_sent;
+use servotwin::signal::bus::sent;
 use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
 use servotwin::study::{Reaction, Study};
@@ -170,7 +170,8 @@ fn samples(faults: Vec<(f64, FaultAt)>, mode_1: impl Fn(f64) -> f64) -> Vec<(Vec
     let command = signal.build(network.inputs[study.command_input].unit, duration_s).unwrap();
     let constant = |value: f64| Piecewise::constant(value).unwrap();
     let mut inputs: Vec<Piecewise> = network.inputs.iter().map(|i| constant(i.default)).collect();
-    inputs[study.command_input] = as_sent(&command, study.sample_period_s, duration_s).unwrap();
+    inputs[study.command_input] =
+        sent(|time_s| command.value(time_s), study.sample_period_s, duration_s).unwrap();
     let mut flight =
         ClosedLoop { study, inputs, faults, duration_s, specimen: None, reacts: false };
     let times_s = (0..400).map(|k| f64::from(k) * study.sample_period_s);

@@ -20,7 +20,7 @@ use servotwin_watch::player::PlayerRecord;
 use servotwin_watch::sink::events::{Events, is_change};
 use servotwin_watch::sink::strip::Strip;
 use servotwin_watch::sink::threads::{SinkKind, SinkRules, SinkThreads};
-use servotwin_watch::sink::{CheckpointFile, Sample, Scene, Sink, SinkError, Watched, open_mcap};
+use servotwin_watch::sink::{CheckpointFile, Sample, Scene, Sink, SinkError, Watched};
 use servotwin_watch::source::Address;
 use servotwin_watch::watchdog::{Notice, Silences, SinkLoss, WatchEvent, without_name};
 use std::collections::BTreeMap;
@@ -60,9 +60,6 @@ impl Outputs {
             let terminal = Box::new(Terminal { bar: bar.clone(), global });
             threads.add(rules("terminal", false, SinkKind::Terminal), terminal);
         }
-        if let Some(path) = &options.mcap {
-            threads.add(of_file(path, SinkKind::File), open_mcap(path, &scene)?);
-        }
         if let Some(path) = &options.events {
             let events = Events::to_file(events_file(path, resumed)?, path);
             threads.add(of_file(path, SinkKind::Changes), Box::new(events));
@@ -75,7 +72,7 @@ impl Outputs {
             let lines = Box::new(Events::new(out::stdout()));
             threads.add(rules("standard output", address.waits(), SinkKind::Stream), lines);
         }
-        let record = || PlayerRecord::new(&scene.title, scene.period_s, scene.signals());
+        let record = || PlayerRecord::new(&scene.title, scene.period_s, scene.signals.clone());
         let record = options.html.is_some().then(record);
         let page = record.map(|record| Watched::new(scene, record));
         let shown = Shown { strip: Strip::default(), page, unjudged: vec![], last: None };

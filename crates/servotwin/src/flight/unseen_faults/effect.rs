@@ -262,10 +262,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Change> {
             Place::Fault(FaultAt { component, fault, intensity: size })
         }
         Value | Times | Drift | Swing | Weather => {
-            let (id, parameter) = name.rsplit_once('.')?;
-            let components = &study.system.network().components;
-            let component = components.iter().position(|known| known.id == id)?;
-            let parameter = components[component].component.parameter(parameter)?;
+            let (component, parameter) = study.system.parameter(&name)?;
             if kind == Weather {
                 // Conditions that the liquid does not allow are not flown.
                 study.system.allows(component, parameter, size).ok()?;
@@ -284,8 +281,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Change> {
         }
         // An input of the unit, or of the whole system.
         InputTimes | TwinFrozen | TwinMissing | TwinImpossible | TwinOff | TwinLate => {
-            let inputs = &study.system.network().inputs;
-            let find = |name: &str| inputs.iter().position(|input| input.id == name);
+            let find = |name: &str| study.system.find_input(name).ok();
             Place::Input(find(&name).or_else(|| find(of))?)
         }
     };
