@@ -10,7 +10,6 @@ mod crane;
 mod data_card;
 mod effort;
 mod errors;
-mod evaluating;
 mod evaluation;
 mod examples;
 mod fitted;
