@@ -149,8 +149,6 @@ pub struct Evaluation {
     pub detection: detection::Detection,
     /// Bands learned from healthy specimens.
     pub bands: Option<Vec<Band>>,
-    /// Number of features.
-    pub features: usize,
     /// Constant features, which carry no information.
     pub constant_features: Vec<String>,
     /// The nine trees under every protocol.
@@ -321,7 +319,6 @@ pub fn evaluate(
         in_paper_band: protocol::in_bands(&unbanded),
         detection: detection::evaluate(data),
         bands,
-        features: data.features.len(),
         constant_features: data.constant.clone(),
         stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
         healthy: [of_healthy(&trained.trees)?, of_healthy(&trained.committee)?],
