@@ -71,8 +71,6 @@ pub struct EvaluationSettings {
     pub shutdowns: Vec<String>,
     /// Whether detection uses the bands learned from healthy specimens; otherwise it uses the seed paper's band of 3 %.
     pub learned_bands: bool,
-    /// The seed paper's feature family.
-    pub baseline_family: String,
     /// The protocols for the nine trees.
     pub protocols: Vec<Protocol>,
     /// The protocols for the committee.
@@ -98,7 +96,6 @@ impl Default for EvaluationSettings {
             },
             shutdowns: vec![],
             learned_bands: false,
-            baseline_family: "moments".into(),
             protocols: protocol::ALL.into(),
             committee_protocols: OF_COMMITTEE.into(),
             classifiers: comparison::quick_classifiers(),
