@@ -463,7 +463,7 @@ fn sizes(study: &Study, results: &FlightResults, words: &Vocabulary) -> String {
         of(LEARN, |suite| suite.environments),
         runs(of(LEARN, |suite| suite.repeats) as u64),
         further(of(HARD_NEGATIVES, |suite| suite.environments) as u64),
-        of(JUDGE, |suite| suite.environments),
+        judged.map_or(0, |_| of(JUDGE, |suite| suite.environments)),
         runs(judged.map_or(0, |metrics| metrics.flights)),
         judged.map_or(0.0, |metrics| metrics.healthy.hours),
     );
