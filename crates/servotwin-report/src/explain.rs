@@ -11,7 +11,7 @@ use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
 use servotwin_diagnosis::panel::{self, Panel};
-use servotwin_io::table::{self, Table, TableError};
+use servotwin_io::table::{Table, TableError};
 use std::path::Path;
 
 /// The simulated variant, and the hierarchy's answer stage by stage.
@@ -126,7 +126,7 @@ pub fn explain(
 /// The data set is missing or cannot be read.
 pub fn variants(folder: &Folder, subject: Subject) -> Result<usize, JobError> {
     let path = folder.data_set(subject.scenario(), Purpose::Test);
-    match table::read(&path) {
+    match Table::read(&path) {
         Ok(table) => Ok(table.row_count()),
         Err(error) => Err(JobError::DataSet { path, error: error.into() }),
     }
@@ -136,7 +136,7 @@ pub fn variants(folder: &Folder, subject: Subject) -> Result<usize, JobError> {
 type Found = (Explanation, Vec<Vec<f64>>);
 
 fn read(path: &Path, panel: &Panel, variant: u32) -> Result<Option<Found>, EvaluationError> {
-    let table = table::read(path)?;
+    let table = Table::read(path)?;
     let row = table.u32("variant")?.iter().position(|own| *own == variant);
     let found = |row| {
         let views = views(&table, &panel.trees, row)?;

@@ -76,7 +76,6 @@ fn manifest() -> Manifest {
         study: "paper".into(),
         inputs: vec![],
         seed: 0,
-        split_seed: 1,
         solver: String::new(),
         equations: String::new(),
         data_sets: vec![],

@@ -11,7 +11,7 @@ use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopN
 use crate::tree::{drawing, exchange};
 use serde::Serialize;
 use servotwin::files::{create_folder, write_atomically};
-use servotwin::table::{self, Column, Table};
+use servotwin::table::{Column, Table};
 use std::path::PathBuf;
 
 /// The fault trees of a study and everything that is written of them.
@@ -95,7 +95,7 @@ impl FaultTreeArtefact {
         }
         for (name, table) in [("cutsets", self.cut_sets()?), ("importance", self.importance()?)] {
             let path = results.artefact(&format!("fault-tree-{name}.csv"));
-            table::write(&path, &table)?;
+            table.write(&path)?;
             written.push(path);
         }
         Ok(written)

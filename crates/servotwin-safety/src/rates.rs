@@ -11,7 +11,7 @@ use crate::error::{SafetyError, unknown};
 use servotwin::moment::rounded;
 use servotwin::study::Study;
 use servotwin::table::csv::texts::{self, TextRow, Texts};
-use servotwin::table::{self, Column, Table};
+use servotwin::table::{Column, Table};
 use std::path::{Path, PathBuf};
 
 /// The columns of the table.
@@ -187,7 +187,7 @@ pub fn write_template(path: &Path, faults: &[RatedFault]) -> Result<(), SafetyEr
     let empty = [column(COLUMNS[1], ""), column(COLUMNS[2], UNITS[0].0), column(COLUMNS[3], "")];
     let mut columns = vec![Column::new(COLUMNS[0], "", kinds.clone())];
     columns.extend(empty);
-    Ok(table::write(path, &Table::from_columns(columns)?)?)
+    Ok(Table::from_columns(columns)?.write(path)?)
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use servotwin::live::tracking::{TrackedQuantities, command_unit, first_report_s}
 use servotwin::recording::with_suffix;
 use servotwin::signal::Signal;
 use servotwin::study::{FaultCase, Scenario, Study};
-use servotwin::table::{self, Column, Table, Values};
+use servotwin::table::{Column, Table, Values};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
@@ -139,8 +139,8 @@ impl Run for Options {
         };
         let path = folder.path().join("flight");
         create_folder(&path).map_err(JobError::from)?;
-        table::write(path.join("flight-reacting.csv"), &flown.table(&flown.with))?;
-        table::write(path.join("flight-alone.csv"), &flown.table(&flown.without))?;
+        flown.table(&flown.with).write(path.join("flight-reacting.csv"))?;
+        flown.table(&flown.without).write(path.join("flight-alone.csv"))?;
         flown.figure(&title(&begins)).draw().save(path.join("flight.svg"))?;
         let mut document = flown.document(onset_s);
         document.files([path.join("flight.svg")]);

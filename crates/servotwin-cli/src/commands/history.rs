@@ -12,7 +12,7 @@ use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::{Point, Reached, Trend};
 use servotwin::fit::{Fit, FitError, RecordError, Unknown};
 use servotwin::shown::number;
-use servotwin::table::{self, Column, Table, Values};
+use servotwin::table::{Column, Table, Values};
 use servotwin_view::document::{Document, Line, Table as Rows, Value, Verdict, line};
 use servotwin_view::row;
 use std::cell::RefCell;
@@ -93,7 +93,7 @@ impl Run for Options {
         let history = problem.history(all, &faults)?;
         stages.end();
         if let Some(path) = &self.out {
-            table::write(path, &as_table(&history, &problem)?)?;
+            as_table(&history, &problem)?.write(path)?;
         }
         let mut document = described(&history, &problem, self);
         let mut skipped = Rows::of("name: | reason:");

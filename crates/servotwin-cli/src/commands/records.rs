@@ -46,8 +46,8 @@ pub(super) fn line_of(study: &Study, outcome: &RecordsOutcome) -> String {
     );
     if on_the_move > 0 {
         text += &format!(
-            "; {} began on the move, because no steady state was found: they teach no band, and manifest.json lists \
-             them",
+            "; {} began on the move, because no steady state was found: they teach no band, and have the flag \
+             began_on_the_move in the data set",
             counted(on_the_move, "variant")
         );
     }

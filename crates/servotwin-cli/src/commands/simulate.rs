@@ -14,7 +14,7 @@ use servotwin::simulate::{
     SimulationResults, Sweep,
 };
 use servotwin::system::System;
-use servotwin::table;
+use servotwin::table::Table;
 use servotwin::validity::CrossedLimit;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
@@ -142,7 +142,7 @@ impl Run for Options {
         bar.finish_and_clear();
         let wall_s = begin.elapsed().as_secs_f64();
         if let Some(path) = &self.out {
-            table::write(path, &results.table()?)?;
+            results.table()?.write(path)?;
         }
         if let Some(path) = &self.plot {
             results.figure().draw().save(path)?;

@@ -233,7 +233,7 @@ fn parameters_are_set_and_swept() {
     let (csv, svg) = (folder.file("a.csv"), folder.file("a.svg"));
     let sweep = ["--sweep", "supply.pressure_pa=150bar:200bar:2", "--record", "x_p"];
     run(&[&sweep[..], &["--out", &csv, "--plot", &svg]].concat());
-    let table = servotwin::table::read(&csv).unwrap();
+    let table = servotwin::table::Table::read(&csv).unwrap();
     assert_eq!(table.row_count(), 2 * 31);
     assert_eq!(table.f64("supply.pressure_pa").unwrap()[31], 2e7);
     assert!(std::fs::read_to_string(&svg).unwrap().contains("x_p at 200 bar"));
@@ -657,7 +657,7 @@ fn sensors_show_their_noise() {
             ["simulate", SPRING, "--command", "2deg", "--duration", "10s", "-q", "--out", &csv];
         let output = servotwin(&[&first, more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
-        servotwin::table::read(&csv).unwrap()
+        servotwin::table::Table::read(&csv).unwrap()
     };
     let values =
         |table: &servotwin::table::Table, name: &str| table.f64(name).unwrap().into_owned();

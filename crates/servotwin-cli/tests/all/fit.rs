@@ -1,7 +1,7 @@
 //! `servotwin fit`: from a log to a system file, and logs that are refused.
 
 use super::{Folder, SPRING, json, servotwin, stderr, stdout};
-use servotwin::table::{self, Column, Table};
+use servotwin::table::{Column, Table};
 
 const STUDY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/spring_actuator.toml");
 
@@ -54,7 +54,7 @@ fn a_log_gives_a_system_file_with_its_parameters() {
 
 /// The same log with dates for times: as CSV, as Parquet and as lines of JSON objects.
 fn dated(folder: &Folder, log: &str) -> [String; 3] {
-    let table = table::read(log).unwrap();
+    let table = Table::read(log).unwrap();
     let date = |s: &f64| format!("2026-11-22T10:00:{s:09.6}Z");
     let dates: Vec<String> = table.f64("time_s").unwrap().iter().map(date).collect();
     let columns = table.columns().iter().map(|column| match &*column.name {
@@ -64,8 +64,8 @@ fn dated(folder: &Folder, log: &str) -> [String; 3] {
     let table = Table::from_columns(columns.collect()).unwrap();
     let [csv, parquet, lines] =
         ["dated.csv", "dated.parquet", "dated.jsonl"].map(|name| folder.file(name));
-    table::write(&csv, &table).unwrap();
-    table::write(&parquet, &table).unwrap();
+    table.write(&csv).unwrap();
+    table.write(&parquet).unwrap();
     let object = |row: usize| {
         let value = |column: &Column| match column.numbers() {
             Ok(numbers) => serde_json::json!(numbers[row]),
@@ -93,7 +93,7 @@ fn dates_are_times_in_every_kind_of_log() {
 
 /// The same log as another logger keeps it: milliseconds, names and units of its own; and the map that says which are which.
 fn foreign(folder: &Folder, log: &str) -> [String; 2] {
-    let table = table::read(log).unwrap();
+    let table = Table::read(log).unwrap();
     let mut map = "format = 1\n[time]\ncolumn = \"clock\"\nunit = \"ms\"\n".to_string();
     let mut sensors = "[sensors]\n".to_string();
     let mut column = |(place, column): (usize, &Column)| {
@@ -118,7 +118,7 @@ fn foreign(folder: &Folder, log: &str) -> [String; 2] {
     };
     let columns = table.columns().iter().enumerate().map(&mut column).collect();
     let [csv, toml] = ["foreign.csv", "map.toml"].map(|name| folder.file(name));
-    table::write(&csv, &Table::from_columns(columns).unwrap()).unwrap();
+    Table::from_columns(columns).unwrap().write(&csv).unwrap();
     std::fs::write(&toml, map + &sensors).unwrap();
     [csv, toml]
 }
@@ -237,11 +237,11 @@ fn said_of_press(
     let command = ["--command", "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=5"];
     let output = servotwin(&[&first[..], &command, fault].concat());
     assert!(output.status.success(), "{}", stderr(&output));
-    let table = table::read(&log).unwrap();
+    let table = Table::read(&log).unwrap();
     let columns = table.columns().iter().enumerate().map(|(place, column)| {
         Column::new(column.name.clone(), "", changed(place, &column.numbers().unwrap()))
     });
-    table::write(&log, &Table::from_columns(columns.collect()).unwrap()).unwrap();
+    Table::from_columns(columns.collect()).unwrap().write(&log).unwrap();
     let output = servotwin(&["fit", &log, "--study", "press_axis"]);
     stdout(&output) + &stderr(&output)
 }

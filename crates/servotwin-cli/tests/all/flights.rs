@@ -2,7 +2,7 @@
 
 use super::{Folder, Shared, copy_folder, servotwin, stderr, stdout};
 use servotwin::measure::outcome::{self, RunOutcome};
-use servotwin::table::{self, Table};
+use servotwin::table::Table;
 use std::path::Path;
 
 /// What follows the beginning that all tiny studies have.
@@ -54,7 +54,7 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     for scenario in ["noise", "realistic"] {
         let line = format!("\n{scenario}: 6 runs with a fault, 0 not finished\n");
         assert!(summary.contains(&line), "{text}");
-        let rows = table::read(Path::new(&out).join(format!("outcomes-unseen-{scenario}.parquet")));
+        let rows = Table::read(Path::new(&out).join(format!("outcomes-unseen-{scenario}.parquet")));
         let rows = outcome::from_table(&rows.unwrap()).unwrap();
         assert_eq!(rows.iter().filter(|row| row.event == "spool jams where it is").count(), 2);
     }
@@ -138,7 +138,7 @@ fn a_run_by_its_name_is_to_the_bit_what_it_is_among_all_others() {
     let fly = |name: &str| servotwin(&["run", name, &out, "--json"]);
     for suite in ["judge", "unseen"] {
         let path = folder.file(&format!("out/outcomes-{suite}-realistic.parquet"));
-        let all = outcome::from_table(&table::read(path).unwrap()).unwrap();
+        let all = outcome::from_table(&Table::read(path).unwrap()).unwrap();
         for row in [&all[1], &all[all.len() - 1]] {
             let output = fly(&format!("{suite}#{}@realistic", row.number));
             assert!(output.status.success(), "{}", stderr(&output));
@@ -170,7 +170,7 @@ fn healthy_flights_go_on_where_they_were_stored() {
         let output = servotwin(&[&["study", &study, "--out", &out][..], &more].concat());
         assert!(output.status.success(), "{}", stderr(&output));
         let path = folder.file("out/outcomes-healthy-realistic.parquet");
-        (stdout(&output), table::read(path).unwrap())
+        (stdout(&output), Table::read(path).unwrap())
     };
     let learned = std::fs::read(&diagnoser).unwrap();
     let (text, three) = fly("3", "5");
@@ -260,7 +260,7 @@ fn healthy_flights_of_other_plants_are_other_flights() {
     assert!(text.contains("healthy_other_structure, realistic: 3 healthy flights of "), "{text}");
     let evidence = |out: &str, suite: &str| -> f64 {
         let path = Path::new(out).join(format!("outcomes-{suite}-realistic.parquet"));
-        table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
+        Table::read(path).unwrap().f64("evidence").unwrap().iter().sum()
     };
     let usual = ["--scenario", "realistic", "--suite", "healthy", "--environments", "3"];
     servotwin(&[&["study", &wide, "--out", &out][..], &usual].concat());
@@ -295,7 +295,7 @@ fn settings_flown_one_after_the_other_are_those_flown_together() {
     assert!(without.iter().all(|m| m["flights"] == 6 && m["missing"] != "" && is_right(m)));
     // Everything else is what it was, and a suite that was flown is not flown again.
     let both: serde_json::Value = serde_json::from_str(&of_both).unwrap();
-    for field in ["suites", "unseen", "windows_s", "limits"] {
+    for field in ["suites", "unseen", "left_out"] {
         assert_eq!(flown[field], both[field], "{field}");
     }
     let nothing = folder.file("nothing");
@@ -466,7 +466,7 @@ fn a_test_on_the_ground_decides_once_about_faults_that_were_there_before() {
     let text = stdout(&tested);
     assert!(text.contains("\nfitted: 6 runs with a fault, 0 not finished\n"), "{text}");
     let ground = format!("{out}/ground_test");
-    let rows = table::read(format!("{ground}/outcomes-judge-fitted.parquet")).unwrap();
+    let rows = Table::read(format!("{ground}/outcomes-judge-fitted.parquet")).unwrap();
     let rows = outcome::from_table(&rows).unwrap();
     assert_eq!(rows.len(), 8);
     // The decision comes at the end, and the strong bias of the valve is not missed.

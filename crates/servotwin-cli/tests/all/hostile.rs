@@ -71,7 +71,7 @@ fn labels_and_columns_of_a_hostile_table_are_printed_escaped() {
     fs::write(&study, of_label("class")).unwrap();
     let judge = ["study", &study, "--out", &out];
     succeeds(&judge);
-    let windows = servotwin::table::read(format!("{out}/windows.parquet")).unwrap();
+    let windows = servotwin::table::Table::read(format!("{out}/windows.parquet")).unwrap();
     assert!(windows.has(&format!("class{EVIL}")), "files keep what they hold");
     fs::write(&study, of_label("clas")).unwrap();
     fails(&judge);

@@ -166,8 +166,8 @@ fn a_step_is_followed_and_written() {
     let end_deg = angle["end"].as_f64().unwrap().to_degrees();
     assert!((end_deg - 10.0).abs() < 0.1, "{end_deg}");
     assert_eq!(summary["samples"], 101);
-    let from_csv = servotwin::table::read(&csv).unwrap();
-    let from_parquet = servotwin::table::read(&parquet).unwrap();
+    let from_csv = servotwin::table::Table::read(&csv).unwrap();
+    let from_parquet = servotwin::table::Table::read(&parquet).unwrap();
     assert_eq!(from_csv.row_count(), 101);
     assert_eq!(from_csv.f64("x_p_1_m").unwrap(), from_parquet.f64("x_p_1_m").unwrap());
     assert!(std::fs::read_to_string(&svg).unwrap().starts_with("<svg"));

@@ -2,7 +2,7 @@
 
 use super::flights::learned;
 use super::{Folder, SPRING, json, met, servotwin, stderr, stdout, watch};
-use servotwin::table;
+use servotwin::table::Table;
 use std::fmt::Write;
 
 const STUDY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/spring_actuator.toml");
@@ -28,7 +28,7 @@ type RigColumn = (&'static str, &'static str, &'static str, f64);
 
 /// A record of the spring actuator as a rig writes it: Windows-1252, three lines of header, decimal commas; and its map.
 fn rig(folder: &Folder, log: &str) -> [String; 2] {
-    let table = table::read(log).unwrap();
+    let table = Table::read(log).unwrap();
     let columns: [RigColumn; 7] = [
         ("time_s", "Zeit", "s", 1.0),
         ("command_rad", "Sollwinkel", "\u{b0}", std::f64::consts::PI / 180.0),

@@ -5,8 +5,8 @@ use super::{Folder, Shared, copy_folder, fails, stderr, stdout, succeeds};
 use servotwin::job::Crew;
 use servotwin::measure::{END_TO_END_OF_ALL, RIGHT_ACTION_OF_ALL, VISIBLE};
 use servotwin::parallel::Workers;
+use servotwin::table::Table;
 use servotwin::table::csv::texts::{self, Texts};
-use servotwin::table::{self, Table};
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::sensors::runs::SensorRuns;
 use servotwin_safety::sensors::{SensorSet, SensorTrade};
@@ -136,7 +136,7 @@ fn every_fault_is_flown_once_and_a_persons_cells_survive() {
     );
     // The evidence names runs, and each can be flown again to the bit.
     let flights = Path::new(&out).join("outcomes-effects-realistic.parquet");
-    let outcomes = table::read(&flights).unwrap();
+    let outcomes = Table::read(&flights).unwrap();
     let (numbers, events) = (outcomes.f64("number").unwrap(), outcomes.text("event").unwrap());
     let row = events.iter().rposition(|event| event == fault).unwrap();
     let number = numbers[row];
@@ -499,7 +499,7 @@ fn a_search_goes_on_and_gives_the_same_on_any_number_of_threads_and_its_findings
     for own in objectives {
         assert!(Path::new(own["figure"].as_str().unwrap()).exists(), "{own}");
         let path = flown_for(&out, own["objective"].as_str().unwrap());
-        assert_eq!(table::read(&path).unwrap().row_count(), 2 * 24, "flights of both methods");
+        assert_eq!(Table::read(&path).unwrap().row_count(), 2 * 24, "flights of both methods");
         whole.push((fs::read(&path).unwrap(), path));
         let finding = &own["findings"][0];
         let run = finding["run"].as_str().unwrap();
@@ -531,7 +531,7 @@ fn a_search_comes_nearer_to_an_error_than_as_many_random_flights() {
     for seed in ["1", "2"] {
         let arguments = ["--objective", "missed_shutdown", "--runs", "192", "--seed", seed];
         searched(&out, &arguments);
-        let flown = table::read(flown_for(&out, "missed_shutdown")).unwrap();
+        let flown = Table::read(flown_for(&out, "missed_shutdown")).unwrap();
         let margins = flown.f64("margin").unwrap();
         let mean = |margins: &[f64]| margins.iter().sum::<f64>() / margins.len() as f64;
         // The flights of the search come first.

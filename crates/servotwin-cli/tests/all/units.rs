@@ -5,7 +5,7 @@ use servotwin::learn::model_file;
 use servotwin::live::closed_loop::{self, ClosedLoop};
 use servotwin::signal::Signal;
 use servotwin::study::Study;
-use servotwin::table;
+use servotwin::table::Table;
 use servotwin_model::program::FaultAt;
 use std::path::Path;
 use std::sync::Arc;
@@ -200,7 +200,7 @@ fn three_units_with_unlike_sensors_are_learned_one_by_one() {
     let stages = trained["lengths"][0]["panel"]["trees"]["stages"].as_array().unwrap().iter();
     let ids: Vec<&str> = stages.map(|stage| stage["id"].as_str().unwrap()).collect();
     assert_eq!(ids, ["A", "B1", "B2", "B3", "C1", "C2", "C3", "D1", "D2", "D3"]);
-    let table = table::read(Path::new(out).join("dataset-ideal-training.parquet")).unwrap();
+    let table = Table::read(Path::new(out).join("dataset-ideal-training.parquet")).unwrap();
     assert!(!table.names().any(|name| name.starts_with("m:") || name.starts_with("m3:")));
     // Nothing takes turns: ten faults of three units under four commands.
     assert_eq!(table.row_count(), 120);

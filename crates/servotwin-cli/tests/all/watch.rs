@@ -225,7 +225,7 @@ fn without_a_diagnoser_the_aileron_is_watched_by_the_one_of_the_program() {
 /// A table with dates as Parquet.
 fn dated_parquet(folder: &Folder, csv: &str) -> String {
     let path = folder.file("dates.parquet");
-    servotwin::table::write(&path, &servotwin::table::read(csv).unwrap()).unwrap();
+    servotwin::table::Table::read(csv).unwrap().write(&path).unwrap();
     path
 }
 

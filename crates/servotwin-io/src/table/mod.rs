@@ -4,7 +4,7 @@
 //! (`pressure_a_pa`). The unit itself is a text beside it (`Pa`), which goes into the file if the format supports
 //! units.
 //!
-//! [`ALL`] lists the formats; [`read`] and [`write()`] choose one by the file's extension.
+//! [`ALL`] lists the formats; [`Table::read`] and [`Table::write`] choose one by the file's extension.
 
 pub mod csv;
 mod error;
@@ -34,34 +34,30 @@ pub struct Format {
 /// Every known format, the preferred one first.
 pub const ALL: [&Format; 2] = [&parquet::FORMAT, &csv::FORMAT];
 
-/// Reads a table; the file's extension names the format (`.csv`, `.parquet`).
-pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
-    let path = path.as_ref();
-    Ok((format_of(path)?.read)(path)?.read_from(path))
-}
-
 impl Table {
-    /// [`read`] of this module, for callers who need nothing else of it.
+    /// Reads a table; the file's extension names the format (`.csv`, `.parquet`).
     ///
     /// # Errors
     /// If the file cannot be read or is damaged.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, TableError> {
-        read(path)
+        let path = path.as_ref();
+        Ok((format_of(path)?.read)(path)?.read_from(path))
     }
 
-    /// [`write()`] of this module, likewise.
+    /// Writes the table atomically; the file's extension names the format.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), TableError> {
-        write(path, self)
+        let path = path.as_ref();
+        (format_of(path)?.write)(path, self)
     }
 }
 
 /// Reads a table of another program.
 ///
 /// Unsupported columns of a Parquet file, and those above the [limits](parquet::Limits) of decoding, are left out and
-/// listed in [`Origin::left_out`]. [`read`] rejects such a file.
+/// listed in [`Origin::left_out`]. [`Table::read`] rejects such a file.
 pub fn read_usable(path: impl AsRef<Path>) -> Result<Table, TableError> {
     read_wanted(path, &|_| true)
 }
@@ -74,14 +70,8 @@ pub fn read_wanted(
     let path = path.as_ref();
     match format_of(path)?.extension == parquet::FORMAT.extension {
         true => Ok(parquet::read_wanted(path, is_wanted)?.read_from(path)),
-        false => read(path),
+        false => Table::read(path),
     }
-}
-
-/// Writes a table atomically; the file's extension names the format.
-pub fn write(path: impl AsRef<Path>, table: &Table) -> Result<(), TableError> {
-    let path = path.as_ref();
-    (format_of(path)?.write)(path, table)
 }
 
 /// The format that a file's extension names.

@@ -65,17 +65,17 @@ fn every_format_keeps_its_promise() {
     let folder = Folder::new("formats");
     for format in table::ALL {
         let path = folder.file(&format!("a.{}", format.extension));
-        table::write(&path, &sample()).unwrap();
+        sample().write(&path).unwrap();
         let first = fs::read(&path).unwrap();
         let expected = if format.extension == "csv" { as_csv_keeps(&sample()) } else { sample() };
-        assert_same(&table::read(&path).unwrap(), &expected);
-        table::write(&path, &sample()).unwrap();
+        assert_same(&Table::read(&path).unwrap(), &expected);
+        sample().write(&path).unwrap();
         assert_eq!(first, fs::read(&path).unwrap(), "{} is not deterministic", format.name);
-        table::write(&path, &sample().without_rows()).unwrap();
-        let empty = table::read(&path).unwrap();
+        sample().without_rows().write(&path).unwrap();
+        let empty = Table::read(&path).unwrap();
         assert_eq!((empty.row_count(), empty.columns().len()), (0, 6));
         assert!(matches!(
-            table::write(folder.file("none").join(path.file_name().unwrap()), &sample()),
+            sample().write(folder.file("none").join(path.file_name().unwrap())),
             Err(TableError::File(_))
         ));
     }
@@ -84,7 +84,7 @@ fn every_format_keeps_its_promise() {
 #[test]
 fn an_unknown_extension_is_told_the_known_ones() {
     for name in ["a.xlsx", "a", "a.CSVX"] {
-        let message = table::read(name).unwrap_err().to_string();
+        let message = Table::read(name).unwrap_err().to_string();
         let expected = "no known table format; known are .parquet (Parquet), .csv (CSV)";
         assert!(message.contains(expected), "{message}");
     }
@@ -121,17 +121,17 @@ proptest! {
     fn any_table_survives(table in tables()) {
         let folder = Folder::new("any");
         let (csv, parquet) = (folder.file("t.csv"), folder.file("t.parquet"));
-        table::write(&csv, &table).unwrap();
-        assert_same(&table::read(&csv).unwrap(), &as_csv_keeps(&table));
-        table::write(&parquet, &table).unwrap();
-        assert_same(&table::read(&parquet).unwrap(), &table);
+        table.write(&csv).unwrap();
+        assert_same(&Table::read(&csv).unwrap(), &as_csv_keeps(&table));
+        table.write(&parquet).unwrap();
+        assert_same(&Table::read(&parquet).unwrap(), &table);
     }
 
     #[test]
     fn no_text_makes_the_csv_reader_panic(text in "[a1.,\"\n\r; -]{0,40}") {
         let folder = Folder::new("no-panic");
         fs::write(folder.file("a.csv"), text).unwrap();
-        let _ = table::read(folder.file("a.csv"));
+        let _ = Table::read(folder.file("a.csv"));
     }
 }
 
@@ -157,7 +157,7 @@ fn broken_csv_is_refused_with_its_place() {
     for (text, expected) in cases {
         let path = folder.file("broken.csv");
         fs::write(&path, text).unwrap();
-        let message = table::read(&path).unwrap_err().to_string();
+        let message = Table::read(&path).unwrap_err().to_string();
         assert!(message.contains("broken.csv: "), "{message}");
         assert!(message.contains(expected), "{text:?}: {message}");
     }
@@ -168,7 +168,7 @@ fn csv_in_other_dialects_is_understood_and_said() {
     let folder = Folder::new("dialects");
     let read = |bytes: &[u8]| {
         fs::write(folder.file("a.csv"), bytes).unwrap();
-        table::read(folder.file("a.csv")).unwrap()
+        Table::read(folder.file("a.csv")).unwrap()
     };
     let utf16 = |text: &str, big: bool| -> Vec<u8> {
         let bytes = |unit: u16| if big { unit.to_be_bytes() } else { unit.to_le_bytes() };
@@ -198,7 +198,7 @@ fn what_contradicts_the_beginning_of_a_column_is_understood_where_it_can_be() {
     let folder = Folder::new("mixed");
     let parse = |text: &str| {
         fs::write(folder.file("a.csv"), text).unwrap();
-        table::read(folder.file("a.csv"))
+        Table::read(folder.file("a.csv"))
     };
     let quoted = parse("a,b\n1,true\n\"2\",\n").unwrap();
     assert_eq!(quoted.text("a").unwrap(), ["1", "2"]);
@@ -220,7 +220,7 @@ fn csv_of_other_writers_is_understood() {
         "\u{feff}time, x ,name,ok\r\n0, 1,left,True\r\n\r\n1,,\"right\",False\r\n2,2.5,,False";
     let folder = Folder::new("foreign-csv");
     fs::write(folder.file("a.csv"), text).unwrap();
-    let table = table::read(folder.file("a.csv")).unwrap();
+    let table = Table::read(folder.file("a.csv")).unwrap();
     assert_eq!(*table.i64("time").unwrap(), [0, 1, 2]);
     let x = table.f64("x").unwrap();
     assert!(x[0] == 1.0 && x[1].is_nan() && x[2] == 2.5);
@@ -313,11 +313,11 @@ fn an_unfinished_stream_leaves_nothing() {
 fn damaged_parquet_is_refused_and_never_panics() {
     let folder = Folder::new("damaged");
     let path = folder.file("a.parquet");
-    table::write(&path, &sample()).unwrap();
+    sample().write(&path).unwrap();
     let whole = fs::read(&path).unwrap();
     let refused = |bytes: &[u8]| {
         fs::write(&path, bytes).unwrap();
-        table::read(&path).unwrap_err().to_string()
+        Table::read(&path).unwrap_err().to_string()
     };
     assert!(refused(b"").ends_with("a.parquet: the file is empty"));
     for length in [3, 11, 12, whole.len() / 2, whole.len() - 1] {
@@ -331,7 +331,7 @@ fn damaged_parquet_is_refused_and_never_panics() {
         let mut bytes = whole.clone();
         bytes[place] ^= 0x81;
         fs::write(&path, &bytes).unwrap();
-        let _ = table::read(&path);
+        let _ = Table::read(&path);
     }
 }
 
@@ -345,7 +345,7 @@ fn foreign(name: &str) -> PathBuf {
 
 #[test]
 fn val_pyarrow_parquet_of_pandas_and_polars_is_read() {
-    let table = table::read(foreign("pandas.parquet")).unwrap();
+    let table = Table::read(foreign("pandas.parquet")).unwrap();
     assert_eq!(*table.f64("x_m").unwrap(), [1.0, 2.5]);
     assert_eq!(*table.i64("n").unwrap(), [1, 2]);
     assert_eq!(*table.u32("u").unwrap(), [1, 2]);
@@ -353,7 +353,7 @@ fn val_pyarrow_parquet_of_pandas_and_polars_is_read() {
     assert_eq!(table.text("s").unwrap(), ["a", "b"]);
     assert_eq!(table.text("c").unwrap(), ["b", "a"]);
     for codec in ["snappy", "gzip", "lz4", "zstd"] {
-        let table = table::read(foreign(&format!("polars_{codec}.parquet"))).unwrap();
+        let table = Table::read(foreign(&format!("polars_{codec}.parquet"))).unwrap();
         assert_eq!(*table.f64("x_m").unwrap(), [1.0, 2.5], "{codec}");
         assert_eq!(table.text("c").unwrap(), ["b", "a"], "{codec}");
     }
@@ -363,7 +363,7 @@ fn val_pyarrow_parquet_of_pandas_and_polars_is_read() {
 #[test]
 fn val_pyarrow_parquet_of_every_type_and_encoding_is_read() {
     for name in ["every_plain.parquet", "every_version_2.parquet"] {
-        let table = table::read(foreign(name)).unwrap();
+        let table = Table::read(foreign(name)).unwrap();
         let whole = |column: &str| table.i64(column).unwrap().into_owned();
         let rows = |formula: fn(i64) -> i64| (0..600).map(formula).collect::<Vec<_>>();
         assert_eq!(whole("i8"), rows(|n| n % 256 - 128), "{name}");
@@ -391,7 +391,7 @@ fn val_pyarrow_parquet_of_every_type_and_encoding_is_read() {
 /// Ten o'clock and hundredths of a second behind it, in every unit that there is.
 #[test]
 fn val_pyarrow_moments_are_seconds_since_1970() {
-    let table = table::read(foreign("when.parquet")).unwrap();
+    let table = Table::read(foreign("when.parquet")).unwrap();
     for name in ["milli", "micro", "nano"] {
         assert_eq!(table.column(name).unwrap().unit, "s", "{name}");
         let seconds = table.f64(name).unwrap();
@@ -404,7 +404,7 @@ fn val_pyarrow_moments_are_seconds_since_1970() {
 /// The same hundredths of a second as durations, times of day, days and in 96 bits.
 #[test]
 fn val_pyarrow_times_arrive_in_seconds_whatever_stores_them() {
-    let table = table::read(foreign("times.parquet")).unwrap();
+    let table = Table::read(foreign("times.parquet")).unwrap();
     let column = |name: &str| {
         assert_eq!(table.column(name).unwrap().unit, "s", "{name}");
         table.f64(name).unwrap().into_owned()
@@ -417,14 +417,14 @@ fn val_pyarrow_times_arrive_in_seconds_whatever_stores_them() {
     assert_eq!(column("day"), [1_795_305_600.0, 1_795_392_000.0, -86_400.0]);
     let moments = [1_795_341_600.0, 1_795_341_600.01, 1_795_341_600.02];
     assert_eq!(column("nano"), moments, "the schema says ns, the values are ms");
-    let older = table::read(foreign("int96.parquet")).unwrap();
+    let older = Table::read(foreign("int96.parquet")).unwrap();
     assert_eq!(*older.f64("int96").unwrap(), moments);
     assert_eq!(older.column("int96").unwrap().unit, "s");
 }
 
 #[test]
 fn val_pyarrow_the_unnamed_time_index_of_pandas_is_the_time() {
-    let table = table::read(foreign("index.parquet")).unwrap();
+    let table = Table::read(foreign("index.parquet")).unwrap();
     assert_eq!(table.names().collect::<Vec<_>>(), ["x_m", "time"]);
     assert_eq!(table.f64("time").unwrap()[1], 1_795_341_600.01);
     let mut only = ParquetReader::open_columns(foreign("index.parquet"), &["time"]).unwrap();
@@ -434,7 +434,7 @@ fn val_pyarrow_the_unnamed_time_index_of_pandas_is_the_time() {
 
 #[test]
 fn a_missing_value_in_parquet_is_nan_or_an_empty_text() {
-    let table = table::read(foreign("gaps.parquet")).unwrap();
+    let table = Table::read(foreign("gaps.parquet")).unwrap();
     for (name, first, last) in
         [("whole", 1.0, 3.0), ("small", 1.0, 3.0), ("real", 1.5, 3.5), ("ok", 1.0, 0.0)]
     {
@@ -452,7 +452,7 @@ fn foreign_parquet_that_has_no_place_in_a_table_is_refused() {
         ("polars_brotli.parquet", "column 'x_m' is compressed with BROTLI"),
     ];
     for (name, expected) in cases {
-        let message = table::read(foreign(name)).unwrap_err().to_string();
+        let message = Table::read(foreign(name)).unwrap_err().to_string();
         assert!(message.contains(expected), "{message}");
     }
     let parts = ParquetReader::open_columns(foreign("decimal.parquet"), &["a"]).unwrap();
@@ -486,7 +486,7 @@ fn a_small_file_with_gigabytes_of_text_is_stopped_by_the_limit() {
         let unused = ParquetReader::open_columns(foreign(name), &["a"]).unwrap();
         assert_eq!(row_count(unused), rows);
     }
-    let strict = table::read(foreign("large_text.parquet")).unwrap_err().to_string();
+    let strict = Table::read(foreign("large_text.parquet")).unwrap_err().to_string();
     assert!(strict.contains("the limit of a column"), "{strict}");
     let mut parts = ParquetReader::open(foreign("large_text.parquet")).unwrap();
     let streamed = parts.next().unwrap().unwrap_err().to_string();
@@ -499,7 +499,7 @@ fn columns_together_stay_within_the_limit_of_a_table() {
     let path = folder.file("a.parquet");
     let names = ["a", "b", "c", "d", "e", "f"];
     let columns = names.map(|name| Column::new(name, "", vec![0.5; 1000])).to_vec();
-    table::write(&path, &Table::from_columns(columns).unwrap()).unwrap();
+    Table::from_columns(columns).unwrap().write(&path).unwrap();
     let table = read_within(&path, &|_| true, Limits::of_table(40_000)).unwrap();
     assert_eq!(table.names().collect::<Vec<_>>(), &names[..5], "8000 bytes each");
     let message = table.column("f").unwrap_err().to_string();
@@ -523,8 +523,8 @@ fn a_table_of_many_columns_is_read_and_taken_apart_column_by_column() {
             "csv" => (table.clone(), 2),
             _ => (Table::from_columns(table.columns()[..20_000].to_vec()).unwrap(), 2),
         };
-        table::write(&path, &file).unwrap();
-        let read = table::read(&path).unwrap();
+        file.write(&path).unwrap();
+        let read = Table::read(&path).unwrap();
         assert_eq!((read.columns().len(), read.row_count()), (file.columns().len(), rows));
         let found = names.iter().filter(|name| read.column(name).is_ok());
         assert_eq!(found.take(20_000).count(), 20_000);

@@ -8,16 +8,17 @@ use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, spoken, stacked,
 };
 use servotwin::job::flights::FlightResults;
-use servotwin::job::outcomes::{FlownSuite, SuiteSize};
+use servotwin::job::outcomes::FlownSuite;
 use servotwin::learn::metrics::{Rate, poisson_mean};
 use servotwin::measure::flights::{FlightMetrics, Latency, STRONG};
 use servotwin::measure::unseen::{SHUTDOWN_HEALTHY, SHUTDOWN_MISINFORMED};
 use servotwin::measure::{self, Measure};
 use servotwin::run::fitted_twins::CalibrationRecords;
+use servotwin::study::flights::Limits;
 use servotwin::study::suites::{
     HARD_NEGATIVES, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED,
 };
-use servotwin::study::{Scenario, Study};
+use servotwin::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::Figure;
 use servotwin_view::document::{Document, Table};
@@ -32,7 +33,7 @@ pub fn write(material: &Material, page: &mut Document) {
         return;
     };
     let words = &material.words();
-    page.text(about(results, words, material.study.least_on()));
+    page.text(about(material.study, results, words));
     page.table("", limits_grid(material.study, results, words).captioned(format!(
             "What is asked of the diagnosis at work, and what was measured. {} “Met” is said only where \
              the interval is on the right side of the limit; that something never happens cannot be \
@@ -43,7 +44,7 @@ pub fn write(material: &Material, page: &mut Document) {
                 _ => "Limits that the study file does not set are servotwin's, marked as default.",
             }
         )));
-    page.note(sizes(results, words));
+    page.note(sizes(material.study, results, words));
     page.table("", all_measures(results, words).captioned(format!(
             "Every measure of these flights, after the faults in which it is counted, with 95 % intervals from drawing \
              kinds of fault at their intensities. The limit is {}.",
@@ -134,9 +135,9 @@ fn in_own_environments(runs: &[FlownSuite], page: &mut Document) {
     }
 }
 
-fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
-    let windows: Vec<String> =
-        results.windows_s.iter().map(|&w| format!("{} s", chosen(w))).collect();
+fn about(study: &Study, results: &FlightResults, words: &Vocabulary) -> String {
+    let windows = study.flights.iter().flat_map(|flights| &flights.windows_s);
+    let windows: Vec<String> = windows.map(|&w| format!("{} s", chosen(w))).collect();
     let run = words.run();
     format!(
         "Here the twin runs along, and the diagnosis sample by sample, with windows of {} that slide. \
@@ -147,7 +148,7 @@ fn about(results: &FlightResults, words: &Vocabulary, least_on: u32) -> String {
          realistic scenario it has its tolerances and the twin knows nothing of them. There windows are looked at \
          a second time, without the means that its own residuals had in the first seconds.{}",
         windows.join(" and "),
-        words.kept_on(least_on),
+        words.kept_on(study.least_on()),
         match results.of_suite(OTHER_STRUCTURE).next() {
             Some(_) => format!(
                 " In the suite {OTHER_STRUCTURE} the specimens also differ from the twin in structure, as \
@@ -203,8 +204,9 @@ impl Limit {
 /// Lists the limits scenario by scenario. A limit on something that was not counted is left out.
 pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary) -> Vec<Limit> {
     let own = own_limits(study);
+    let Some(asked) = study.flights.as_ref().map(|flights| flights.limits) else { return vec![] };
     let of_scenario = |metrics| {
-        let mut limits = SettingLimits { own: &own, results, words, metrics, list: vec![] };
+        let mut limits = SettingLimits { own: &own, asked, results, words, metrics, list: vec![] };
         if words.has_off() {
             limits.latency();
         }
@@ -223,6 +225,7 @@ pub(super) fn limits(study: &Study, results: &FlightResults, words: &Vocabulary)
 struct SettingLimits<'m> {
     /// The keys that the study sets itself.
     own: &'m [String],
+    asked: Limits,
     results: &'m FlightResults,
     words: &'m Vocabulary,
     metrics: &'m FlightMetrics,
@@ -287,7 +290,7 @@ impl SettingLimits<'_> {
         if healthy.hours <= 0.0 {
             return;
         }
-        let limit = self.results.limits.false_alarms_per_h;
+        let limit = self.asked.false_alarms_per_h;
         self.push(
             "false alarms per hour".into(),
             self.marked(chosen(limit), "false_alarms_per_h"),
@@ -365,7 +368,7 @@ impl SettingLimits<'_> {
         if of == 0 {
             return;
         }
-        let (limit, run) = (self.results.limits.wrong_shutdowns, self.words.run());
+        let (limit, run) = (self.asked.wrong_shutdowns, self.words.run());
         self.push(
             title,
             self.marked(chosen(limit), "wrong_shutdowns"),
@@ -442,7 +445,7 @@ pub(super) fn at_most(rate: Rate) -> String {
     format!("at most {:.2} % (95 %)", 100.0 * rate.high)
 }
 
-fn sizes(results: &FlightResults, words: &Vocabulary) -> String {
+fn sizes(study: &Study, results: &FlightResults, words: &Vocabulary) -> String {
     let run = words.run();
     let runs = |count: u64| match count {
         1 => format!("1 {run}"),
@@ -452,15 +455,15 @@ fn sizes(results: &FlightResults, words: &Vocabulary) -> String {
         0 => String::new(),
         count => format!(", and from {} in further ones without a fault", runs(count)),
     };
-    let of = |suite: &str, number: fn(&SuiteSize) -> usize| results.size(suite).map_or(0, number);
+    let of = |suite: &str, number: fn(&Suite) -> usize| study.suite(suite).map_or(0, number);
     let judged = results.judged().next();
     let size = format!(
         "Learned in {} environments, with {} of every fault at each intensity{}; judged in {} other \
          environments, with {} with a fault and {:.1} healthy hours in each scenario.",
-        of(LEARN, |size| size.environments),
-        runs(of(LEARN, |size| size.repeats) as u64),
-        further(of(HARD_NEGATIVES, |size| size.environments) as u64),
-        of(JUDGE, |size| size.environments),
+        of(LEARN, |suite| suite.environments),
+        runs(of(LEARN, |suite| suite.repeats) as u64),
+        further(of(HARD_NEGATIVES, |suite| suite.environments) as u64),
+        judged.map_or(0, |_| of(JUDGE, |suite| suite.environments)),
         runs(judged.map_or(0, |metrics| metrics.flights)),
         judged.map_or(0.0, |metrics| metrics.healthy.hours),
     );

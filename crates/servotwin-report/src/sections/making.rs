@@ -16,7 +16,6 @@ pub fn write(material: &Material, page: &mut Document) {
     push("solver", manifest.solver.clone());
     let seed = manifest.seed.to_string();
     push("seed of everything drawn", seed);
-    push("seed of splits", manifest.split_seed.to_string());
     for result in &material.results.subjects {
         let holding = result.settings.holding;
         push(

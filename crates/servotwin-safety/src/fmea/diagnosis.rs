@@ -91,14 +91,14 @@ pub(super) fn means(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
         });
         evidence.push(runs.file.clone());
     }
-    let judged = sources.results.filter(|results| results.flown().is_some());
-    if let Some(flights) = judged.and_then(|results| results.flights.as_ref()) {
+    let judged = sources.results.and_then(|results| results.flown());
+    if let Some(flights) = judged.and(sources.study.flights.as_ref()) {
         let windows: Vec<String> = flights.windows_s.iter().map(|s| format!("{s} s")).collect();
         parts.push(format!(
             "trees and committee on windows of {}, evidence accumulated until the alarm",
             windows.join(" and ")
         ));
-        evidence.push("flights.json windows_s".into());
+        evidence.push("study.toml flights.windows_s".into());
     }
     if let Ok(own) = &own {
         parts.push(reported_in_words(own));

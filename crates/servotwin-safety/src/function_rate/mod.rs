@@ -29,7 +29,7 @@ use flight::{FlightModel, FunctionFailure, LaneOnsets};
 use serde::Serialize;
 use servotwin::files::create_folder;
 use servotwin::study::Study;
-use servotwin::table::{self, Column, Table};
+use servotwin::table::{Column, Table};
 use std::path::PathBuf;
 
 /// Factors on all failure rates, as wear raises them.
@@ -165,7 +165,7 @@ impl FunctionRate {
         let mut written = vec![];
         for (name, table) in tables {
             let path = results.artefact(name);
-            table::write(&path, &table)?;
+            table.write(&path)?;
             written.push(path);
         }
         Ok(written)

@@ -8,7 +8,7 @@ use servotwin::measure::{
     END_TO_END_OF_ALL, Measure, RIGHT_ACTION_OF_ALL, SHUTDOWN_MISSED_OF_ALL, VISIBLE,
     VISIBLE_BY_CHANCE, WRONG_SHUTDOWN,
 };
-use servotwin::table::{self, Column, Table, Values};
+use servotwin::table::{Column, Table, Values};
 use servotwin::view::Figure;
 use servotwin::view::lines::{Curve, Lines};
 use servotwin_learning::metrics::Rate;
@@ -32,7 +32,7 @@ impl SensorTrade {
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
         create_folder(results.folder.path().join(FOLDER))?;
         let [sets, figure] = ["sensors.csv", "pareto.svg"].map(|name| results.artefact(name));
-        table::write(&sets, &self.set_table()?)?;
+        self.set_table()?.write(&sets)?;
         let svg = self.figure().svg;
         write_atomically(&figure, |out| out.write_all(svg.as_bytes()))?;
         Ok(vec![sets, figure])

@@ -734,20 +734,20 @@ fn an_invalid_environment_is_explained_where_nothing_could_be_judged() {
 
 #[test]
 fn parquet_and_csv_of_the_same_log_say_the_same() {
-    use servotwin::table;
+    use servotwin::table::Table;
     let folder = Folder::new("log-parquet");
     let system = spring();
     let map = simple_map(&system);
     let csv = folder.write("log.csv", episodes(300));
     let parquet = folder.0.join("log.parquet");
-    table::write(&parquet, &table::read(&csv).unwrap()).unwrap();
+    Table::read(&csv).unwrap().write(&parquet).unwrap();
     let ((one, counts, _), (other, ..)) = (watch_file(&csv, &map), watch_file(&parquet, &map));
     let bits = |kept: &Kept| -> Vec<(u64, u64)> {
         kept.0.iter().map(|(t, _, m)| (t.to_bits(), m[0].to_bits())).collect()
     };
     assert_eq!(bits(&one), bits(&other));
     assert_eq!(counts.met().count(), 0);
-    let values = table::read(&csv).unwrap().f64("p").unwrap().into_owned();
+    let values = Table::read(&csv).unwrap().f64("p").unwrap().into_owned();
     assert!(one.0.iter().zip(&values).all(|((_, _, m), v)| m[0].to_bits() == v.to_bits()));
 }
 

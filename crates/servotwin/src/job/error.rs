@@ -78,12 +78,9 @@ pub enum JobError {
     /// A file that another command should have written is missing.
     #[error("{path}: no such file; 'servotwin {command}' writes it")]
     Missing { path: PathBuf, command: &'static str },
-    /// A data set contradicts the study.
+    /// A data set or a table of outcomes cannot be read or written, or contradicts the study.
     #[error("{}", in_data_set(.path, .error))]
     DataSet { path: PathBuf, error: EvaluationError },
-    /// The outcomes of flights cannot be read or written.
-    #[error("{}: {error}", .path.display())]
-    Outcomes { path: PathBuf, error: TableError },
     /// A data set and the parts that it was computed from have different numbers of rows.
     #[error(
         "{path}: with its training commands {rows} rows, but the parts beside it hold {windows}; 'servotwin \

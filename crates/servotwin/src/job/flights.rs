@@ -1,6 +1,6 @@
 //! The flight stage: trains a diagnoser for each scenario, and flies suites with it.
 
-use super::outcomes::{self, Basis, FlownSuite, SuiteSize};
+use super::outcomes::{self, Basis, FlownSuite};
 use super::sealed::{Opening, OpeningRecord, Openings, SealedSubject};
 use super::{Crew, Folder, Job, JobError, held_out, pools};
 use crate::files::create_folder;
@@ -15,7 +15,6 @@ use crate::measure;
 use crate::measure::flights::{FlightGroup, FlightMetrics};
 use crate::measure::outcome::RunOutcome;
 use crate::run::compute::compute;
-use crate::study::flights::Limits;
 use crate::study::suites::{
     HARD_NEGATIVES, HEALTHY, HEALTHY_OTHER_STRUCTURE, JUDGE, LEARN, OTHER_STRUCTURE,
     OTHER_STRUCTURE_FITTED, UNSEEN,
@@ -24,7 +23,7 @@ use crate::study::{Flights, Purpose, Scenario, Study, Suite};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The scenarios with flights. In the first, each specimen equals its twin, as after a perfect fit; in the second,
@@ -37,12 +36,6 @@ const SEALED: &str = "sealed_";
 /// The results of the flights, counted from the outcomes in a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightResults {
-    /// The numbers of runs of all suites that were learned from or flown.
-    pub(crate) sizes: Vec<SuiteSize>,
-    /// Lengths of the sliding windows, s.
-    pub windows_s: Vec<f64>,
-    /// The targets of the study.
-    pub limits: Limits,
     /// Training flights that were not used, by scenario.
     pub left_out: BTreeMap<String, LeftOut>,
     /// The flown suites, by scenario, suite and missing sensor. Suites of healthy flights and those in closed loop
@@ -73,23 +66,10 @@ impl FlightResults {
         self.unseen.iter().find(|metrics| metrics.suite == UNSEEN && metrics.scenario == scenario)
     }
 
-    /// The numbers of runs of a suite.
-    pub fn size(&self, suite: &str) -> Option<&SuiteSize> {
-        self.sizes.iter().find(|size| size.suite == suite)
-    }
-
     /// Counts the outcomes that a folder holds of a study's suites. `prefix` stands before the names of the suites.
     fn count(folder: &Folder, study: &Study, prefix: &str) -> Result<Self, JobError> {
         let flights = flights(study)?;
-        let mut all = FlightResults {
-            sizes: vec![],
-            windows_s: flights.windows_s.clone(),
-            limits: flights.limits,
-            left_out: BTreeMap::new(),
-            suites: vec![],
-            unseen: vec![],
-        };
-        let mut flown = BTreeSet::new();
+        let mut all = FlightResults { left_out: BTreeMap::new(), suites: vec![], unseen: vec![] };
         for scenario in
             scenarios(study).into_iter().filter(|&scenario| folder.diagnoser(scenario).exists())
         {
@@ -101,13 +81,10 @@ impl FlightResults {
                 let stored =
                     outcomes::stored(folder, &format!("{prefix}{}", suite.name), scenario)?;
                 if let Some(stored) = stored.filter(|stored| stored.basis == basis) {
-                    flown.insert(&suite.name);
                     all.take((study, limit_s(flights, scenario)), suite, &model, stored);
                 }
             }
         }
-        let has = |suite: &&Suite| suite.purpose == Purpose::Train || flown.contains(&suite.name);
-        all.sizes = study.suites().filter(has).map(SuiteSize::from).collect();
         Ok(all)
     }
 
@@ -122,7 +99,7 @@ impl FlightResults {
         let mut counted = |missing: &str, rows: &[RunOutcome]| {
             let (suite, missing) = (name.clone(), missing.to_owned());
             let group = FlightGroup { suite, scenario: scenario.clone(), missing };
-            let metrics = FlightMetrics::of(study, group, limit_s, model, rows);
+            let metrics = FlightMetrics::of(study, group, limit_s, rows);
             self.suites.push(FlightMetrics { calibration, ..metrics });
         };
         if suite.is_unseen {

@@ -1,7 +1,7 @@
 //! `manifest.json`, the origin of results: versions, seeds, and hashes of inputs and outputs. It contains no time of
 //! day, so the same study gives the same bytes.
 
-use super::{Folder, JobError, Subject};
+use super::{Folder, JobError};
 use crate::files::FileError;
 use crate::learn::EvaluationError;
 use crate::manifest;
@@ -28,8 +28,6 @@ pub struct Manifest {
     pub inputs: Vec<FileHash>,
     /// The seed of everything that is drawn.
     pub seed: u64,
-    /// The seed of splits into training and test.
-    pub split_seed: u64,
     /// A description of the solver's settings.
     pub solver: String,
     /// [`Network::identity`](servotwin_model::network::Network::identity) of the equations, which compiled steps carry.
@@ -53,46 +51,8 @@ pub struct DataSetEntry {
     pub healthy: usize,
     /// Faulty variants that never leave the band of healthy residuals.
     pub undetectable: usize,
-    /// Counts and solver effort, by kind of fault.
-    pub efforts: Vec<KindEffort>,
-    /// Variants that began without a steady state.
-    pub(crate) on_the_move: Vec<MovingVariant>,
     /// Variants that were not simulated to the end.
     pub failed: Vec<FailedVariant>,
-}
-
-/// The solver's effort for a kind of fault. Simulations that stopped early are left out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct KindEffort {
-    /// The kind of fault, or `healthy`.
-    pub kind: String,
-    /// Number of variants.
-    pub variants: usize,
-    /// The solver's steps for each simulated second, on average.
-    pub mean_steps_per_s: f64,
-    /// The maximum of a variant.
-    pub most_steps_per_s: f64,
-    /// Variants that ring (`VariantEffort::rings`).
-    pub rings: usize,
-    /// Variants that began in motion, because no steady state was found.
-    pub began_on_the_move: usize,
-    /// Those of them with a measured limit cycle.
-    pub(crate) limit_cycles: usize,
-}
-
-/// A variant that began in motion, because no steady state was found for it or for its twin.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub(crate) struct MovingVariant {
-    /// The number of the variant.
-    pub(crate) variant: u32,
-    /// The name of its fault.
-    pub(crate) fault: String,
-    /// The intensity of the fault.
-    pub(crate) intensity: f64,
-    /// The name of the operating case.
-    pub(crate) case: String,
-    /// Whether a limit cycle was measured.
-    pub(crate) limit_cycle: bool,
 }
 
 /// A variant whose simulation stopped early.
@@ -123,27 +83,11 @@ impl Manifest {
     pub(crate) fn hash_of(&self, file: &str) -> Option<&FileHash> {
         self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
     }
-
-    /// Writes the manifest into its folder. Equal manifests give equal bytes.
-    ///
-    /// # Errors
-    /// It cannot be written.
-    pub(crate) fn write(&self, folder: &Path) -> Result<(), FileError> {
-        manifest::write(folder, self)
-    }
 }
 
-/// Makes the manifest of the folder's current files. Known hashes are kept: a stage vouches only for files written
-/// since ([`manifest::forget`]), not for files damaged before it began.
-///
-/// # Errors
-/// A file cannot be read.
-pub fn of(folder: &Folder, study: &Study) -> Result<Manifest, JobError> {
-    with(folder, study, &[])
-}
-
-/// Like [`of`], with newly drawn figures.
-fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest, JobError> {
+/// Makes the manifest of the folder's current files and of newly drawn figures. Known hashes are kept: a stage vouches
+/// only for files written since ([`manifest::forget`]), not for files damaged before it began.
+fn made(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest, JobError> {
     let known = Manifest::read(folder.path())?;
     let mut results = folder.results_there()?;
     results.extend(
@@ -159,7 +103,6 @@ fn with(folder: &Folder, study: &Study, figures: &[PathBuf]) -> Result<Manifest,
         study: study.name.clone(),
         inputs: hashes(folder, known.as_ref(), &[folder.study(), folder.system()])?,
         seed: study.seed,
-        split_seed: Subject::Ideal.settings(study).holding.seed,
         solver: in_words(&solver::SolverSettings::of_runs()),
         equations: format!("{:016x}", study.system.program.identity()),
         data_sets: data_sets
@@ -199,8 +142,8 @@ pub fn write_with(
     study: &Study,
     figures: &[PathBuf],
 ) -> Result<Manifest, JobError> {
-    let manifest = with(folder, study, figures)?;
-    manifest.write(folder.path())?;
+    let manifest = made(folder, study, figures)?;
+    manifest::write(folder.path(), &manifest)?;
     Ok(manifest)
 }
 
@@ -256,8 +199,6 @@ fn entry(path: &Path, scenario: Scenario, purpose: Purpose) -> Result<DataSetEnt
         variants: 0,
         healthy: 0,
         undetectable: 0,
-        efforts: vec![],
-        on_the_move: vec![],
         failed: vec![],
     };
     // Read in parts: there may be millions of rows.
@@ -268,46 +209,19 @@ fn entry(path: &Path, scenario: Scenario, purpose: Purpose) -> Result<DataSetEnt
 }
 
 /// The columns of a data set that the manifest summarizes.
-const COLUMNS: [&str; 11] = [
-    "variant",
-    "intensity",
-    "fault",
-    "kind",
-    "case",
-    "failure",
-    "detectable",
-    "steps_per_s",
-    "began_on_the_move",
-    "limit_cycle",
-    "rings",
-];
+const COLUMNS: [&str; 6] = ["variant", "intensity", "fault", "case", "failure", "detectable"];
 
 impl DataSetEntry {
     fn add(&mut self, table: &Table) -> Result<(), TableError> {
         let (variants, intensities) = (table.u32("variant")?, table.f64("intensity")?);
         let (faults, cases) = (table.text("fault")?, table.text("case")?);
         let (reasons, detectable) = (table.text("failure")?, table.bool("detectable")?);
-        let (kinds, steps) = (table.text("kind")?, table.f64("steps_per_s")?);
-        let (moving, rings) = (table.bool("began_on_the_move")?, table.bool("rings")?);
-        let cycles = table.bool("limit_cycle")?;
         self.variants += table.row_count();
         for row in 0..table.row_count() {
             let (is_healthy, ran) = (intensities[row] == 0.0, reasons[row].is_empty());
             self.healthy += usize::from(is_healthy);
             self.undetectable += usize::from(!is_healthy && ran && !detectable[row]);
-            if ran {
-                let cycles = moving[row] && cycles[row];
-                self.effort(&kinds[row]).add(steps[row], rings[row], [moving[row], cycles]);
-                if moving[row] {
-                    self.on_the_move.push(MovingVariant {
-                        variant: variants[row],
-                        fault: faults[row].clone(),
-                        intensity: intensities[row],
-                        case: cases[row].clone(),
-                        limit_cycle: cycles,
-                    });
-                }
-            } else {
+            if !ran {
                 self.failed.push(FailedVariant {
                     variant: variants[row],
                     fault: faults[row].clone(),
@@ -318,39 +232,6 @@ impl DataSetEntry {
             }
         }
         Ok(())
-    }
-
-    /// The entry of a kind of fault, inserted if missing. Entries are sorted by kind.
-    fn effort(&mut self, kind: &str) -> &mut KindEffort {
-        let place = self.efforts.binary_search_by(|effort| effort.kind.as_str().cmp(kind));
-        let place = place.unwrap_or_else(|place| {
-            self.efforts.insert(place, KindEffort::new(kind));
-            place
-        });
-        &mut self.efforts[place]
-    }
-}
-
-impl KindEffort {
-    fn new(kind: &str) -> Self {
-        KindEffort {
-            kind: kind.into(),
-            variants: 0,
-            mean_steps_per_s: 0.0,
-            most_steps_per_s: 0.0,
-            rings: 0,
-            began_on_the_move: 0,
-            limit_cycles: 0,
-        }
-    }
-
-    fn add(&mut self, steps_per_s: f64, rings: bool, [moves, cycles]: [bool; 2]) {
-        self.variants += 1;
-        self.mean_steps_per_s += (steps_per_s - self.mean_steps_per_s) / self.variants as f64;
-        self.most_steps_per_s = self.most_steps_per_s.max(steps_per_s);
-        self.rings += usize::from(rings);
-        self.began_on_the_move += usize::from(moves);
-        self.limit_cycles += usize::from(cycles);
     }
 }
 
@@ -366,8 +247,7 @@ mod tests {
     fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
         let folder = Folder::new("out");
         let mut files = vec![folder.study(), folder.system()];
-        files.extend([folder.data_card(), folder.flights(), folder.sealed_flights()]);
-        files.push(folder.results());
+        files.extend([folder.flights(), folder.sealed_flights(), folder.results()]);
         files.extend(KNOWN.map(|(suite, ..)| folder.outcomes(suite, "noise")));
         for scenario in Scenario::ALL {
             files.extend(Purpose::OF_RECORDS.map(|purpose| folder.data_set(scenario, purpose)));

@@ -7,7 +7,6 @@
 //! All work is done by a [`Job`]: a study, its output folder, and a [`Crew`]. What it computes of a suite is divided into
 //! [`tasks`], for one machine or many; `run` is the order in which one machine does all of them.
 
-pub mod data_card;
 mod error;
 pub mod flights;
 pub(crate) mod folder;
@@ -35,7 +34,7 @@ use crate::learn::{self, Context, DataSet, model_file};
 use crate::parallel::{self, Workers};
 use crate::records::{Records, RunError, data_features};
 use crate::study::{Purpose, Scenario, Study, Suite};
-use crate::table;
+use crate::table::Table;
 use outcomes::FlownSuite;
 use results::SubjectResult;
 use servotwin_diagnosis::features::Quantity;
@@ -140,7 +139,7 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
     let mut tables = vec![];
     for purpose in study.purposes() {
         let in_file = |error| JobError::DataSet { path: path(purpose), error };
-        tables.push((purpose, table::read(path(purpose)).map_err(|e| in_file(e.into()))?));
+        tables.push((purpose, Table::read(path(purpose)).map_err(|e| in_file(e.into()))?));
     }
     let mut features = data_features(study);
     features.retain(|known| subject.extra_sensor() || !known.extra);

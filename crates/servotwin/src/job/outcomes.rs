@@ -15,39 +15,13 @@ use crate::run::part::{self, PartFiles};
 use crate::run::{RunError, RunName, plan};
 use crate::study::suites::{HEALTHY, HEALTHY_OTHER_STRUCTURE};
 use crate::study::{Purpose, Scenario, Study, Suite};
-use crate::table::{self, Table, TableError};
-use serde::{Deserialize, Serialize};
+use crate::table::{Table, TableError};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_diagnosis::panel::{Panel, PanelVerdict};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::slice::from_ref;
 use std::sync::Arc;
-
-/// The numbers of runs of a suite.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SuiteSize {
-    /// The suite.
-    pub(crate) suite: String,
-    /// The number of environments.
-    pub environments: usize,
-    /// The number of runs of every fault at every intensity.
-    pub repeats: usize,
-    /// The number of healthy runs in each environment.
-    pub(crate) healthy: usize,
-    /// The length of a run with a fault, s.
-    pub(crate) duration_s: f64,
-    /// The length of a healthy run, s.
-    pub(crate) healthy_duration_s: f64,
-}
-
-impl From<&Suite> for SuiteSize {
-    fn from(suite: &Suite) -> Self {
-        let &Suite { environments, repeats, healthy, duration_s, healthy_duration_s, .. } = suite;
-        let suite = suite.name.clone();
-        SuiteSize { suite, environments, repeats, healthy, duration_s, healthy_duration_s }
-    }
-}
 
 /// What suites of a scenario are flown with.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -214,8 +188,8 @@ impl FlownSuite {
     /// # Errors
     /// The file cannot be written.
     pub(super) fn write(&self, path: &Path) -> Result<(), JobError> {
-        let written = table::write(path, &self.to_table());
-        written.map_err(|error| JobError::Outcomes { path: path.into(), error })
+        let written = self.to_table().write(path);
+        written.map_err(|error| JobError::DataSet { path: path.into(), error: error.into() })
     }
 
     fn to_table(&self) -> Table {
@@ -245,8 +219,7 @@ impl FlownSuite {
 /// What determines the runs of a suite beside the study file: more environments only add runs to a suite in which each is
 /// flown once.
 fn in_words(suite: &Suite) -> String {
-    let SuiteSize { environments, repeats, healthy, duration_s, healthy_duration_s, .. } =
-        suite.into();
+    let Suite { environments, repeats, healthy, duration_s, healthy_duration_s, .. } = suite;
     let environments = match (repeats, healthy) {
         (0, 1) => String::new(),
         _ => format!("{environments} environments, "),
@@ -435,6 +408,6 @@ fn read(path: &Path) -> Result<Option<FlownSuite>, JobError> {
     if !path.exists() {
         return Ok(None);
     }
-    let read = table::read(path).and_then(|rows| FlownSuite::from_table(&rows));
-    read.map(Some).map_err(|error| JobError::Outcomes { path: path.into(), error })
+    let read = Table::read(path).and_then(|rows| FlownSuite::from_table(&rows));
+    read.map(Some).map_err(|error| JobError::DataSet { path: path.into(), error: error.into() })
 }

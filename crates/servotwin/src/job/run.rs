@@ -12,10 +12,10 @@
 use super::flights::FlightResults;
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
-use super::{Job, JobError, Results, Subject, data_card, flights, manifest, subjects};
+use super::{Job, JobError, Results, Subject, flights, manifest, subjects};
 use crate::records::{RecordsOutcome, RunError};
 use crate::study::{Purpose, Scenario, Study};
-use crate::table::{self, Table};
+use crate::table::Table;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use std::path::Path;
@@ -146,7 +146,6 @@ impl<'r> StudyRun<'r> {
             subjects.retain(|subject| scenarios.contains(&subject.scenario()));
             evaluated.extend(self.stage([stage, of], |job| job.train_and_evaluate(&subjects))?);
             results = self.job.write_results(evaluated.clone())?;
-            data_card::write(folder, study)?;
             manifest::write(folder, study)?;
             let remaining = of - stage;
             (self.observer)(&StudyEvent::Evaluated { results: &results, remaining });
@@ -178,26 +177,13 @@ impl StudyResults {
         &self.folder
     }
 
-    /// The data card of the folder's data sets; `None` without data sets.
-    ///
-    /// # Errors
-    /// It cannot be read, or contradicts the manifest.
-    pub fn data_card(&self) -> Result<Option<String>, JobError> {
-        let path = self.folder.data_card();
-        if !path.exists() {
-            return Ok(None);
-        }
-        crate::manifest::check(&path)?;
-        Ok(Some(crate::files::read_text(path)?))
-    }
-
     /// The data set of a scenario: labels and features of every simulated variant.
     ///
     /// # Errors
     /// The scenario was not simulated.
     pub fn table(&self, scenario: Scenario) -> Result<Table, JobError> {
         let path = self.folder.data_set(scenario, Purpose::Test);
-        table::read(&path).map_err(|error| JobError::DataSet { path, error: error.into() })
+        Table::read(&path).map_err(|error| JobError::DataSet { path, error: error.into() })
     }
 
     /// The nine trees trained in a scenario.

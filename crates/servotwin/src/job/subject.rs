@@ -1,15 +1,10 @@
 //! The subject of a diagnosis: a data set, with or without the extra sensor.
 
-use crate::format::At;
-use crate::learn::comparison::quick_classifiers;
 use crate::learn::data_set::TrainingFilter;
 use crate::learn::protocol::{Holding, Protocol};
 use crate::learn::{self, EvaluationSettings};
-use crate::study::evaluating::{Boosting, Evaluating, Growing, Rounds};
 use crate::study::{Plants, Scenario, Study};
 use serde::{Deserialize, Serialize};
-use servotwin_learning::classifiers;
-use servotwin_learning::hierarchy::HierarchySettings as Training;
 use servotwin_learning::tree::Criterion;
 
 /// A data set, and whether the extra sensor is used.
@@ -88,44 +83,11 @@ impl Subject {
         self == Subject::ExtraSensor
     }
 
-    /// The settings of training and evaluation: those in the study's section `[evaluation]`, and the usual ones for the
-    /// rest. A quick study leaves some parts out.
+    /// The settings of training and evaluation. A quick study leaves some parts out.
     pub fn settings(self, study: &Study) -> EvaluationSettings {
-        let settings = self.as_asked(self.usual(), &study.evaluating);
-        let settings = if study.is_full { settings } else { settings.quick() };
+        let usual = self.usual();
+        let settings = if study.is_full { usual } else { usual.quick() };
         EvaluationSettings { shutdowns: study.shutdowns(), ..settings }
-    }
-
-    /// Replaces usual settings by those of the study.
-    fn as_asked(self, mut settings: EvaluationSettings, asked: &Evaluating) -> EvaluationSettings {
-        let is_asked = |list: &Option<At<Vec<At<Scenario>>>>| {
-            let list = list.as_ref();
-            list.map(|list| list.iter().any(|asked| asked.value == self.scenario()))
-        };
-        let Evaluating { random_thirds, folds, .. } = *asked;
-        for (holding, Rounds { random_thirds, folds }) in [
-            (&mut settings.holding, Rounds { random_thirds, folds }),
-            (&mut settings.comparison_holding, asked.comparison),
-        ] {
-            set(&mut holding.seed, asked.seed);
-            set(&mut holding.repeats, random_thirds);
-            set(&mut holding.folds, folds);
-        }
-        set(&mut settings.learned_bands, is_asked(&asked.learned_bands));
-        // With the extra sensor, evaluate only what the comparison needs.
-        if !self.extra_sensor() {
-            let compared = |is_asked| if is_asked { quick_classifiers() } else { vec![] };
-            let classifiers = is_asked(&asked.classifiers).map(compared);
-            settings.classifiers = classifiers.unwrap_or(settings.classifiers);
-        }
-        let growing = asked.trees.get(self.scenario().name()).copied().unwrap_or_default();
-        for stage in stages(&mut settings.training) {
-            grown(stage, growing);
-        }
-        for stage in stages(&mut settings.committee) {
-            boosted(stage, asked.committee);
-        }
-        settings
     }
 
     /// The usual settings of training and evaluation.
@@ -169,33 +131,5 @@ impl Subject {
             },
             _ => EvaluationSettings { classifiers: vec![], ..settings },
         }
-    }
-}
-
-fn set<T>(value: &mut T, asked: Option<T>) {
-    if let Some(asked) = asked {
-        *value = asked;
-    }
-}
-
-/// The classifier settings of all stages.
-fn stages(training: &mut Training) -> [&mut classifiers::Settings; 3] {
-    [&mut training.actuator, &mut training.action, &mut training.detail]
-}
-
-fn grown(stage: &mut classifiers::Settings, Growing { criterion, depth, leaf_rows }: Growing) {
-    if let classifiers::Settings::Cart(tree) = stage {
-        set(&mut tree.criterion, criterion);
-        set(&mut tree.max_depth, depth.map(Some));
-        set(&mut tree.min_samples_leaf, leaf_rows);
-    }
-}
-
-fn boosted(stage: &mut classifiers::Settings, asked: Boosting) {
-    if let classifiers::Settings::BoostedTrees(boosted) = stage {
-        set(&mut boosted.trees, asked.trees);
-        set(&mut boosted.max_depth, asked.depth);
-        set(&mut boosted.learning_rate, asked.learning_rate);
-        set(&mut boosted.feature_share, asked.feature_share);
     }
 }

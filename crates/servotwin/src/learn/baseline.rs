@@ -9,6 +9,9 @@ use crate::parallel::{self, Workers};
 use crate::records::DataFeature;
 use serde::{Deserialize, Serialize};
 
+/// The paper's family of features.
+const FAMILY: &str = "moments";
+
 /// The protocols of these trees.
 const PROTOCOLS: [Protocol; 2] = [Protocol::RandomThird, Protocol::NewCommand];
 
@@ -44,11 +47,8 @@ impl RandomThirds {
 }
 
 /// The data with the paper's features, and how its trees are trained; `None` where the data lacks the features.
-fn prepared(
-    data: &DataSet,
-    settings: &EvaluationSettings,
-) -> Result<Option<(DataSet, Training)>, EvaluationError> {
-    let family = |feature: &DataFeature| feature.family == settings.baseline_family;
+fn prepared(data: &DataSet) -> Result<Option<(DataSet, Training)>, EvaluationError> {
+    let family = |feature: &DataFeature| feature.family == FAMILY;
     if !data.features.iter().any(family) {
         return Ok(None);
     }
@@ -65,7 +65,7 @@ pub(crate) fn evaluate(
     settings: &EvaluationSettings,
     workers: Workers,
 ) -> Result<Vec<ProtocolResult>, EvaluationError> {
-    let Some((data, training)) = prepared(data, settings)? else { return Ok(vec![]) };
+    let Some((data, training)) = prepared(data)? else { return Ok(vec![]) };
     let shutdowns = data.commands(&settings.shutdowns);
     let mut results = vec![];
     for protocol in PROTOCOLS {
@@ -85,7 +85,7 @@ pub(crate) fn random_thirds(
     settings: &EvaluationSettings,
     workers: Workers,
 ) -> Result<Vec<RandomThirds>, EvaluationError> {
-    let Some((data, training)) = prepared(data, settings)? else { return Ok(vec![]) };
+    let Some((data, training)) = prepared(data)? else { return Ok(vec![]) };
     let seeds: Vec<u64> = (0..REPEATS).map(|repeat| settings.holding.seed + repeat).collect();
     let judged = parallel::map(&seeds, workers, |&seed| {
         let holding = Holding { repeats: 1, seed, ..settings.holding };

@@ -71,8 +71,6 @@ pub struct EvaluationSettings {
     pub shutdowns: Vec<String>,
     /// Whether detection uses the bands learned from healthy specimens; otherwise it uses the seed paper's band of 3 %.
     pub learned_bands: bool,
-    /// The seed paper's feature family.
-    pub baseline_family: String,
     /// The protocols for the nine trees.
     pub protocols: Vec<Protocol>,
     /// The protocols for the committee.
@@ -98,7 +96,6 @@ impl Default for EvaluationSettings {
             },
             shutdowns: vec![],
             learned_bands: false,
-            baseline_family: "moments".into(),
             protocols: protocol::ALL.into(),
             committee_protocols: OF_COMMITTEE.into(),
             classifiers: comparison::quick_classifiers(),
@@ -149,8 +146,6 @@ pub struct Evaluation {
     pub detection: detection::Detection,
     /// Bands learned from healthy specimens.
     pub bands: Option<Vec<Band>>,
-    /// Number of features.
-    pub features: usize,
     /// Constant features, which carry no information.
     pub constant_features: Vec<String>,
     /// The nine trees under every protocol.
@@ -321,7 +316,6 @@ pub fn evaluate(
         in_paper_band: protocol::in_bands(&unbanded),
         detection: detection::evaluate(data),
         bands,
-        features: data.features.len(),
         constant_features: data.constant.clone(),
         stages: trained.trees.stages.iter().map(|stage| size(&trained.trees, stage)).collect(),
         healthy: [of_healthy(&trained.trees)?, of_healthy(&trained.committee)?],

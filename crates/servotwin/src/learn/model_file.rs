@@ -94,15 +94,8 @@ fn altered(path: &Path, how: &str) -> FileError {
 /// # Errors
 /// As [`read`]; [`EvaluationError::CorruptModel`].
 pub fn read_diagnoser(path: impl AsRef<Path>) -> Result<Diagnoser, EvaluationError> {
-    read_checked(path.as_ref(), Diagnoser::check)
-}
-
-/// Reads a model and checks it.
-pub(crate) fn read_checked<T: DeserializeOwned>(
-    path: &Path,
-    check: impl Fn(&T) -> Result<(), servotwin_diagnosis::Error>,
-) -> Result<T, EvaluationError> {
-    let model: T = read(path)?;
+    let path = path.as_ref();
+    let model: Diagnoser = read(path)?;
     let corrupt = |source| EvaluationError::CorruptModel { path: path.to_path_buf(), source };
-    check(&model).map_err(corrupt).map(|()| model)
+    model.check().map_err(corrupt).map(|()| model)
 }

@@ -461,11 +461,6 @@ impl Maker<'_> {
         let case =
             |own: &&TrainingWindow| format!("{}/{:03}", suite(own).name, flight(own).environment);
         let cases: Vec<String> = taken.iter().map(case).collect();
-        let number = |name: &str, unit: &str, of: &dyn Fn(&TrainingWindow) -> f64| {
-            let numbers = taken.iter().map(|own| of(own)).collect();
-            Column::new(name, unit, Values::Float(numbers))
-        };
-        let period_s = self.study.sample_period_s;
         let detectable = windows.iter().map(|w| w.largest_of_all() > BAND).collect();
         let number_of = taken.iter().map(|l| l.flight as u32).collect();
         let mut columns = vec![
@@ -475,11 +470,6 @@ impl Maker<'_> {
         ];
         columns.extend(fault_columns(self.study, &taken.iter().map(shown).collect::<Vec<_>>()));
         columns.extend([
-            number("end_s", "s", &|l| l.at as f64 * period_s),
-            number("age_s", "s", &|l| match l.is_faulty {
-                true => l.at as f64 * period_s - flight(l).onset_s,
-                false => 0.0,
-            }),
             Column::new("detectable", "", Values::Flag(detectable)),
             Column::new("failure", "", Values::Text(vec![String::new(); taken.len()])),
         ]);

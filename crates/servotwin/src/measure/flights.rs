@@ -9,7 +9,6 @@ use crate::run::fitted_twins::CalibrationRecords;
 use crate::study::Study;
 use crate::study::suites::JUDGE;
 use serde::{Deserialize, Serialize};
-use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence};
 use servotwin_learning::metrics::{MedianTime, Tail, clopper_pearson_upper, poisson_mean};
 use std::collections::BTreeMap;
 
@@ -38,8 +37,6 @@ pub struct ClassMetrics {
     pub action: String,
     /// The smallest and the largest intensity.
     pub intensities: [f64; 2],
-    /// Number of flights.
-    pub(crate) flown: u64,
     /// All measures of these flights.
     pub rates: Rates,
     /// From the onset to the first of the windows that made the fault visible.
@@ -89,8 +86,6 @@ pub struct HealthyMetrics {
     pub alarms_per_h: f64,
     /// The upper limit of that rate with 95 % confidence (one-sided, Poisson).
     pub alarms_per_h_upper: f64,
-    /// How often windows left their bands as if a fault were visible.
-    pub(crate) visible_by_chance: u64,
     /// The same alarms by environment.
     pub environments: EnvironmentMetrics,
     /// The same shutdowns by environment.
@@ -152,7 +147,6 @@ impl HealthyMetrics {
             shutdowns,
             alarms_per_h: alarms as f64 / hours.max(f64::MIN_POSITIVE),
             alarms_per_h_upper: poisson_mean(alarms, 0.05) / hours.max(f64::MIN_POSITIVE),
-            visible_by_chance: sum(|row| row.visible_by_chance),
             environments: of_alarms,
             shutdown_environments: environments(|row| row.early_shutdowns),
             nearness: is_one_each.then(|| Nearness::new(&calm)),
@@ -218,8 +212,6 @@ pub struct FlightMetrics {
     pub failed: u64,
     /// What became of the calibration flights, where twins are fitted to plants of another structure.
     pub calibration: Option<CalibrationRecords>,
-    /// The evidence of held-out healthy flights after training; `None` if none were flown.
-    pub(crate) healthy_evidence: Option<HealthyEvidence>,
     /// The time limit for isolating 95 % of the visible, strong shutdown faults, s after the onset.
     pub limit_s: f64,
     /// All measures of all faults, and of flights without one.
@@ -240,13 +232,7 @@ pub struct FlightMetrics {
 
 impl FlightMetrics {
     /// Evaluates the outcomes of flights against a latency limit.
-    pub fn of(
-        study: &Study,
-        group: FlightGroup,
-        limit_s: f64,
-        diagnoser: &Diagnoser,
-        outcomes: &[RunOutcome],
-    ) -> Self {
+    pub fn of(study: &Study, group: FlightGroup, limit_s: f64, outcomes: &[RunOutcome]) -> Self {
         let judged = Judged::new(study, limit_s, outcomes);
         let faults = judged.faults(|_| true);
         FlightMetrics {
@@ -254,7 +240,6 @@ impl FlightMetrics {
             flights: faults.len() as u64,
             failed: outcomes.iter().filter(|row| !row.is_finished).count() as u64,
             calibration: None,
-            healthy_evidence: diagnoser.healthy_evidence,
             limit_s,
             rates: judged.rates(&judged.rows),
             classes: judged.classes(0.0),
@@ -334,7 +319,6 @@ impl<'j> Judged<'j> {
         Some(ClassMetrics {
             action: action.into(),
             intensities,
-            flown: outcomes.len() as u64,
             rates: self.rates(&outcomes),
             detection: times(|row| row.visible_s),
             isolation: times(|row| row.right_action_s),

@@ -10,7 +10,7 @@ use crate::fit::{Fit, Unknown};
 use crate::run::part;
 use crate::run::{Overrides, RunError, SpecimenDraw, calibration_of, fit_twins};
 use crate::study::{Purpose, Stream};
-use crate::table::{self, Column, Table, Values};
+use crate::table::{Column, Table, Values};
 use servotwin_model::solver::SolverSettings;
 use std::path::{Path, PathBuf};
 
@@ -45,7 +45,7 @@ pub fn calibrations(folder: &Path, purpose: Purpose) -> Result<Vec<Comparison>, 
     if !file.exists() {
         return Ok(vec![]);
     }
-    let table = table::read(&file)?;
+    let table = Table::read(&file)?;
     let (truth, fitted) = (table.f64("true_sigma")?, table.f64("fitted_sigma")?);
     let errors = table.f64("error_sigma")?;
     let names = table.text("parameter")?;
@@ -96,7 +96,7 @@ impl Records<'_> {
 
     /// The parameters stored in the file for `specimens` specimens; `None` without a matching file.
     fn known(&self, specimens: usize) -> Option<Vec<Overrides>> {
-        let table = table::read(calibration_file(&self.folder, self.suite.purpose)).ok()?;
+        let table = Table::read(calibration_file(&self.folder, self.suite.purpose)).ok()?;
         if table.metadata.get("fingerprint") != Some(&self.calibration_mark()) {
             return None;
         }
@@ -146,6 +146,6 @@ impl Records<'_> {
             sigmas("error_sigma", float(&|_, k| errors[k]), "Standard error of the fit"),
         ])?
         .with_metadata("fingerprint", self.calibration_mark());
-        Ok(table::write(calibration_file(&self.folder, self.suite.purpose), &table)?)
+        Ok(table.write(calibration_file(&self.folder, self.suite.purpose))?)
     }
 }

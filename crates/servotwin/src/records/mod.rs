@@ -32,7 +32,7 @@ use crate::parallel::Workers;
 use crate::run::SpecimenDraw;
 use crate::run::part::PartFiles;
 use crate::study::{Plants, Purpose, Scenario, Study, Suite};
-use crate::table::{self, Column, Table, Values};
+use crate::table::{Column, Table, Values};
 use servotwin_model::solver::Statistics;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -72,7 +72,7 @@ pub struct RecordsOutcome {
     pub statistics: Statistics,
     /// Variants that failed, with the reason.
     pub failed: Vec<(Scenario, usize, String)>,
-    /// Number of variants that began without a steady state, in all scenarios; `manifest.json` lists them.
+    /// Number of variants that began without a steady state, in all scenarios; the data sets flag them.
     pub on_the_move: usize,
 }
 
@@ -170,6 +170,6 @@ impl Records<'_> {
         }
         let name =
             format!("{}{}-{variant:05}.parquet", scenario.name(), self.suite.purpose.suffix());
-        Ok(table::write(folder.join(name), &Table::from_columns(columns)?)?)
+        Ok(Table::from_columns(columns)?.write(folder.join(name))?)
     }
 }

@@ -7,8 +7,7 @@
 use super::{Run, RunError, fitted_specimen, plan};
 use crate::manifest::in_hexadecimal;
 use crate::study::{Scenario, Study, Suite};
-use crate::table::parquet::ParquetReader;
-use crate::table::{self, Column, Table, TableError, Values};
+use crate::table::{Column, Table, TableError, Values};
 use servotwin_diagnosis::features::Sensor;
 use servotwin_diagnosis::residual::Window;
 use servotwin_model::c_source;
@@ -185,15 +184,6 @@ impl PartFiles {
         among.into_iter().filter(is_missing).collect()
     }
 
-    /// Whether all parts seem to exist, judged by their heads.
-    pub(crate) fn seem_complete(&self) -> bool {
-        (0..self.parts.len()).all(|part| {
-            let path = self.path(part);
-            let head = || path.exists().then(|| ParquetReader::open(&path))?.ok();
-            self.parts[part].is_empty() || head().is_some_and(|h| self.is_own(part, h.schema()))
-        })
-    }
-
     fn mark(&self, part: usize) -> String {
         let mut mark = self.fingerprint;
         mark.add(&self.parts[part]).to_string()
@@ -206,7 +196,7 @@ impl PartFiles {
     /// Reads a part if it is complete and of these runs.
     fn sound(&self, part: usize) -> Option<Table> {
         let path = self.path(part);
-        let table = path.exists().then(|| table::read(path))?.ok()?;
+        let table = path.exists().then(|| Table::read(path))?.ok()?;
         let is_whole = table.metadata.get("checksum") == Some(&checksum(&table));
         (is_whole && self.is_own(part, &table)).then_some(table)
     }
@@ -223,23 +213,19 @@ impl PartFiles {
     }
 
     /// The error for missing parts.
-    pub(crate) fn unfinished(&self) -> RunError {
-        RunError::Unfinished { missing: self.missing_runs(), damaged: self.damaged() }
+    fn unfinished(&self) -> RunError {
+        let missing = self.runs_of(&self.missing(0..self.parts.len()));
+        RunError::Unfinished { missing, damaged: self.damaged() }
     }
 
     /// The first part that is damaged.
     fn damaged(&self) -> Option<PathBuf> {
         let is_damaged = |&part: &usize| {
             let path = self.path(part);
-            let is_other = || table::read(&path).is_ok_and(|table| !self.is_own(part, &table));
+            let is_other = || Table::read(&path).is_ok_and(|table| !self.is_own(part, &table));
             path.exists() && self.sound(part).is_none() && !is_other()
         };
         (0..self.parts.len()).find(is_damaged).map(|part| self.path(part))
-    }
-
-    /// Number of runs without a usable part.
-    pub(crate) fn missing_runs(&self) -> usize {
-        self.runs_of(&self.missing(0..self.parts.len()))
     }
 
     /// Number of runs of some parts.
@@ -251,7 +237,7 @@ impl PartFiles {
     pub(crate) fn write(&self, part: usize, table: Table) -> Result<(), TableError> {
         let sum = checksum(&table);
         let table = table.with_metadata("fingerprint", self.mark(part));
-        table::write(self.path(part), &table.with_metadata("checksum", sum))
+        table.with_metadata("checksum", sum).write(self.path(part))
     }
 }
 

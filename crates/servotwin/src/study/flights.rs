@@ -14,7 +14,6 @@ use super::training::{check_pattern, count_ranges, filled_at, halton_in};
 use crate::format::{At, Names, Value, section, usual};
 use crate::signal::bus;
 use crate::toml_text::Diagnostic;
-use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::features::MAX_ACTUATORS;
 use servotwin_model::signal::Piecewise;
 
@@ -53,7 +52,7 @@ section! {
 
 section! {
     /// The targets of the diagnosis at work.
-    #[derive(Copy, PartialEq, Serialize, Deserialize)]
+    #[derive(Copy, PartialEq)]
     pub struct Limits {
         may pub(crate) latency_s: f64 = Value::Number(0.0, 1e4, "s") => 1.0,
             "latency limit for 95 % of visible shutdown faults";
@@ -104,9 +103,9 @@ pub struct Flights {
     /// The range of a fault's onset, s.
     pub(crate) onset_s: [f64; 2],
     /// Lengths of the windows, s, ascending.
-    pub(crate) windows_s: Vec<f64>,
+    pub windows_s: Vec<f64>,
     /// The targets of the diagnosis.
-    pub(crate) limits: Limits,
+    pub limits: Limits,
     /// Plants that differ from their twin in structure.
     pub(crate) other_plant: Option<OtherPlant>,
     /// What each specimen with tolerances draws, besides its tolerances.

@@ -9,8 +9,6 @@ words!(Quantity, Quantity::ALL.into_iter().map(|(quantity, word)| (word, quantit
 pub(super) const MAX_SPECIMENS: f64 = 10_000.0;
 /// Longest run, s: a suite has thousands of runs.
 pub(super) const LONGEST_S: f64 = 1e4;
-/// A seed: a whole number that is exact as f64, which holds up to 2⁵³.
-pub(super) const SEED: Value = Value::Whole(0.0, 9_007_199_254_740_992.0);
 /// A count of specimens.
 pub(super) const SPECIMENS: Value = Value::Whole(0.0, MAX_SPECIMENS);
 /// A count of specimens, at least one.

@@ -7,7 +7,6 @@
 
 mod calibration;
 mod complete;
-pub mod evaluating;
 pub mod faults;
 pub mod flights;
 mod ground_test;
@@ -24,7 +23,6 @@ mod training;
 mod warning;
 
 pub(crate) use calibration::Calibration;
-pub(crate) use evaluating::Evaluating;
 pub use faults::{Class, FaultCase};
 pub use flights::Environment;
 pub(crate) use flights::{ChosenEnvironment, EnvironmentRanges, Flights};
@@ -83,7 +81,6 @@ section! {
         may fitted: Option<At<calibration::Text>>,
             "scenario in which each specimen has a twin fitted to it";
         may training: Option<At<training::Text>>, "commands from which the diagnosis learns";
-        may evaluation: Evaluating, "training and evaluation, where not the defaults";
         may flights: Option<At<flights::Text>>, "flights in which a fault begins";
         may suites: Names<suites::NamedText>, "how many flights there are, and what for";
         may ground_test: Option<At<ground_test::Text>>,
@@ -184,8 +181,6 @@ pub struct Study {
     pub calibration: Option<Calibration>,
     /// The training flights, if they differ from those of the evaluation.
     pub training: Option<Training>,
-    /// The settings of training and evaluation in the file.
-    pub(crate) evaluating: Evaluating,
     /// The reactions of the flight control computer to raised actions.
     pub reactions: Reactions,
     /// Whether the study has its full sizes, rather than those of its section `[quick]`.
@@ -243,7 +238,6 @@ impl Study {
         let cases = reader.cases();
         let realism = text.realistic.as_ref().map(|text| Realism::new(text, reader));
         let training = text.training.as_ref().map(|text| Training::new(text, reader)).transpose();
-        let evaluating = text.evaluation.check(reader);
         let flown = reader.flown();
         let reactions = Reactions::new(&text.reactions, reader);
         reader.check_ground_test();
@@ -251,7 +245,6 @@ impl Study {
         let (calibration, flights, suites) = flown?;
         let (cases, command_input, training) = (cases?, command_input?, training?);
         let reactions = reactions?;
-        evaluating?;
         let (path, source) = (reader.path.to_owned(), reader.source.to_owned());
         Ok(move |parsed: Text, system| Self {
             name: parsed.name.clone(),
@@ -273,7 +266,6 @@ impl Study {
             realism,
             calibration,
             training,
-            evaluating: parsed.evaluation.clone(),
             reactions,
             suites,
             is_full: parsed.is_full(),

@@ -224,7 +224,7 @@ pub struct Suite {
     /// The number of environments.
     pub environments: usize,
     /// The number of flights of every fault at every intensity.
-    pub(crate) repeats: usize,
+    pub repeats: usize,
     /// Whether its faults are those that training does not contain.
     pub(crate) is_unseen: bool,
     /// The number of healthy flights in each environment.

@@ -6,7 +6,7 @@ use servotwin::job::manifest;
 use servotwin::parallel::Workers;
 use servotwin::records::Records;
 use servotwin::study::{Purpose, Scenario, Study};
-use servotwin::table::{self, Table};
+use servotwin::table::Table;
 
 const FAULTS: &str = "\n[[classes]]\ndetail = \"part\"\naction = \"warning\"\nfaults = \
     [\"servo_valve.damping_loss\", \"sensor_ram.lag\", \"servo_valve.gain_low\"]\n\
@@ -26,7 +26,7 @@ fn data_sets(study: &Study, folder: &Folder) -> [Table; 2] {
     let outcome = records.run(&|_, _| ()).unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     scenarios.map(|scenario| {
-        table::read(folder.file(&format!("dataset-{}.parquet", scenario.name()))).unwrap()
+        Table::read(folder.file(&format!("dataset-{}.parquet", scenario.name()))).unwrap()
     })
 }
 
@@ -58,25 +58,23 @@ fn a_limit_cycle_is_flagged_in_both_units_and_all_settings() {
 }
 
 #[test]
-fn the_manifest_counts_them_by_kind() {
+fn the_manifest_counts_what_data_sets_hold() {
     let (study, folder) = (study(), Folder::new("effort-manifest"));
-    let [ideal, _] = data_sets(&study, &folder);
+    let tables = data_sets(&study, &folder);
     for name in ["study.toml", "system.toml"] {
         std::fs::write(folder.file(name), "").unwrap();
     }
-    let manifest = manifest::of(&Results::new(&folder.0), &study).unwrap();
-    let efforts = &manifest.data_sets[0].efforts;
-    let kinds: Vec<&str> = efforts.iter().map(|effort| effort.kind.as_str()).collect();
-    assert_eq!(kinds, ["sensor_ram.lag", "servo_valve.damping_loss", "servo_valve.gain_low"]);
-    let counted: Vec<_> =
-        efforts.iter().map(|e| (e.variants, e.rings, e.began_on_the_move)).collect();
-    assert_eq!(counted, [(8, 0, 0), (8, 2, 0), (8, 0, 0)]);
-    let steps = ideal.f64("steps_per_s").unwrap();
-    let all: f64 = efforts.iter().map(|effort| effort.mean_steps_per_s * 8.0).sum();
-    assert!((all / steps.iter().sum::<f64>() - 1.0).abs() < 1e-12);
-    let most = efforts.iter().map(|effort| effort.most_steps_per_s).fold(0.0, f64::max);
-    assert_eq!(most, steps.iter().copied().fold(0.0, f64::max));
-    assert!(manifest.data_sets[1].efforts.iter().any(|effort| effort.kind == "healthy"));
+    let manifest = manifest::write(&Results::new(&folder.0), &study).unwrap();
+    assert_eq!(manifest.data_sets.len(), tables.len());
+    for (counted, table) in manifest.data_sets.iter().zip(&tables) {
+        let rows = 0..table.row_count();
+        let (kinds, seen) = (table.text("kind").unwrap(), table.bool("detectable").unwrap());
+        let healthy = rows.clone().filter(|&row| kinds[row] == "healthy").count();
+        let hidden = rows.filter(|&row| kinds[row] != "healthy" && !seen[row]).count();
+        let expected = (table.row_count(), healthy, hidden);
+        assert_eq!((counted.variants, counted.healthy, counted.undetectable), expected);
+        assert!(counted.failed.is_empty() && hidden > 0);
+    }
 }
 
 #[test]

@@ -5,7 +5,7 @@ use servotwin::parallel::Workers;
 use servotwin::records::{PartRow, Records, RunError, calibration_file};
 use servotwin::run::plan;
 use servotwin::study::{Purpose, Scenario, Study};
-use servotwin::table::{self, Column, Table};
+use servotwin::table::{Column, Table};
 use std::collections::BTreeSet;
 
 /// The spring actuator with two kinds of fault, short flights, and a section [fitted].
@@ -72,7 +72,7 @@ fn the_pool_is_fitted_and_told_with_its_true_values() {
     let study = study(FITTED);
     let folder = Folder::new("pool");
     records(&study, Scenario::Fitted, &folder, 2).run(&|_, _| ()).unwrap();
-    let table = table::read(calibration_file(&folder.0, Purpose::Test)).unwrap();
+    let table = Table::read(calibration_file(&folder.0, Purpose::Test)).unwrap();
     // Twenty specimens with two tolerances.
     assert_eq!(table.row_count(), 40);
     let specimens: BTreeSet<u32> = table.u32("specimen").unwrap().iter().copied().collect();
@@ -154,19 +154,19 @@ fn parts_take_the_pool_over_and_give_the_bytes_of_one_machine() {
     // The file is what is flown with, unless it is of something else.
     let bent = Folder::new("bent");
     let third = records(&study, Scenario::Fitted, &bent, 2);
-    let known = table::read(whole.file(pool)).unwrap();
+    let known = Table::read(whole.file(pool)).unwrap();
     let rows = known.row_count();
     let mut columns = known.columns().to_vec();
     let place = columns.iter().position(|column| column.name == "fitted_sigma").unwrap();
     columns[place] = Column::new("fitted_sigma", "", vec![0.0; rows]);
     let mut bare = Table::from_columns(columns).unwrap();
     bare.metadata = known.metadata.clone();
-    table::write(bent.file(pool), &bare).unwrap();
+    bare.write(bent.file(pool)).unwrap();
     third.run(&|_, _| ()).unwrap();
     assert!(file(&bent, data_set) != file(&whole, data_set));
     bare.metadata.clear();
     std::fs::remove_dir_all(bent.file("parts")).unwrap();
-    table::write(bent.file(pool), &bare).unwrap();
+    bare.write(bent.file(pool)).unwrap();
     third.run(&|_, _| ()).unwrap();
     assert!(file(&bent, data_set) == file(&whole, data_set));
 }

@@ -22,7 +22,7 @@ use servotwin::study::suites::{
     HARD_NEGATIVES, HEALTHY, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED, UNSEEN,
 };
 use servotwin::study::{Scenario, Study, Suite};
-use servotwin::table;
+use servotwin::table::Table;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Session, ShutdownMargin};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
@@ -95,7 +95,7 @@ fn outcomes(name: &str, threads: usize) -> Vec<RunOutcome> {
 
 fn measured(rows: &[RunOutcome]) -> FlightMetrics {
     let [suite, scenario, missing] = [JUDGE, "noise", ""].map(String::from);
-    FlightMetrics::of(study(), FlightGroup { suite, scenario, missing }, 1.0, diagnoser(), rows)
+    FlightMetrics::of(study(), FlightGroup { suite, scenario, missing }, 1.0, rows)
 }
 
 #[test]
@@ -195,7 +195,7 @@ fn the_windows_that_teach_are_those_that_a_session_sees_to_the_bit() {
             },
         );
         let part = format!("{PARTS}/windows-learn-{}-0000.parquet", scenario.name());
-        let taken = table::read(folder.0.join(part)).unwrap();
+        let taken = Table::read(folder.0.join(part)).unwrap();
         let whole = |name: &str| taken.u32(name).unwrap();
         let (flights, kinds, at) = (whole("flight"), whole("kind"), whole("at_samples"));
         let values = |row: usize| -> Vec<u64> {

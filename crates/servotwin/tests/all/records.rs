@@ -9,7 +9,7 @@ use servotwin::parallel::Workers;
 use servotwin::records::columns::{largest_column, view_column};
 use servotwin::run::{Observer, Runner, plan};
 use servotwin::study::{Purpose, Scenario, Study};
-use servotwin::table::{self, Table};
+use servotwin::table::Table;
 use servotwin_diagnosis::diagnoser::{IndexedFinding, Session};
 use servotwin_diagnosis::panel::{Panel, PanelVerdict};
 use std::sync::Arc;
@@ -64,7 +64,7 @@ fn a_session_that_watches_a_record_answers_as_the_data_set() {
     drop(StudyRun { only: Some(Scenario::Noise), ..run }.run().unwrap());
     let diagnoser = Arc::new(read_diagnoser(results.records(Subject::Noise)).unwrap());
     assert!(diagnoser.record_s().is_some() && crate::flights::diagnoser().record_s().is_none());
-    let table = table::read(results.data_set(Scenario::Noise, Purpose::Test)).unwrap();
+    let table = Table::read(results.data_set(Scenario::Noise, Purpose::Test)).unwrap();
     let session = Session::new(diagnoser.clone()).unwrap().at_rest();
 
     let inputs: Vec<f64> = study.system.network().inputs.iter().map(|own| own.default).collect();
