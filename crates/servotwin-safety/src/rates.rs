@@ -8,6 +8,7 @@
 //! | `source` | where the rate comes from |
 
 use crate::error::{SafetyError, unknown};
+use crate::fmea::fields::kind_of;
 use servotwin::moment::rounded;
 use servotwin::study::Study;
 use servotwin::table::csv::texts::{self, TextRow, Texts};
@@ -66,15 +67,18 @@ pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
 }
 
 impl FailureRates {
-    /// Reads a table of rates for these faults.
+    /// Reads a table of rates for the faults of a system.
     ///
     /// # Errors
     /// The file cannot be read; a column is missing; a cell is not allowed.
-    pub(crate) fn read(path: &Path, faults: &[RatedFault]) -> Result<Self, SafetyError> {
+    pub(crate) fn read(path: &Path, study: &Study) -> Result<Self, SafetyError> {
+        let faults = study.system.all_faults().into_iter();
+        Self::read_named(path, faults.flat_map(|id| [kind_of(study, &id), id]).collect())
+    }
+
+    fn read_named(path: &Path, mut known: Vec<String>) -> Result<Self, SafetyError> {
         let table = texts::read(path)?;
         let places = find_columns(path, &table, COLUMNS)?;
-        let mut known: Vec<String> =
-            faults.iter().flat_map(|f| [f.id.clone(), f.kind.clone()]).collect();
         known.sort();
         known.dedup();
         let mut rates = FailureRates { path: path.into(), list: vec![] };
@@ -202,10 +206,14 @@ mod tests {
         vec![fault("actuator_1"), fault("actuator_2")]
     }
 
+    fn names() -> Vec<String> {
+        faults().into_iter().flat_map(|fault| [fault.id, fault.kind]).collect()
+    }
+
     fn read(rows: &str) -> Result<FailureRates, SafetyError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), format!("fault,rate,unit,source\n{rows}")).unwrap();
-        FailureRates::read(file.path(), &faults())
+        FailureRates::read_named(file.path(), names())
     }
 
     #[test]
@@ -264,7 +272,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rates.csv");
         write_template(&path, &faults()).unwrap();
-        let error = FailureRates::read(&path, &faults()).unwrap_err().to_string();
+        let error = FailureRates::read_named(&path, names()).unwrap_err().to_string();
         assert!(error.contains("line 2, column 'rate': '' is no number"), "{error}");
     }
 }

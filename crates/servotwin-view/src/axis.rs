@@ -1,5 +1,8 @@
 //! Axes: ranges, ticks at round numbers, and their labels.
 
+use crate::document::NONE;
+use crate::shown::number;
+
 /// A tick with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
@@ -157,22 +160,11 @@ fn digits_after_point(step: f64) -> usize {
 
 /// A number for a tooltip: four significant digits, no trailing zeros.
 pub(super) fn plain(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return if value == 0.0 { "0".to_owned() } else { "–".to_owned() };
-    }
-    let size = value.abs();
-    if !(1e-4..1e6).contains(&size) {
-        return signed(format!("{value:.3e}"));
-    }
-    let decimals = (3 - size.log10().floor() as i32).max(0) as usize;
-    let text = format!("{value:.decimals$}");
-    let text =
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    signed(text.to_owned())
+    if value.is_finite() { signed(number(value, 4)) } else { NONE.to_owned() }
 }
 
 /// Uses the typographic minus sign, and removes the sign of zero.
-pub(super) fn signed(text: String) -> String {
+fn signed(text: String) -> String {
     match text.strip_prefix('-') {
         Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),
         Some(digits) => format!("−{digits}"),
@@ -214,7 +206,7 @@ mod tests {
             (98.765_43, "98.77"),
             (0.0, "0"),
             (f64::NAN, "–"),
-            (1e-7, "1.000e-7"),
+            (1e-7, "1e-7"),
         ];
         for (value, text) in cases {
             assert_eq!(plain(value), text);

@@ -1,12 +1,12 @@
 //! `servotwin fmea`: fills an FMEA from the results of a study.
 
-use super::{learned, note, scenario_of, workers};
+use super::{learned, note, workers};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
 use servotwin::files::create_folder;
 use servotwin::job::{Among, Folder};
-use servotwin::study::Study;
+use servotwin::study::{Scenario, Study};
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::{self, FmeaSheet};
 use servotwin_safety::fmea::{self, WeightedCoverage, weighted_coverage};
@@ -37,8 +37,8 @@ pub(crate) struct Options {
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
     /// The scenario whose results are quoted: ideal, noise, fitted or realistic [default: the most realistic one].
-    #[arg(long, value_name = "SCENARIO")]
-    scenario: Option<String>,
+    #[arg(long, value_name = "SCENARIO", value_parser = super::scenario())]
+    scenario: Option<Scenario>,
     /// Fly nothing; use stored flights as they are.
     #[arg(long)]
     no_flights: bool,
@@ -68,8 +68,7 @@ impl Run for Options {
 
 fn of_folder(options: &Options, global: Global) -> Result<Document, Failure> {
     let folder = Folder::new(&options.input);
-    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
-    let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
+    let mut results = StudyResultsFolder::open(folder.clone(), options.scenario)?;
     let _hold = folder.hold(Among::Nobody)?;
     if !options.no_flights
         && !fmea::can_fly(&results)
@@ -80,7 +79,7 @@ fn of_folder(options: &Options, global: Global) -> Result<Document, Failure> {
         } else {
             learned((&folder, &results.study), scenario, options.threads, global)?;
             // The basis names the diagnoser, too.
-            results = StudyResultsFolder::open(folder.clone(), wanted)?;
+            results = StudyResultsFolder::open(folder.clone(), options.scenario)?;
         }
     }
     let rates = options.rates.as_deref();

@@ -418,7 +418,7 @@ fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> Ta
         let is_strong = ![MET, NONE_SEEN, ""].contains(&limit.verdict);
         let Limit { title, scenario, limit, measured, verdict } = limit;
         let row = vec![title, scenario, limit, measured, verdict.into()];
-        if is_strong { grid.push_strong(row) } else { grid.push(row) }
+        grid.push_if(is_strong, row);
     }
     grid
 }
