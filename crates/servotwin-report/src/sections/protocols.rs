@@ -4,7 +4,6 @@ use crate::Material;
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, stacked};
-use servotwin::learn::Evaluation;
 use servotwin::learn::protocol::ProtocolResult;
 use servotwin::measure;
 use servotwin_view::document::{Document, Table};
@@ -27,7 +26,7 @@ pub fn write(material: &Material, page: &mut Document) {
         let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
         let named = |(id, finds): &(String, String)| format!("{id} {finds}");
         let named: Vec<String> = stages.iter().map(named).collect();
-        page.table("", grid(&answers(evaluation), &words).captioned(format!(
+        page.table("", grid(&lines::answers(evaluation), &words).captioned(format!(
                 "Scenario: {}. Accuracy of each stage where the stages above are right ({}), and of all \
                  together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
                  whole kinds, and is that of a fault of a new kind. “Of all” is \
@@ -50,14 +49,6 @@ pub fn write(material: &Material, page: &mut Document) {
                 )));
         }
     }
-}
-
-/// The trees under each protocol, followed by the committee where it was judged.
-fn answers(evaluation: &Evaluation) -> Vec<(Who, &ProtocolResult)> {
-    let of = |result: &ProtocolResult| {
-        Who::ALL.map(|who| Some((who, who.under(evaluation, result.protocol)?)))
-    };
-    evaluation.protocols.iter().flat_map(of).flatten().collect()
 }
 
 /// A table with protocols in rows and measures in columns.

@@ -26,14 +26,13 @@ fn time_series(y: &[f64]) -> Figure {
     TimeSeries::new(NAME, "time (s)").with(panel.clone()).with(panel).draw()
 }
 
-fn lines(value: f64, log: bool) -> Figure {
+fn lines(value: f64) -> Figure {
     let points = vec![(1.0, value), (10.0, value * 2.0), (f64::NAN, 1.0), (100.0, -value)];
     let intervals = vec![(0.0, value); 4];
-    let mut figure = Lines::new(NAME, "x", "y")
+    Lines::new(NAME, "x", "y")
         .with(Curve::new(NAME, points.clone()).with_intervals(intervals))
-        .with(Curve::new("plain", points).unmarked());
-    figure.x_log = log;
-    figure.draw()
+        .with(Curve::new("plain", points).unmarked())
+        .draw()
 }
 
 fn tree(depth: usize) -> Figure {
@@ -80,8 +79,7 @@ fn gallery() -> Vec<(&'static str, Figure)> {
     let wave: Vec<f64> = (0..9000).map(|step| (TAU * f64::from(step) * 1e-3).sin()).collect();
     vec![
         ("time series", time_series(&wave)),
-        ("lines", lines(3.0, false)),
-        ("logarithmic lines", lines(3.0, true)),
+        ("lines", lines(3.0)),
         ("tree", tree(6)),
         ("schematic", schematic(60)),
     ]
@@ -127,9 +125,9 @@ fn nothing_to_draw_is_drawn_as_nothing() {
         time_series(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
         time_series(&[1.0]),
         TimeSeries::new("", "").draw(),
-        lines(f64::NAN, true),
-        lines(-1.0, true),
-        lines(0.0, false),
+        lines(f64::NAN),
+        lines(-1.0),
+        lines(0.0),
         Lines::new("", "", "").draw(),
         tree(0),
         schematic(1),
@@ -143,7 +141,7 @@ fn nothing_to_draw_is_drawn_as_nothing() {
 #[test]
 fn a_figure_is_saved_as_svg() {
     let folder = Folder::new("figures");
-    let figure = lines(0.5, false);
+    let figure = lines(0.5);
     figure.save(folder.file("a.svg")).unwrap();
     assert_eq!(std::fs::read_to_string(folder.file("a.svg")).unwrap(), figure.svg);
     assert!(matches!(figure.save(folder.file("no/a.svg")), Err(FileError::MissingFolder { .. })));
