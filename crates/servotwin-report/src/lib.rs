@@ -133,7 +133,7 @@ pub static CHAPTERS: &[Chapter] = &[
         "rates",
         "Rates by scenario and protocol",
         &[
-            section("protocols", "The trees under every protocol", protocols::write),
+            section("protocols", "Trees and committee under every protocol", protocols::write),
             section("committee", "The committee", committee::write),
             section("settings", "Settings", settings::write),
             section("confusion", "Confusion matrices", confusion::write),

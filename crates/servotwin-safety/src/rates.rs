@@ -8,7 +8,6 @@
 //! | `source` | where the rate comes from |
 
 use crate::error::{SafetyError, unknown};
-use crate::fmea::fields::kind_of;
 use servotwin::moment::rounded;
 use servotwin::study::Study;
 use servotwin::table::csv::texts::{self, TextRow, Texts};
@@ -64,6 +63,18 @@ pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
         }
     }
     list
+}
+
+/// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
+pub(crate) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
+    study.unit_of(fault).map(|unit| study.units[unit].as_str())
+}
+
+/// A fault's name without its actuator.
+pub(crate) fn kind_of(study: &Study, fault: &str) -> String {
+    let own =
+        actuator_of(study, fault).and_then(|unit| fault.strip_prefix(unit)?.strip_prefix('.'));
+    own.unwrap_or(fault).to_owned()
 }
 
 impl FailureRates {

@@ -30,9 +30,6 @@ pub(crate) struct Options {
     /// The sheet, .csv [default: safety/fmea.csv in the output folder, fmea.csv without one].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Take the cells that people filled in from this sheet [default: the sheet that is written, if it exists].
-    #[arg(long, value_name = "FILE")]
-    sheet: Option<PathBuf>,
     /// A table of failure rates: fault, rate, unit, source ('servotwin fault-tree --template FILE' writes one).
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
@@ -55,9 +52,7 @@ impl Run for Options {
     }
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
-        for path in self.out.iter().chain(&self.sheet) {
-            sheet::check(path)?;
-        }
+        self.out.iter().try_for_each(|path| sheet::check(path))?;
         stop::heed();
         match self.input.is_dir() {
             true => of_folder(self, global),
@@ -100,7 +95,7 @@ fn of_study(options: &Options) -> Result<Document, Failure> {
 
 fn write(options: &Options, sources: &FmeaSources, default: &Path) -> Result<Document, Failure> {
     let path = options.out.as_deref().unwrap_or(default);
-    let earlier = options.sheet.as_deref().or(Some(path).filter(|path| path.exists()));
+    let earlier = Some(path).filter(|path| path.exists());
     let sheet = fmea::sheet(sources, earlier)?;
     if options.out.is_none()
         && let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty())

@@ -2,7 +2,7 @@
 
 use crate::Material;
 use crate::examples::Example;
-use crate::words::{begun, number, spoken};
+use crate::words::{begun, chosen, spoken};
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
 use servotwin_view::SemanticColor;
@@ -24,7 +24,7 @@ pub fn write(material: &Material, page: &mut Document) {
                 "{}, intensity {}, case {}: {} of measured signals against the twin's, and the \
                      scaled residuals with {} in which a fault goes undetected.",
                 begun(&spoken(&example.fault)),
-                number(example.intensity),
+                chosen(example.intensity),
                 example.case,
                 match material.study.duration_s > SHOWN_S {
                     true => format!("the first {SHOWN_S} s"),
