@@ -293,7 +293,7 @@ fn a_study_that_is_killed_behind_each_kind_of_file_ends_with_the_same_bytes() {
     let folder = Folder::new("killed");
     let (study, killed) = (write_study(&folder, CLASSES), folder.file("killed"));
     std::fs::create_dir(&killed).unwrap();
-    // `records` of `records-noise.json`, `figures` of `figures/bands.svg`.
+    // `records` of `records-noise.json`, `figures` of `figures/detected_noise.svg`.
     let kind = |file: PathBuf| {
         let name = file.to_str().unwrap();
         name.split(['-', '.', '/']).find(|part| !part.is_empty()).unwrap().to_owned()
