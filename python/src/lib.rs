@@ -44,7 +44,6 @@ fn _servotwin(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(study::write_report, module)?)?;
     module.add_function(wrap_pyfunction!(study::data_set, module)?)?;
     module.add_function(wrap_pyfunction!(study::feature_columns, module)?)?;
-    module.add_function(wrap_pyfunction!(study::study_of, module)?)?;
     module.add_function(wrap_pyfunction!(tasks::run_suites, module)?)?;
     module.add_function(wrap_pyfunction!(tasks::tasks_of, module)?)?;
     module.add_function(wrap_pyfunction!(tasks::run_task, module)?)?;

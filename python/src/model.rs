@@ -7,13 +7,14 @@ use crate::table::Table;
 use pyo3::prelude::*;
 use servotwin::learn::model_file;
 use servotwin::table::{Column, Table as Columns};
-use servotwin::view::tree::{Node, TreeFigure as Drawing};
+use servotwin::view::tree::TreeFigure as Drawing;
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::classifiers::{Classifier, Model as Trained, Scores};
 use servotwin_diagnosis::hierarchy::Hierarchy;
 use servotwin_diagnosis::tree::Tree as Inner;
 use servotwin_learning::Samples;
 use servotwin_learning::classifiers::{Fit, Settings};
+use servotwin_report::stages;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -170,24 +171,6 @@ pub(crate) fn stage_trees(hierarchy: &Hierarchy) -> Vec<(String, Tree)> {
     trees.collect()
 }
 
-impl Tree {
-    fn node(&self, at: usize) -> Node {
-        let rows: u32 = self.inner.counts(at).iter().sum();
-        let size = format!("n = {rows}, purity {:.3} %", 100.0 * self.inner.purity(at));
-        let shares = self.inner.weights(at).to_vec();
-        match self.inner.split(at).zip(self.inner.children(at)) {
-            Some(((feature, threshold), (left, right))) => {
-                let question = format!("{} ≤ {threshold:.5}", self.features[feature]);
-                Node::split(vec![question, size], shares, self.node(left), self.node(right))
-            }
-            None => {
-                let class = self.classes[self.inner.decision(at) as usize].clone();
-                Node::leaf(vec![class, size], shares)
-            }
-        }
-    }
-}
-
 #[pymethods]
 impl Tree {
     /// The names of the features.
@@ -258,8 +241,7 @@ impl Tree {
         let drawing = Drawing {
             title: String::new(),
             classes: self.classes.clone(),
-            root: self.node(0),
-            sideways: false,
+            root: stages::nodes(&self.inner, &self.features, &self.classes, &[]),
             looks: vec![],
         };
         drawing.draw().svg

@@ -4,12 +4,11 @@ use crate::diagnoser::Diagnoser;
 use crate::errors::Failure;
 use crate::long::long;
 use crate::study::Study;
-use crate::table::Table;
+use crate::table::{Lines, Table, table_of};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
-use servotwin::fit::{Fit, FitError, FitRecord, FitResults as Solved};
-use servotwin::live::observer::Finding;
-use servotwin::table::{Column, Table as Columns};
+use servotwin::fit::{Fit, FitError, FitRecord, FitResults as Solved, Unknown};
+use servotwin::table::Column;
 use servotwin_watch::whole_table::{TableFindings, TableWatchError, watch_table};
 use std::ffi::CString;
 
@@ -54,23 +53,18 @@ pub(crate) fn watch(
         let text = CString::new(warning.replace('\0', " ")).expect("no zero is left");
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
     }
-    let text = |name: &str, of: &dyn Fn(&Finding) -> String| {
-        Column::new(name, "", found.iter().map(|(_, finding)| of(finding)).collect::<Vec<_>>())
-    };
-    let number = |name: &str, unit: &str, of: &dyn Fn(&(f64, Finding)) -> f64| {
-        Column::new(name, unit, found.iter().map(of).collect::<Vec<_>>())
-    };
+    let lines = Lines(found);
     let columns = vec![
-        number("time_s", "s", &|(time_s, _)| *time_s),
-        text("state", &|finding| finding.state.words().into()),
-        text("phase", &|finding| finding.phase.words().into()),
-        text("actuator", &|finding| finding.unit.clone().unwrap_or_default()),
-        text("action", &|finding| finding.action.clone()),
-        text("component", &|finding| finding.detail.clone()),
-        number("confidence", "", &|(_, finding)| finding.confidence),
-        text("finding", &|finding| finding.words()),
+        Column { unit: "s".into(), ..lines.number("time_s", |(time_s, _)| *time_s) },
+        lines.text("state", |(_, finding)| finding.state.words().into()),
+        lines.text("phase", |(_, finding)| finding.phase.words().into()),
+        lines.text("actuator", |(_, finding)| finding.unit.clone().unwrap_or_default()),
+        lines.text("action", |(_, finding)| finding.action.clone()),
+        lines.text("component", |(_, finding)| finding.detail.clone()),
+        lines.number("confidence", |(_, finding)| finding.confidence),
+        lines.text("finding", |(_, finding)| finding.words()),
     ];
-    Ok(Columns::from_columns(columns).expect("different names, one length").into())
+    Ok(table_of(columns))
 }
 
 /// A fit of the twin to a record, which `fit_record` returns.
@@ -149,29 +143,22 @@ pub(crate) fn fit_record(
         verdict: verdict.sentence,
         findings: fitted.findings,
         system_text,
-        parameters: Py::new(py, Table::from(parameters))?,
+        parameters: Py::new(py, parameters)?,
     })
 }
 
-fn parameters(problem: &Fit, fitted: &Solved) -> Columns {
-    let unknowns = &problem.unknowns;
-    let text = |name: &str, of: &dyn Fn(usize) -> String| {
-        Column::new(name, "", (0..unknowns.len()).map(of).collect::<Vec<_>>())
+fn parameters(problem: &Fit, fitted: &Solved) -> Table {
+    let lines = Lines(problem.unknowns.iter().enumerate().collect());
+    let error = |(k, unknown): &(usize, &Unknown)| {
+        let per_sigma = unknown.per_sigma(unknown.nominal());
+        (fitted.known.error(*k) * per_sigma).abs()
     };
-    let number = |name: &str, of: &dyn Fn(usize) -> f64| {
-        Column::new(name, "", (0..unknowns.len()).map(of).collect::<Vec<_>>())
-    };
-    let error = |k: usize| {
-        let per_sigma = unknowns[k].per_sigma(unknowns[k].nominal());
-        (fitted.known.error(k) * per_sigma).abs()
-    };
-    let columns = vec![
-        text("name", &|k| unknowns[k].name.clone()),
-        text("unit", &|k| unknowns[k].unit.symbol().into()),
-        number("nominal", &|k| unknowns[k].nominal()),
-        number("value", &|k| unknowns[k].value(fitted.z[k])),
-        number("standard_error", &error),
-        text("knowledge", &|k| fitted.known.sentence("record", unknowns, k)),
-    ];
-    Columns::from_columns(columns).expect("different names, one length")
+    table_of(vec![
+        lines.text("name", |(_, unknown)| unknown.name.clone()),
+        lines.text("unit", |(_, unknown)| unknown.unit.symbol().into()),
+        lines.number("nominal", |(_, unknown)| unknown.nominal()),
+        lines.number("value", |(k, unknown)| unknown.value(fitted.z[*k])),
+        lines.number("standard_error", error),
+        lines.text("knowledge", |(k, _)| fitted.known.sentence("record", &problem.unknowns, *k)),
+    ])
 }

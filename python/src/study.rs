@@ -3,14 +3,13 @@
 use crate::errors::Failure;
 use crate::long::long;
 use crate::system::System;
-use crate::table::Table;
+use crate::table::{Lines, Table, table_of};
 use pyo3::prelude::*;
 use servotwin::job::{Folder, JobError};
 use servotwin::learn::EvaluationError;
 use servotwin::records::RunError;
 use servotwin::records::columns::feature_columns_of;
 use servotwin::study::{Purpose, Scenario, Study as Inner};
-use servotwin::table::{Column, Table as Columns};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -114,19 +113,13 @@ impl Study {
     /// Every fault with every intensity, and the actuator that has it.
     #[getter]
     fn faults(&self) -> Table {
-        let faults = &self.inner.faults;
-        let units = &self.inner.units;
-        let text = |name: &str, of: &dyn Fn(usize) -> String| {
-            Column::new(name, "", (0..faults.len()).map(of).collect::<Vec<_>>())
-        };
-        let intensity: Vec<f64> = faults.iter().map(|fault| fault.at.intensity).collect();
-        let columns = vec![
-            text("id", &|k| faults[k].id.clone()),
-            text("unit", &|k| units[faults[k].unit].clone()),
-            text("kind", &|k| faults[k].kind.clone()),
-            Column::new("intensity", "", intensity),
-        ];
-        Columns::from_columns(columns).expect("different names, one length").into()
+        let lines = Lines(self.inner.faults.iter().collect());
+        table_of(vec![
+            lines.text("id", |fault| fault.id.clone()),
+            lines.text("unit", |fault| self.inner.units[fault.unit].clone()),
+            lines.text("kind", |fault| fault.kind.clone()),
+            lines.number("intensity", |fault| fault.at.intensity),
+        ])
     }
 
     /// Run the whole study: simulate, train, evaluate, and write the report.
@@ -236,15 +229,6 @@ pub(crate) fn data_set(
 pub(crate) fn feature_columns(names: Vec<String>) -> Vec<String> {
     let features = feature_columns_of(names.iter().map(String::as_str));
     features.into_iter().map(str::to_owned).collect()
-}
-
-/// Reads the text of a study as results keep it, with its system.
-#[pyfunction]
-pub(crate) fn study_of(py: Python<'_>, out: PathBuf) -> PyResult<Study> {
-    let folder = Folder::new(out);
-    let path = folder.study().display().to_string();
-    let inner = py.detach(|| folder.read_study()).map_err(Failure::from)?;
-    Ok(Study::made(inner, path))
 }
 
 impl From<RunError> for Failure {

@@ -1,15 +1,15 @@
 //! `System`: a system file, checked and compiled.
 
 use crate::errors::{Failure, Place};
-use crate::table::Table;
+use crate::table::{Lines, Table, table_of};
 use pyo3::prelude::*;
 use servotwin::rest;
 use servotwin::system::System as Inner;
 use servotwin::system::listing::fault_table;
-use servotwin::table::{Column, Table as Columns};
 use servotwin::toml_text::TomlError;
+use servotwin::view::render;
 use servotwin_model::spec::Unit;
-use servotwin_report::schematic;
+use servotwin_report::{behavior, schematic};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -38,23 +38,6 @@ impl System {
         let inner = Arc::new(Inner::parse(text, path)?);
         Ok(System { inner, path: path.into() })
     }
-}
-
-/// Columns of texts and numbers, one row for each of a list.
-struct Lines<T>(Vec<T>);
-
-impl<T> Lines<T> {
-    fn text(&self, name: &str, of: impl Fn(&T) -> String) -> Column {
-        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
-    }
-
-    fn number(&self, name: &str, of: impl Fn(&T) -> f64) -> Column {
-        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
-    }
-}
-
-fn table(columns: Vec<Column>) -> Table {
-    Columns::from_columns(columns).expect("different names, one length").into()
 }
 
 fn symbol(unit: Unit) -> String {
@@ -156,7 +139,7 @@ impl System {
     #[getter]
     fn components(&self) -> Table {
         let lines = Lines(self.inner.network().components.iter().collect());
-        table(vec![
+        table_of(vec![
             lines.text("id", |line| line.id.clone()),
             lines.text("kind", |line| line.component.kind.into()),
             lines.text("summary", |line| line.component.summary.into()),
@@ -172,7 +155,7 @@ impl System {
             declared.map(move |(declared, value)| (instance, declared, *value))
         });
         let lines = Lines(all.collect());
-        table(vec![
+        table_of(vec![
             lines
                 .text("id", |(instance, declared, _)| format!("{}.{}", instance.id, declared.name)),
             lines.text("component", |(instance, _, _)| instance.id.clone()),
@@ -194,7 +177,7 @@ impl System {
     #[getter]
     fn inputs(&self) -> Table {
         let lines = Lines(self.inner.network().inputs.iter().collect());
-        table(vec![
+        table_of(vec![
             lines.text("id", |line| line.id.clone()),
             lines.text("unit", |line| symbol(line.unit)),
             lines.number("default", |line| line.default),
@@ -205,7 +188,7 @@ impl System {
     #[getter]
     fn sensors(&self) -> Table {
         let lines = Lines(self.inner.sensors.iter().collect());
-        table(vec![
+        table_of(vec![
             lines.text("id", |line| line.id.clone()),
             lines.text("label", |line| line.label.clone()),
             lines.text("signal", |line| line.signal.clone()),
@@ -222,7 +205,7 @@ impl System {
     ///     Components, states, inputs, sensors and eigenvalues, SI.
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let text = py.detach(|| -> Result<String, Failure> {
-            Ok(rest::describe(&self.inner, &rest::of(&self.inner)?).to_string())
+            Ok(render::json(&behavior::document(&self.inner, &rest::of(&self.inner)?)))
         })?;
         py.import("json")?.call_method1("loads", (text,))
     }

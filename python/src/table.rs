@@ -51,6 +51,26 @@ impl Table {
     }
 }
 
+/// Columns of texts and numbers, one row for each of a list.
+pub(crate) struct Lines<T>(pub(crate) Vec<T>);
+
+impl<T> Lines<T> {
+    /// A column of texts.
+    pub(crate) fn text(&self, name: &str, of: impl Fn(&T) -> String) -> Column {
+        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
+    }
+
+    /// A column of numbers.
+    pub(crate) fn number(&self, name: &str, of: impl Fn(&T) -> f64) -> Column {
+        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
+    }
+}
+
+/// A table of such columns.
+pub(crate) fn table_of(columns: Vec<Column>) -> Table {
+    tables::Table::from_columns(columns).expect("different names, one length").into()
+}
+
 /// The names of the columns of a mapping, or of a frame of Polars or pyarrow.
 fn names_of<'py>(columns: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     if let Some(keys) = columns.getattr_opt("keys")? {

@@ -17,7 +17,6 @@ mod out;
 mod paths;
 mod stop;
 
-use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 #[cfg(feature = "serve")]
 use commands::serve;
@@ -198,37 +197,6 @@ impl Command {
     }
 }
 
-/// Words that people try as commands, and what does it.
-const TIPS: [(&str, &str); 12] = [
-    ("merge", "study --suite records"),
-    ("train", "study"),
-    ("evaluate", "study"),
-    ("flights", "study --suite flights"),
-    ("explain", "run"),
-    ("results", "report --markdown"),
-    ("predict", "watch --model FOLDER/diagnoser-of-TARGET.json"),
-    ("faults", "describe --faults"),
-    ("components", "catalog"),
-    ("schema", "tools schema"),
-    ("function-rate", "fault-tree"),
-    ("monitor", "watch"),
-];
-
-/// Reads the options. A guessed command gets a tip.
-fn read_options() -> Cli {
-    let matches = command_line().try_get_matches().unwrap_or_else(|error| {
-        let word = match error.get(ContextKind::InvalidSubcommand) {
-            Some(ContextValue::String(word)) => word.as_str(),
-            _ => error.exit(),
-        };
-        let Some((_, tip)) = TIPS.iter().find(|(known, _)| *known == word) else { error.exit() };
-        let failure =
-            Failure::usage(format!("there is no command '{word}'; 'servotwin {tip}' does that"));
-        std::process::exit(i32::from(tell(&failure, false).exit_code));
-    });
-    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
-}
-
 /// The command line with its commands in groups.
 fn command_line() -> clap::Command {
     let command = Cli::command();
@@ -250,7 +218,8 @@ fn command_line() -> clap::Command {
 fn main() -> ExitCode {
     stop::listen();
     report_full_files();
-    let Cli { global, command } = read_options();
+    let Cli { global, command } =
+        Cli::from_arg_matches(&command_line().get_matches()).unwrap_or_else(|error| error.exit());
     global.compile.set(global.quiet);
     let command = command.chosen();
     let paths = command.paths();

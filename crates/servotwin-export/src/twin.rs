@@ -76,6 +76,12 @@ impl ExportedReaction {
 }
 
 impl ExportedTwin<'_> {
+    /// The index of a component's first parameter among those of all components.
+    pub(crate) fn first_parameter(&self, component: usize) -> usize {
+        let before = &self.program.network().components[..component];
+        before.iter().map(|instance| instance.parameters.len()).sum()
+    }
+
     /// Whether every step has the same length.
     pub(crate) fn has_fixed_step(&self) -> bool {
         matches!(self.settings.control, Control::Fixed { .. })

@@ -5,6 +5,7 @@
 //! a study (no third sensor, no realistic scenario) is left out. Results to act on come first; the
 //! evidence behind them follows in an appendix. The same material gives the same bytes.
 
+pub mod behavior;
 pub(crate) mod examples;
 pub mod explain;
 pub mod lines;
@@ -13,7 +14,7 @@ pub mod measured;
 mod overview;
 pub mod schematic;
 mod sections;
-mod stages;
+pub mod stages;
 pub mod table;
 pub mod vocabulary;
 pub mod words;
@@ -121,10 +122,7 @@ pub static CHAPTERS: &[Chapter] = &[
     appendix(
         "decisions",
         "How the trees decide",
-        &[
-            section("macrostructure", "How the trees hang together", macrostructure::write),
-            section("trees", "The trees", actuator_tree::write),
-        ],
+        &[section("trees", "The trees", actuator_tree::write)],
     ),
     appendix(
         "examples",
@@ -135,7 +133,7 @@ pub static CHAPTERS: &[Chapter] = &[
         "rates",
         "Rates by scenario and protocol",
         &[
-            section("protocols", "The trees under every protocol", protocols::write),
+            section("protocols", "Trees and committee under every protocol", protocols::write),
             section("committee", "The committee", committee::write),
             section("settings", "Settings", settings::write),
             section("confusion", "Confusion matrices", confusion::write),

@@ -10,7 +10,7 @@ use servotwin::job::results::SubjectResult;
 use servotwin::learn::Evaluation;
 use servotwin::learn::bands::Band;
 use servotwin::learn::metrics::Rate;
-use servotwin::learn::protocol::{Protocol, ProtocolResult, StageScore};
+use servotwin::learn::protocol::{ALL, Protocol, ProtocolResult, StageScore};
 use servotwin::measure::flights::{FlightMetrics, HealthyMetrics};
 use servotwin::measure::{self, Measure, Rates};
 use servotwin::shown::{Shown, shown};
@@ -154,6 +154,12 @@ impl Who {
     pub(crate) fn headline(self, evaluation: &Evaluation) -> Option<&ProtocolResult> {
         self.under(evaluation, evaluation.headline()?.protocol)
     }
+}
+
+/// The trees under each protocol, followed by the committee where it was judged.
+pub(crate) fn answers(evaluation: &Evaluation) -> Vec<(Who, &ProtocolResult)> {
+    let of = |protocol| Who::ALL.map(|who| Some((who, who.under(evaluation, protocol)?)));
+    ALL.into_iter().flat_map(of).flatten().collect()
 }
 
 /// One row of the headline.

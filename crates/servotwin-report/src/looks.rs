@@ -1,6 +1,5 @@
 //! Plot styles of a study's actuators, actions and failures in the figures of its report.
 
-use servotwin::job::Subject;
 use servotwin::study::Study;
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::{Look, SemanticColor};
@@ -48,17 +47,6 @@ impl Looks {
         // Without colors, every fault class still has its own look.
         Some(SemanticColor::Detail(action, below).look().at(place))
     }
-}
-
-/// The style of a subject (a data set and the sensors used).
-pub(crate) fn subject(subject: Subject) -> Look {
-    let place = Subject::ALL.iter().position(|known| *known == subject);
-    SemanticColor::Scenario(place.unwrap_or(0)).look()
-}
-
-/// Styles of two series that have no meaning in other figures.
-pub(crate) fn plain() -> Vec<Look> {
-    vec![SemanticColor::Plain(0).look(), SemanticColor::Plain(1).look()]
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{
-    begun, by_environment, by_environment_and_tail, chosen, number, percent, spoken,
+    begun, by_environment, by_environment_and_tail, chosen, distinct, number, percent, spoken,
 };
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
@@ -293,16 +293,6 @@ fn rate_tables(rates: &[MeasuredRate], section: &mut Document) {
         let id = format!("{protocol}, {}", parts.join(", "));
         section.table(id, table.captioned(begun(protocol)));
     }
-}
-
-/// Returns each value once, in the order of first appearance.
-fn distinct<'t>(values: impl Iterator<Item = &'t str>) -> Vec<&'t str> {
-    values.fold(vec![], |mut known, value| {
-        if !known.contains(&value) {
-            known.push(value);
-        }
-        known
-    })
 }
 
 /// A rate with its interval and count: `97.38 % (96.50 … 98.12), 4049 of 4158`.

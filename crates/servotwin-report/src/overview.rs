@@ -4,7 +4,7 @@
 use crate::Material;
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
-use crate::words::{begun, chosen, percent, spoken};
+use crate::words::{begun, chosen, distinct, percent, spoken};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::detection::Curve;
@@ -209,23 +209,19 @@ fn whole(curve: &Curve) -> Rate {
 fn seen<'r>(result: &'r SubjectResult) -> Vec<Seen<'r>> {
     let detection = &result.evaluation.detection;
     let of_curve = |curve: &'r Curve| {
-        let own: Vec<_> = detection
-            .least
-            .iter()
-            .filter(|l| l.fault == curve.kind || l.fault.ends_with(&format!(".{}", curve.kind)))
-            .collect();
-        let (mut never, mut cases, mut from) = (vec![], vec![], 0.0_f64);
-        for least in own {
-            if !cases.contains(&least.case.as_str()) {
-                cases.push(&least.case);
-            }
-            match least.intensity {
-                Some(intensity) => from = from.max(intensity),
-                None if never.contains(&least.case.as_str()) => {}
-                None => never.push(least.case.as_str()),
-            }
+        let own = || {
+            let is_own =
+                |fault: &str| fault == curve.kind || fault.ends_with(&format!(".{}", curve.kind));
+            detection.least.iter().filter(move |least| is_own(&least.fault))
+        };
+        let never = own().filter(|least| least.intensity.is_none());
+        Seen {
+            kind: &curve.kind,
+            rate: whole(curve),
+            never: distinct(never.map(|least| least.case.as_str())),
+            cases: distinct(own().map(|least| least.case.as_str())).len(),
+            from: own().filter_map(|least| least.intensity).fold(0.0, f64::max),
         }
-        Seen { kind: &curve.kind, rate: whole(curve), never, cases: cases.len(), from }
     };
     let mut all: Vec<Seen> = detection.curves.iter().map(of_curve).collect();
     all.retain(|seen| seen.rate.of > 0);

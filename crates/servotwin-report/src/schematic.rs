@@ -2,6 +2,7 @@
 //!
 //! Components and connections come from the system file. A component's column is its distance from the sources of oil.
 
+use crate::words::distinct;
 use servotwin::system::System;
 use servotwin_model::component::Component;
 use servotwin_model::network::{Network, PortOf};
@@ -59,12 +60,7 @@ fn medium(kind: PortKind) -> usize {
 
 /// Lists the actuators, with the shared part in the middle.
 fn groups<'s>(ids: &[&'s String]) -> Vec<&'s str> {
-    let mut groups: Vec<&str> = vec![];
-    for (group, _) in ids.iter().filter_map(|id| id.rsplit_once('.')) {
-        if !groups.contains(&group) {
-            groups.push(group);
-        }
-    }
+    let mut groups = distinct(ids.iter().filter_map(|id| Some(id.rsplit_once('.')?.0)));
     groups.insert(groups.len() / 2, "");
     groups
 }

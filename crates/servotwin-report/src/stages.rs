@@ -2,7 +2,7 @@
 
 use super::looks::Looks;
 use super::vocabulary::Vocabulary;
-use super::words::{number, of_unit, spoken};
+use super::words::{distinct, number, of_unit, spoken};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
@@ -26,9 +26,9 @@ pub(crate) fn drawing(
     let classes = stage.classes.iter().map(class).map(|name| spoken(words.class(question, name)));
     let names: Vec<String> =
         stage.columns.iter().map(|&c| hierarchy.names.features[c as usize].clone()).collect();
-    let drawer = Drawer { tree, names, classes: classes.collect(), features };
-    let root = drawer.node(0);
-    Some(Drawing { title: String::new(), classes: drawer.classes, looks, root, sideways: true })
+    let classes: Vec<String> = classes.collect();
+    let root = nodes(tree, &names, &classes, features);
+    Some(Drawing { title: String::new(), classes, looks, root })
 }
 
 /// Whether a stage decides between classes. The actuator stage does not if its tree was trained with one class only,
@@ -47,20 +47,21 @@ pub(crate) fn asked<'h>(hierarchy: &'h Hierarchy, stage: &Stage) -> Vec<&'h str>
     let Model::Cart(tree) = &stage.model else {
         return vec![];
     };
-    let mut asked: Vec<&str> = vec![];
-    for (column, _) in (0..tree.nodes()).filter_map(|node| tree.split(node)) {
-        let name = hierarchy.names.features[stage.columns[column] as usize].as_str();
-        if !asked.contains(&name) {
-            asked.push(name);
-        }
-    }
-    asked
+    let splits = (0..tree.nodes()).filter_map(|node| tree.split(node));
+    distinct(
+        splits.map(|(column, _)| hierarchy.names.features[stage.columns[column] as usize].as_str()),
+    )
+}
+
+/// The nodes of a tree, with names for its features and classes.
+pub fn nodes(tree: &Tree, names: &[String], classes: &[String], features: &[Feature]) -> Node {
+    Drawer { tree, names, classes, features }.node(0)
 }
 
 struct Drawer<'a> {
     tree: &'a Tree,
-    names: Vec<String>,
-    classes: Vec<String>,
+    names: &'a [String],
+    classes: &'a [String],
     features: &'a [Feature],
 }
 

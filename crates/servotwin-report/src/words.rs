@@ -150,6 +150,16 @@ pub(crate) fn unit(unit: &str) -> &str {
     }
 }
 
+/// Returns each value once, in the order of first appearance.
+pub fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
+    values.into_iter().fold(vec![], |mut known, value| {
+        if !known.contains(&value) {
+            known.push(value);
+        }
+        known
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -5,12 +5,11 @@ use crate::error::SafetyError;
 use crate::interval::CountedValue;
 use crate::rated_flights::RatedFlights;
 use crate::rates::rated_faults;
-use crate::results::{FOLDER, StudyResultsFolder};
+use crate::results::StudyResultsFolder;
 use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees};
 use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
 use crate::tree::{drawing, exchange};
 use serde::Serialize;
-use servotwin::files::{create_folder, write_atomically};
 use servotwin::table::{Column, Table};
 use std::path::PathBuf;
 
@@ -74,30 +73,19 @@ impl FaultTreeArtefact {
     /// # Errors
     /// A file cannot be written.
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
-        create_folder(results.folder.path().join(FOLDER))?;
         let mut written = vec![];
         for end in BandEnd::ALL {
-            let path = results.artefact(&format!("fault-tree{}.xml", end.suffix()));
             let text = exchange::document(&self.study, &self.trees, &self.hours, end);
-            write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
-            written.push(path);
+            written.push(results.write(&format!("fault-tree{}.xml", end.suffix()), &text)?);
         }
-        let path = results.artefact("fault-tree.json");
-        let text = self.json(&results.basis.in_words());
-        write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
-        written.push(path);
+        written.push(results.write("fault-tree.json", &self.json(&results.basis.in_words()))?);
         for top in &self.trees.tree.tops {
             let id = &self.trees.tree.gates[top.gate].id;
-            let path = results.artefact(&format!("fault-tree-{id}.svg"));
             let figure = drawing::draw(&self.trees, &self.hours, top.gate);
-            write_atomically(&path, |out| out.write_all(figure.svg.as_bytes()))?;
-            written.push(path);
+            written.push(results.write(&format!("fault-tree-{id}.svg"), &figure.svg)?);
         }
-        for (name, table) in [("cutsets", self.cut_sets()?), ("importance", self.importance()?)] {
-            let path = results.artefact(&format!("fault-tree-{name}.csv"));
-            table.write(&path)?;
-            written.push(path);
-        }
+        written.push(results.write_table("fault-tree-cutsets.csv", &self.cut_sets()?)?);
+        written.push(results.write_table("fault-tree-importance.csv", &self.importance()?)?);
         Ok(written)
     }
 

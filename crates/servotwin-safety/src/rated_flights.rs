@@ -2,7 +2,7 @@
 
 use crate::counts::JudgedFlights;
 use crate::error::SafetyError;
-use crate::rates::{FailureRates, rated_faults};
+use crate::rates::FailureRates;
 use crate::results::StudyResultsFolder;
 use crate::tree::numbers::ExposureHours;
 use std::path::Path;
@@ -27,7 +27,7 @@ impl<'r> RatedFlights<'r> {
         hours: ExposureHours,
     ) -> Result<Self, SafetyError> {
         let hours = hours.checked()?;
-        let rates = FailureRates::read(rates, &rated_faults(&results.study))?;
+        let rates = FailureRates::read(rates, &results.study)?;
         let flights = JudgedFlights::read(&results.folder, results.flown_or_missing()?)?;
         let flights = match hours.test_h {
             None => flights,

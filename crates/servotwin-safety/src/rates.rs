@@ -65,16 +65,31 @@ pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
     list
 }
 
+/// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
+pub(crate) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
+    study.unit_of(fault).map(|unit| study.units[unit].as_str())
+}
+
+/// A fault's name without its actuator.
+pub(crate) fn kind_of(study: &Study, fault: &str) -> String {
+    let own =
+        actuator_of(study, fault).and_then(|unit| fault.strip_prefix(unit)?.strip_prefix('.'));
+    own.unwrap_or(fault).to_owned()
+}
+
 impl FailureRates {
-    /// Reads a table of rates for these faults.
+    /// Reads a table of rates for the faults of a system.
     ///
     /// # Errors
     /// The file cannot be read; a column is missing; a cell is not allowed.
-    pub(crate) fn read(path: &Path, faults: &[RatedFault]) -> Result<Self, SafetyError> {
+    pub(crate) fn read(path: &Path, study: &Study) -> Result<Self, SafetyError> {
+        let faults = study.system.all_faults().into_iter();
+        Self::read_named(path, faults.flat_map(|id| [kind_of(study, &id), id]).collect())
+    }
+
+    fn read_named(path: &Path, mut known: Vec<String>) -> Result<Self, SafetyError> {
         let table = texts::read(path)?;
         let places = find_columns(path, &table, COLUMNS)?;
-        let mut known: Vec<String> =
-            faults.iter().flat_map(|f| [f.id.clone(), f.kind.clone()]).collect();
         known.sort();
         known.dedup();
         let mut rates = FailureRates { path: path.into(), list: vec![] };
@@ -202,10 +217,14 @@ mod tests {
         vec![fault("actuator_1"), fault("actuator_2")]
     }
 
+    fn names() -> Vec<String> {
+        faults().into_iter().flat_map(|fault| [fault.id, fault.kind]).collect()
+    }
+
     fn read(rows: &str) -> Result<FailureRates, SafetyError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), format!("fault,rate,unit,source\n{rows}")).unwrap();
-        FailureRates::read(file.path(), &faults())
+        FailureRates::read_named(file.path(), names())
     }
 
     #[test]
@@ -264,7 +283,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rates.csv");
         write_template(&path, &faults()).unwrap();
-        let error = FailureRates::read(&path, &faults()).unwrap_err().to_string();
+        let error = FailureRates::read_named(&path, names()).unwrap_err().to_string();
         assert!(error.contains("line 2, column 'rate': '' is no number"), "{error}");
     }
 }

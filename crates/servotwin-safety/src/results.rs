@@ -1,6 +1,7 @@
 //! The results of a study as evidence: what they were made of, and which scenario is quoted.
 
 use crate::error::SafetyError;
+use servotwin::files::{create_folder, write_atomically};
 use servotwin::job::flights::{self, FlightResults};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
@@ -8,7 +9,7 @@ use servotwin::job::{Folder, JobError, Results, Subject};
 use servotwin::manifest::{sha256, sha256_of_text};
 use servotwin::measure::flights::FlightMetrics;
 use servotwin::study::{Purpose, Scenario, Study};
-use servotwin::table;
+use servotwin::table::{self, Table};
 use std::path::PathBuf;
 
 /// The folder for artefacts in an output folder.
@@ -106,8 +107,24 @@ impl StudyResultsFolder {
     }
 
     /// The path of an artefact.
-    pub(crate) fn artefact(&self, name: &str) -> PathBuf {
+    fn artefact(&self, name: &str) -> PathBuf {
         self.folder.path().join(FOLDER).join(name)
+    }
+
+    /// Writes an artefact of text, and returns its path.
+    pub(crate) fn write(&self, name: &str, text: &str) -> Result<PathBuf, SafetyError> {
+        create_folder(self.folder.path().join(FOLDER))?;
+        let path = self.artefact(name);
+        write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+        Ok(path)
+    }
+
+    /// Writes an artefact that is a table, and returns its path.
+    pub(crate) fn write_table(&self, name: &str, table: &Table) -> Result<PathBuf, SafetyError> {
+        create_folder(self.folder.path().join(FOLDER))?;
+        let path = self.artefact(name);
+        table.write(&path)?;
+        Ok(path)
     }
 
     /// The evaluation of the quoted scenario.
@@ -209,7 +226,7 @@ fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyEr
 pub(crate) fn read_residual_columns(
     folder: &Folder,
     scenario: Scenario,
-) -> Result<Option<table::Table>, SafetyError> {
+) -> Result<Option<Table>, SafetyError> {
     let path = folder.data_set(scenario, Purpose::Test);
     if !path.exists() {
         return Ok(None);

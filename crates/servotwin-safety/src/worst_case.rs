@@ -2,9 +2,8 @@
 //! what was not searched. It is read from the outcomes of a [search](servotwin::job::worst_case).
 
 use crate::error::SafetyError;
-use crate::results::{FOLDER, StudyResultsFolder};
+use crate::results::StudyResultsFolder;
 use serde::Serialize;
-use servotwin::files::{create_folder, write_atomically};
 use servotwin::flight::margin::SearchObjective;
 use servotwin::flight::worst_case::INTENSITY;
 use servotwin::flight::worst_case::space::SearchSpace;
@@ -105,7 +104,6 @@ pub fn search(
     crew: &Crew,
 ) -> Result<Vec<ObjectiveSummary>, SafetyError> {
     let (study, scenario) = (&results.study, results.flown_setting()?);
-    create_folder(results.folder.path().join(FOLDER))?;
     let one = |&objective: &SearchObjective| {
         let space = SearchSpace::new(study, scenario, objective);
         let space = space.ok_or(SafetyError::NothingToSearch { objective: objective.name() })?;
@@ -227,7 +225,5 @@ fn draw(
         });
         chart = chart.with(Curve::new(method, points.collect()).unmarked());
     }
-    let path = results.artefact(&format!("worst-case-{name}.svg"));
-    write_atomically(&path, |out| out.write_all(chart.draw().svg.as_bytes()))?;
-    Ok(path)
+    results.write(&format!("worst-case-{name}.svg"), &chart.draw().svg)
 }

@@ -1,5 +1,8 @@
 //! Axes: ranges, ticks at round numbers, and their labels.
 
+use crate::document::NONE;
+use crate::shown::number;
+
 /// A tick with its label.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
@@ -7,19 +10,18 @@ pub(super) struct Tick {
     pub(crate) label: String,
 }
 
-/// A range with ticks, linear or logarithmic.
+/// A range with ticks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Axis {
     pub(crate) low: f64,
     pub(crate) high: f64,
-    pub(crate) log: bool,
     pub(crate) ticks: Vec<Tick>,
     /// The labels' common factor, such as `×10⁶`; empty for one.
     pub(crate) factor: String,
 }
 
 impl Axis {
-    /// A linear axis over a range, with about `count` ticks.
+    /// An axis over a range, with about `count` ticks.
     pub(crate) fn linear(range: (f64, f64), count: usize) -> Self {
         let (low, high) = widened(range);
         let step = round_step((high - low) / count.max(1) as f64);
@@ -35,34 +37,7 @@ impl Axis {
         };
         let ticks = (first..=last).map(tick).collect();
         let factor = if exponent == 0 { String::new() } else { format!("×{}", power(exponent)) };
-        Self { low, high, log: false, ticks, factor }
-    }
-
-    /// A logarithmic axis over the positive part of a range.
-    pub(crate) fn logarithmic(range: (f64, f64)) -> Self {
-        let (low, high) = match range {
-            (low, high) if low > 0.0 && high > low => (low, high),
-            (_, high) if high > 0.0 => (high / 10.0, high * 10.0_f64.sqrt()),
-            _ => (1.0, 10.0),
-        };
-        let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-        let decades = (high / low).log10();
-        let multiples: &[f64] = match decades {
-            ..1.2 => &[1.0, 2.0, 3.0, 5.0],
-            1.2..3.0 => &[1.0, 2.0, 5.0],
-            _ => &[1.0],
-        };
-        // With many decades, only every second, third … gets a label.
-        let every = (1 + (last - first) / 8) as usize;
-        let decades = (first..=last).step_by(every);
-        let all = decades.flat_map(|decade| multiples.iter().map(move |part| (*part, decade)));
-        let tick = |(part, decade): (f64, i32)| Tick {
-            at: part * 10_f64.powi(decade),
-            label: decade_label(part, decade),
-        };
-        let inside = |tick: &Tick| tick.at >= low * 0.999 && tick.at <= high * 1.001;
-        let ticks = all.map(tick).filter(inside).collect();
-        Self { low, high, log: true, ticks, factor: String::new() }
+        Self { low, high, ticks, factor }
     }
 
     /// Extends the axis to the next tick if that is very near, like 90 s for 9000 samples at 100 Hz.
@@ -81,11 +56,7 @@ impl Axis {
 
     /// Maps a value to a coordinate between `from` and `to`; `None` if the axis cannot show it.
     pub(crate) fn place(&self, value: f64, from: f64, to: f64) -> Option<f64> {
-        let share = match self.log {
-            true if value > 0.0 => (value / self.low).ln() / (self.high / self.low).ln(),
-            true => return None,
-            false => (value - self.low) / (self.high - self.low),
-        };
+        let share = (value - self.low) / (self.high - self.low);
         share.is_finite().then_some(from + share * (to - from))
     }
 
@@ -157,35 +128,15 @@ fn digits_after_point(step: f64) -> usize {
 
 /// A number for a tooltip: four significant digits, no trailing zeros.
 pub(super) fn plain(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return if value == 0.0 { "0".to_owned() } else { "–".to_owned() };
-    }
-    let size = value.abs();
-    if !(1e-4..1e6).contains(&size) {
-        return signed(format!("{value:.3e}"));
-    }
-    let decimals = (3 - size.log10().floor() as i32).max(0) as usize;
-    let text = format!("{value:.decimals$}");
-    let text =
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    signed(text.to_owned())
+    if value.is_finite() { signed(number(value, 4)) } else { NONE.to_owned() }
 }
 
 /// Uses the typographic minus sign, and removes the sign of zero.
-pub(super) fn signed(text: String) -> String {
+fn signed(text: String) -> String {
     match text.strip_prefix('-') {
         Some(digits) if digits.chars().all(|digit| matches!(digit, '0' | '.')) => digits.to_owned(),
         Some(digits) => format!("−{digits}"),
         None => text,
-    }
-}
-
-fn decade_label(part: f64, decade: i32) -> String {
-    match decade {
-        0.. if decade <= 4 => format!("{}", part * 10_f64.powi(decade)),
-        -3..0 => format!("{:.*}", decade.unsigned_abs() as usize, part * 10_f64.powi(decade)),
-        _ if part == 1.0 => power(decade),
-        _ => format!("{part}·{}", power(decade)),
     }
 }
 
@@ -214,7 +165,7 @@ mod tests {
             (98.765_43, "98.77"),
             (0.0, "0"),
             (f64::NAN, "–"),
-            (1e-7, "1.000e-7"),
+            (1e-7, "1e-7"),
         ];
         for (value, text) in cases {
             assert_eq!(plain(value), text);

@@ -6,6 +6,7 @@
 
 mod value;
 
+pub(crate) use value::NONE;
 pub use value::Value;
 
 use crate::Figure;
@@ -421,11 +422,7 @@ impl Table {
     }
 
     /// Adds a row, emphasized or not.
-    pub(crate) fn push_if<V: Into<Value>>(
-        &mut self,
-        is_strong: bool,
-        row: impl IntoIterator<Item = V>,
-    ) {
+    pub fn push_if<V: Into<Value>>(&mut self, is_strong: bool, row: impl IntoIterator<Item = V>) {
         let row: Vec<Value> = row.into_iter().map(Into::into).collect();
         debug_assert_eq!(row.len(), self.columns.len(), "{:?}", self.columns);
         self.rows.push((row, is_strong));

@@ -6,12 +6,10 @@
 //! gap there.
 
 mod axis;
-pub mod bars;
 pub mod decimate;
 pub mod document;
 mod font;
 mod frame;
-pub mod histogram;
 mod legend;
 pub mod lines;
 mod meaning;

@@ -1,10 +1,10 @@
-//! Curves of one quantity over another, with markers and optional intervals, on linear or logarithmic axes.
+//! Curves of one quantity over another, with markers and optional intervals.
 
 use super::Figure;
 use super::axis::{Axis, extent, padded, plain};
 use super::frame::{Frame, TITLE_BELOW, labels_width};
 use super::legend::{self, LegendEntry, Swatch};
-use super::style::{Look, look_or_nth};
+use super::style::Look;
 use super::svg::{Area, Canvas, Type};
 use super::time_series::runs;
 
@@ -17,15 +17,13 @@ pub struct Lines {
     pub(crate) x_label: String,
     /// The title of the vertical axis, with its unit.
     pub(crate) y_label: String,
-    /// Whether the horizontal axis is logarithmic.
-    pub x_log: bool,
     /// The range of the vertical axis; `None` for that of the data.
     pub y_range: Option<(f64, f64)>,
     /// The curves.
     pub curves: Vec<Curve>,
 }
 
-/// One curve. A logarithmic axis omits points that are not positive.
+/// One curve.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve {
     /// The name in the legend.
@@ -36,25 +34,17 @@ pub struct Curve {
     pub(crate) intervals: Vec<(f64, f64)>,
     /// Whether the points have markers; otherwise only the line is drawn.
     pub(crate) marked: bool,
-    /// The style; `None` for the default style of the curve's index.
-    pub(crate) look: Option<Look>,
 }
 
 impl Curve {
     /// A curve with marked points.
     pub fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
-        Self { name: name.into(), points, intervals: Vec::new(), marked: true, look: None }
+        Self { name: name.into(), points, intervals: Vec::new(), marked: true }
     }
 
     /// Sets an interval for each point.
     pub fn with_intervals(mut self, intervals: Vec<(f64, f64)>) -> Self {
         self.intervals = intervals;
-        self
-    }
-
-    /// Sets the style.
-    pub fn looking(mut self, look: Look) -> Self {
-        self.look = Some(look);
         self
     }
 
@@ -72,7 +62,7 @@ const HEIGHT: f64 = 300.0;
 const MARGIN: f64 = 10.0;
 
 impl Lines {
-    /// A chart without curves, on linear axes.
+    /// A chart without curves.
     pub fn new(
         title: impl Into<String>,
         x_label: impl Into<String>,
@@ -82,7 +72,6 @@ impl Lines {
             title: title.into(),
             x_label: x_label.into(),
             y_label: y_label.into(),
-            x_log: false,
             y_range: None,
             curves: Vec::new(),
         }
@@ -119,7 +108,7 @@ impl Lines {
         };
         canvas.clipped(wide, |canvas| {
             for (index, curve) in self.curves.iter().enumerate() {
-                draw_curve(canvas, curve, look_or_nth(curve.look, index), &frame);
+                draw_curve(canvas, curve, Look::nth(index), &frame);
             }
         });
         frame.draw_outline(&mut canvas);
@@ -144,8 +133,8 @@ impl Lines {
             .map(|(index, curve)| LegendEntry {
                 name: curve.name.clone(),
                 swatch: match curve.marked {
-                    true => Swatch::Marked(look_or_nth(curve.look, index)),
-                    false => Swatch::Line(look_or_nth(curve.look, index)),
+                    true => Swatch::Marked(Look::nth(index)),
+                    false => Swatch::Line(Look::nth(index)),
                 },
             })
             .collect()
@@ -153,35 +142,23 @@ impl Lines {
 
     fn x_axis(&self) -> Axis {
         let values = self.curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
-        axis(values, self.x_log, None, 8)
+        axis(values, None, 8)
     }
 
     fn y_axis(&self) -> Axis {
         let points = self.curves.iter().flat_map(|curve| &curve.points).map(|point| point.1);
         let ends = self.curves.iter().flat_map(|curve| &curve.intervals);
-        axis(points.chain(ends.flat_map(|(low, high)| [*low, *high])), false, self.y_range, 6)
+        axis(points.chain(ends.flat_map(|(low, high)| [*low, *high])), self.y_range, 6)
     }
 }
 
-fn axis(
-    values: impl Iterator<Item = f64>,
-    log: bool,
-    range: Option<(f64, f64)>,
-    count: usize,
-) -> Axis {
-    let usable = values.filter(|value| !log || *value > 0.0);
-    let found = range.or_else(|| extent(usable));
-    match (log, found, range) {
-        (true, Some((low, high)), None) => {
-            // On a logarithmic axis the margin is a factor.
-            let margin = (high / low).powf(0.03).max(1.02);
-            Axis::logarithmic((low / margin, high * margin))
-        }
-        (true, found, _) => Axis::logarithmic(found.unwrap_or((1.0, 10.0))),
-        // A margin keeps a curve at the end of the range visible beside the frame.
-        (false, Some(range), Some(_)) => Axis::linear(padded(range, 0.025), count),
-        (false, found, _) => Axis::linear(padded(found.unwrap_or((0.0, 1.0)), 0.03), count),
-    }
+fn axis(values: impl Iterator<Item = f64>, range: Option<(f64, f64)>, count: usize) -> Axis {
+    // A margin keeps a curve at the end of the range visible beside the frame.
+    let padded = match range {
+        Some(range) => padded(range, 0.025),
+        None => padded(extent(values).unwrap_or((0.0, 1.0)), 0.03),
+    };
+    Axis::linear(padded, count)
 }
 
 fn draw_curve(canvas: &mut Canvas, curve: &Curve, look: Look, frame: &Frame) {
@@ -191,9 +168,7 @@ fn draw_curve(canvas: &mut Canvas, curve: &Curve, look: Look, frame: &Frame) {
         canvas.path(&run, &format!("{stroke} stroke-linejoin=\"round\"{}", look.dash()));
     }
     for ((x, _), (low, high)) in curve.points.iter().zip(&curve.intervals) {
-        // An interval below a logarithmic axis is drawn down to the axis.
-        let low = frame.point(*x, *low).or_else(|| frame.point(*x, frame.y.low));
-        if let (Some(low), Some(high)) = (low, frame.point(*x, *high)) {
+        if let (Some(low), Some(high)) = (frame.point(*x, *low), frame.point(*x, *high)) {
             canvas.line(low, high, &format!(" stroke=\"{}\" stroke-width=\"1\"", look.colour));
             for (x, y) in [low, high] {
                 canvas.line((x - 3.0, y), (x + 3.0, y), &format!(" stroke=\"{}\"", look.colour));

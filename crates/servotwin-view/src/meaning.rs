@@ -34,13 +34,6 @@ const FIRST: [Shade; 4] = [
 const SECOND: [Shade; 3] = [["#6f4fa8", "#ad93e0"], ["#9a78e0", "#d6c6ff"], ["#3d1f78", "#8563c9"]];
 const THIRD: [Shade; 3] = [["#8a6a00", "#d9b13a"], ["#b08a1e", "#ffe08a"], ["#524000", "#a8852a"]];
 const ACTIONS: [&[Shade]; 3] = [&FIRST, &SECOND, &THIRD];
-const SCENARIOS: [Shade; 5] = [
-    ["#3aa56b", "#8fe0b0"],
-    ["#007a4d", "#2fc79b"],
-    ["#5f9e00", "#a6e04a"],
-    ["#00401f", "#1f9e5a"],
-    ["#179f99", "#6fe0d8"],
-];
 const TWIN: Shade = ["#2f9bd6", "#7cc8f5"];
 const MEDIA: [Shade; 4] = [
     ["#1d4e6b", "#b3cfdf"],
@@ -59,8 +52,6 @@ pub enum SemanticColor {
     Action(usize),
     /// A fault class: the index of its action, and its own index below that.
     Detail(usize, usize),
-    /// A scenario, by index in the order of reports.
-    Scenario(usize),
     /// Measured values.
     Measured,
     /// Values of the twin.
@@ -84,7 +75,6 @@ impl SemanticColor {
             SemanticColor::Unit(place) => of(&UNITS, place),
             SemanticColor::Action(place) => Look { index: place, ..below(place, 0) },
             SemanticColor::Detail(action, place) => below(action, place),
-            SemanticColor::Scenario(place) => of(&SCENARIOS, place),
             SemanticColor::Measured => of(&PLAIN, 0),
             SemanticColor::Twin => Look::new(TWIN[0], 1),
             SemanticColor::Medium(place) => of(&MEDIA, place),
@@ -96,7 +86,7 @@ impl SemanticColor {
 /// Every color with a meaning, and its replacement on a dark background.
 pub(super) fn shades() -> Vec<Shade> {
     let actions = ACTIONS.concat();
-    [&UNITS[..], &actions, &SCENARIOS, &[TWIN], &MEDIA, &PLAIN].concat()
+    [&UNITS[..], &actions, &[TWIN], &MEDIA, &PLAIN].concat()
 }
 
 /// Style sheet rules that make a drawing's colors readable on a dark background; texts keep their colors.

@@ -43,7 +43,7 @@ pub struct Panel<'a> {
     /// The signals.
     pub series: Vec<Series<'a>>,
     /// A shaded band behind them.
-    pub band: Option<Band<'a>>,
+    pub band: Option<Band>,
 }
 
 /// One signal.
@@ -59,17 +59,15 @@ pub struct Series<'a> {
     pub(crate) look: Option<Look>,
 }
 
-/// A shaded band between two lines.
+/// A shaded band between two constant limits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Band<'a> {
+pub struct Band {
     /// The name in the legend.
-    pub(crate) name: String,
-    /// The times; empty for a band of constant limits.
-    pub(crate) x: Cow<'a, [f64]>,
+    pub name: String,
     /// The lower limit.
-    pub(crate) low: Cow<'a, [f64]>,
+    pub low: f64,
     /// The upper limit.
-    pub(crate) high: Cow<'a, [f64]>,
+    pub high: f64,
 }
 
 impl<'a> Series<'a> {
@@ -89,18 +87,6 @@ impl<'a> Series<'a> {
     }
 }
 
-impl Band<'_> {
-    /// A band of constant limits.
-    pub fn constant(name: impl Into<String>, low: f64, high: f64) -> Self {
-        Self {
-            name: name.into(),
-            x: Cow::Borrowed(&[]),
-            low: vec![low].into(),
-            high: vec![high].into(),
-        }
-    }
-}
-
 impl<'a> Panel<'a> {
     /// A panel without signals.
     pub fn new(title: impl Into<String>, y_label: impl Into<String>) -> Self {
@@ -113,16 +99,10 @@ impl<'a> Panel<'a> {
         self
     }
 
-    /// Sets the band.
-    pub fn with_band(mut self, band: Band<'a>) -> Self {
-        self.band = Some(band);
-        self
-    }
-
     fn y_axis(&self) -> Axis {
-        let band = self.band.iter().flat_map(|band| band.low.iter().chain(band.high.iter()));
-        let values = self.series.iter().flat_map(|series| series.y.iter()).chain(band).copied();
-        Axis::linear(padded(extent(values).unwrap_or((0.0, 1.0)), 0.05), 5)
+        let band = self.band.iter().flat_map(|band| [band.low, band.high]);
+        let values = self.series.iter().flat_map(|series| series.y.iter().copied());
+        Axis::linear(padded(extent(values.chain(band)).unwrap_or((0.0, 1.0)), 0.05), 5)
     }
 
     fn legend(&self) -> Vec<LegendEntry> {
@@ -249,20 +229,11 @@ fn draw_panel(canvas: &mut Canvas, panel: &Panel, frame: &Frame) {
 }
 
 fn draw_band(canvas: &mut Canvas, band: &Band, frame: &Frame) {
-    let ends = [frame.x.low, frame.x.high];
-    let (x, low, high) = match (band.x.is_empty(), &*band.low, &*band.high) {
-        (true, [low, ..], [high, ..]) => (ends.to_vec(), vec![*low; 2], vec![*high; 2]),
-        _ => (band.x.to_vec(), band.low.to_vec(), band.high.to_vec()),
-    };
-    let line = |y: &[f64]| -> Vec<(f64, f64)> {
-        let kept = decimate(&x, y, buckets(frame));
-        kept.into_iter().filter_map(|index| frame.point(x[index], y[index])).collect()
-    };
-    let mut outline = line(&low);
-    outline.extend(line(&high).into_iter().rev());
-    if !outline.is_empty() {
-        canvas.polygon(&outline, " fill=\"#888888\" fill-opacity=\".2\"");
-    }
+    let (left, right) = (frame.x.low, frame.x.high);
+    let corners = [(left, band.low), (right, band.low), (right, band.high), (left, band.high)];
+    let corners = corners.into_iter().filter_map(|(x, y)| frame.point(x, y));
+    let style = " fill=\"#888888\" fill-opacity=\".2\"";
+    canvas.polygon(&corners.collect::<Vec<_>>(), style);
 }
 
 fn draw_series(canvas: &mut Canvas, series: &Series, look: Look, frame: &Frame) {
@@ -271,7 +242,7 @@ fn draw_series(canvas: &mut Canvas, series: &Series, look: Look, frame: &Frame) 
         look.colour,
         look.dash()
     );
-    let kept = decimate(&series.x, &series.y, buckets(frame));
+    let kept = decimate(&series.x, &series.y, frame.area.width as usize);
     let points = kept.into_iter().map(|index| frame.point(series.x[index], series.y[index]));
     for run in runs(points) {
         match run.as_slice() {
@@ -279,10 +250,6 @@ fn draw_series(canvas: &mut Canvas, series: &Series, look: Look, frame: &Frame) 
             run => canvas.path(run, &style),
         }
     }
-}
-
-fn buckets(frame: &Frame) -> usize {
-    frame.area.width as usize
 }
 
 /// Splits points at gaps.

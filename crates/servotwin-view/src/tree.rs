@@ -1,6 +1,6 @@
-//! Decision trees, drawn from the root at the top or left to the leaves.
+//! Trees, drawn from the root at the left to the leaves, so that a large tree extends downwards like a page.
 //!
-//! The layout is tidy: a node is centered above its children, subtrees move together until their outlines touch, and
+//! The layout is tidy: a node is centered beside its children, subtrees move together until their outlines touch, and
 //! equal subtrees look equal everywhere. Long texts wrap to limit the width of a tree; readers scroll it instead of
 //! shrinking it.
 
@@ -21,8 +21,6 @@ pub struct TreeFigure {
     pub looks: Vec<Look>,
     /// The root.
     pub root: Node,
-    /// Whether the root is at the left, so that a large tree extends downwards like a page.
-    pub sideways: bool,
 }
 
 /// A node: lines of text, class shares, and children.
@@ -38,7 +36,7 @@ pub struct Node {
     pub symbol: Option<TreeSymbol>,
 }
 
-/// A symbol of fault trees, drawn between a node and what leads to it (IEC 61025). The root stands at the left.
+/// A symbol of fault trees, drawn between a node and what leads to it (IEC 61025).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TreeSymbol {
     /// All children.
@@ -54,7 +52,7 @@ pub enum TreeSymbol {
 }
 
 impl TreeSymbol {
-    /// The outline in SVG's path language, for a root at the left: from the node at (0, 0) to its children at (14, 0).
+    /// The outline in SVG's path language, from the node at (0, 0) to its children at (14, 0).
     fn path(self) -> &'static str {
         match self {
             TreeSymbol::And => "M14,-7 H7 A7,7 0 0 0 7,7 H14 Z",
@@ -142,34 +140,24 @@ impl TreeFigure {
     /// Draws the figure.
     pub fn draw(&self) -> Figure {
         let mut canvas = Canvas::default();
-        let view = View { sideways: self.sideways };
-        let placed = Placed::of(&self.root, view);
-        let mut sizes = Vec::new();
-        level_sizes(&self.root, 0, view, &mut sizes);
+        let placed = Placed::of(&self.root);
+        let mut widths = Vec::new();
+        level_widths(&self.root, 0, &mut widths);
         let (first, last) = placed.extent();
         // The last level may have symbols, too.
         let end = if self.root.has_symbols() { SYMBOL } else { 0.0 };
-        let long = sizes.iter().map(|size| size + LEVEL_GAP).sum::<f64>() - LEVEL_GAP + end;
-        let wide = if self.sideways { long } else { last - first };
+        let wide = widths.iter().map(|width| width + LEVEL_GAP).sum::<f64>() - LEVEL_GAP + end;
         let title_width = font::width(&self.title, 13.0, true);
         let width = wide.max(title_width).max(320.0) + 2.0 * MARGIN;
         let top = self.draw_header(&mut canvas, width);
-        // The start of the first level, and the position of the root's middle across the levels.
-        let (begin, middle, height) = match self.sideways {
-            true => (MARGIN, top - first, top + (last - first) + MARGIN),
-            false => {
-                let spare = width - 2.0 * MARGIN - (last - first);
-                (top, MARGIN - first + spare / 2.0, top + long + MARGIN)
-            }
-        };
-        let mut levels = vec![begin];
-        for size in &sizes {
-            levels.push(levels[levels.len() - 1] + size + LEVEL_GAP);
+        let mut begins = vec![MARGIN];
+        for width in &widths {
+            begins.push(begins[begins.len() - 1] + width + LEVEL_GAP);
         }
-        let levels = Levels { view, begins: &levels, looks: &self.looks };
-        levels.draw_edges(&mut canvas, &placed, middle, 0);
-        levels.draw_nodes(&mut canvas, &placed, middle, 0);
-        canvas.finish(width, height, &self.title)
+        let levels = Levels { begins: &begins, looks: &self.looks };
+        levels.draw_edges(&mut canvas, &placed, top - first, 0);
+        levels.draw_nodes(&mut canvas, &placed, top - first, 0);
+        canvas.finish(width, top + (last - first) + MARGIN, &self.title)
     }
 
     fn draw_header(&self, canvas: &mut Canvas, width: f64) -> f64 {
@@ -192,40 +180,22 @@ impl TreeFigure {
     }
 }
 
-/// The direction of the levels: *along* is from level to level, *across* is within one.
-#[derive(Debug, Clone, Copy)]
-struct View {
-    sideways: bool,
-}
-
-impl View {
-    fn point(self, along: f64, across: f64) -> (f64, f64) {
-        if self.sideways { (along, across) } else { (across, along) }
-    }
-
-    /// A node's size along and across.
-    fn size(self, node: &Node) -> (f64, f64) {
-        let (width, height) = (node.width(), node.height());
-        if self.sideways { (width, height) } else { (height, width) }
-    }
-}
-
 /// A subtree laid out with its root's middle at zero.
 struct Placed<'a> {
     node: &'a Node,
     /// Each child with the position of its middle.
     children: Vec<(f64, Placed<'a>)>,
-    /// The left and right edges of the subtree, level by level.
+    /// The upper and lower edges of the subtree, level by level.
     outline: Vec<(f64, f64)>,
 }
 
 impl<'a> Placed<'a> {
-    fn of(node: &'a Node, view: View) -> Self {
-        let half = view.size(node).1 / 2.0;
+    fn of(node: &'a Node) -> Self {
+        let half = node.height() / 2.0;
         let mut children: Vec<(f64, Placed)> = Vec::new();
         let mut outline: Vec<(f64, f64)> = Vec::new();
         for branch in &node.children {
-            let child = Placed::of(&branch.node, view);
+            let child = Placed::of(&branch.node);
             let shift = distance(&outline, &child.outline);
             merge(&mut outline, &child.outline, shift);
             children.push((shift, child));
@@ -234,7 +204,7 @@ impl<'a> Placed<'a> {
         let last = children.last().map_or(0.0, |child| child.0);
         let middle = (first + last) / 2.0;
         children.iter_mut().for_each(|child| child.0 -= middle);
-        let below = outline.iter().map(|(left, right)| (left - middle, right - middle));
+        let below = outline.iter().map(|(top, bottom)| (top - middle, bottom - middle));
         let outline = std::iter::once((-half, half)).chain(below).collect();
         Self { node, children, outline }
     }
@@ -245,77 +215,65 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Distance by which a subtree must move to the right of an outline.
+/// Distance by which a subtree must move below an outline.
 fn distance(outline: &[(f64, f64)], next: &[(f64, f64)]) -> f64 {
     let levels = outline.iter().zip(next).map(|(one, other)| one.1 - other.0 + SIBLING_GAP);
     if outline.is_empty() { 0.0 } else { levels.fold(f64::NEG_INFINITY, f64::max) }
 }
 
 fn merge(outline: &mut Vec<(f64, f64)>, next: &[(f64, f64)], shift: f64) {
-    for (level, (left, right)) in next.iter().enumerate() {
+    for (level, (top, bottom)) in next.iter().enumerate() {
         match outline.get_mut(level) {
-            Some(own) => own.1 = right + shift,
-            None => outline.push((left + shift, right + shift)),
+            Some(own) => own.1 = bottom + shift,
+            None => outline.push((top + shift, bottom + shift)),
         }
     }
 }
 
-fn level_sizes(node: &Node, level: usize, view: View, sizes: &mut Vec<f64>) {
-    if sizes.len() == level {
-        sizes.push(0.0);
+fn level_widths(node: &Node, level: usize, widths: &mut Vec<f64>) {
+    if widths.len() == level {
+        widths.push(0.0);
     }
-    sizes[level] = sizes[level].max(view.size(node).0);
+    widths[level] = widths[level].max(node.width());
     for branch in &node.children {
-        level_sizes(&branch.node, level + 1, view, sizes);
+        level_widths(&branch.node, level + 1, widths);
     }
 }
 
 /// A tree's levels on a canvas.
 struct Levels<'a> {
-    view: View,
-    /// Start of each level, along.
+    /// The left edge of each level.
     begins: &'a [f64],
     /// Styles of the classes.
     looks: &'a [Look],
 }
 
 impl Levels<'_> {
-    fn draw_edges(&self, canvas: &mut Canvas, placed: &Placed, across: f64, level: usize) {
-        let view = self.view;
-        let from = self.begins[level] + view.size(placed.node).0;
+    fn draw_edges(&self, canvas: &mut Canvas, placed: &Placed, y: f64, level: usize) {
+        let from = self.begins[level] + placed.node.width();
         for ((shift, child), branch) in placed.children.iter().zip(&placed.node.children) {
-            let (to, there) = (self.begins[level + 1], across + shift);
+            let (to, there) = (self.begins[level + 1], y + shift);
             let bend = to - LEVEL_GAP / 2.0;
-            let points = [(from, across), (bend, across), (bend, there), (to, there)];
-            let points = points.map(|(along, across)| view.point(along, across));
+            let points = [(from, y), (bend, y), (bend, there), (to, there)];
             canvas.path(&points, &format!(" stroke=\"{FRAME}\""));
-            let first = *shift <= 0.0;
-            let (at, anchor) = match view.sideways {
-                true => ((bend + 2.0, there + if first { -3.0 } else { 10.0 }), Anchor::Start),
-                false if first => ((there - 3.0, bend + 11.0), Anchor::End),
-                false => ((there + 3.0, bend + 11.0), Anchor::Start),
-            };
-            let size = if view.sideways { 8.5 } else { 10.0 };
-            canvas.text(at, &branch.label, Type::new(size).colour(GREY).anchor(anchor).rim());
+            let at = (bend + 2.0, there + if *shift <= 0.0 { -3.0 } else { 10.0 });
+            canvas.text(at, &branch.label, Type::new(8.5).colour(GREY).rim());
             self.draw_edges(canvas, child, there, level + 1);
         }
     }
 
-    fn draw_nodes(&self, canvas: &mut Canvas, placed: &Placed, across: f64, level: usize) {
+    fn draw_nodes(&self, canvas: &mut Canvas, placed: &Placed, middle: f64, level: usize) {
         let (width, height) = (placed.node.width(), placed.node.height());
-        let (x, y) = match self.view.sideways {
-            true => (self.begins[level], across - height / 2.0),
-            false => (across - width / 2.0, self.begins[level]),
-        };
+        let area = Area { x: self.begins[level], y: middle - height / 2.0, width, height };
         canvas.titled(&placed.node.lines.join(", "), |canvas| {
-            draw_node(canvas, placed.node, Area { x, y, width, height }, self.looks);
+            draw_node(canvas, placed.node, area, self.looks);
         });
         if let Some(symbol) = placed.node.symbol {
-            let at = format!(" transform=\"translate({:.1} {across:.1})\"", x + width);
+            let at = format!(" transform=\"translate({:.1} {middle:.1})\"", area.right());
             canvas.shape(symbol.path(), &format!("{at} fill=\"#ffffff\" stroke=\"{FRAME}\""));
         }
         for (shift, child) in &placed.children {
-            self.draw_nodes(canvas, child, across + shift, level + 1);
+            self.draw_nodes(canvas, child, middle + shift, level + 1);
         }
     }
 }

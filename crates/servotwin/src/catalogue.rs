@@ -24,7 +24,7 @@ pub fn find(kind: &str) -> Option<&'static Component> {
 pub struct Hit {
     /// The component.
     pub spec: &'static Component,
-    /// The matching parameters, faults, ports and lines of the description.
+    /// The matching parameters, faults, ports and sentences of the description.
     pub lines: Vec<String>,
 }
 
@@ -49,7 +49,11 @@ pub fn search(word: &str) -> Vec<Hit> {
             keep("port", p.name, p.summary);
         }
         let text = prose(spec.kind);
-        lines.extend(text.lines().filter(|line| has(line)).map(|line| line.trim().to_owned()));
+        for paragraph in text.split("\n\n") {
+            let paragraph = paragraph.split_whitespace().collect::<Vec<_>>().join(" ");
+            let sentences = paragraph.split_inclusive(". ").filter(|sentence| has(sentence));
+            lines.extend(sentences.map(|sentence| sentence.trim().to_owned()));
+        }
         let itself = has(spec.kind) || has(spec.summary);
         (itself || !lines.is_empty()).then_some(Hit { spec, lines })
     });

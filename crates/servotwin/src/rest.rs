@@ -1,10 +1,9 @@
-//! The steady state of a system: states, eigenvalues, and a description of the system as JSON.
+//! The steady state of a system: states and eigenvalues.
 
 use crate::eigenvalues;
 use crate::ensemble::{Ensemble, Variant};
 use crate::system::System;
 use nalgebra::Complex;
-use serde_json::{Value, json};
 use servotwin_model::solver::{self, Cause};
 
 /// The steady state of a system.
@@ -69,47 +68,5 @@ pub fn of(system: &System) -> Result<Rest, RestError> {
         eigenvalues: eigenvalues.ok_or(RestError::NotFinite)?,
         is_found: work.unsettled == 0,
         limit_cycle: work.limit_cycles > 0,
-    })
-}
-
-/// Components, states, inputs, sensors and eigenvalues, in SI units.
-pub fn describe(system: &System, rest: &Rest) -> Value {
-    let network = system.network();
-    let components = network.components.iter().map(|instance| {
-        let spec = instance.component;
-        let parameters = spec.parameters.iter().zip(&instance.parameters);
-        let parameters = parameters.map(|(declared, value)| {
-            json!({ "name": declared.name, "unit": declared.unit.symbol(), "value": value })
-        });
-        json!({
-            "id": instance.id, "kind": spec.kind, "summary": spec.summary,
-            "parameters": parameters.collect::<Vec<_>>(),
-            "faults": spec.faults.iter().map(|fault| fault.name).collect::<Vec<_>>(),
-        })
-    });
-    let states = system.program.states().iter().zip(&rest.states).map(|(state, value)| {
-        json!({
-            "name": state.name, "unit": state.unit.symbol(), "scale": state.scale, "rest": value,
-        })
-    });
-    let inputs = network.inputs.iter().map(
-        |input| json!({ "id": input.id, "unit": input.unit.symbol(), "default": input.default }),
-    );
-    let sensors = system.sensors.iter().map(|sensor| {
-        json!({
-            "id": sensor.id, "label": sensor.label, "signal": sensor.signal,
-            "unit": sensor.unit.symbol(), "scale": sensor.scale,
-        })
-    });
-    let eigenvalues = rest.eigenvalues.iter().map(|value| json!([value.re, value.im]));
-    json!({
-        "name": system.name, "title": system.title,
-        "components": components.collect::<Vec<_>>(),
-        "states": states.collect::<Vec<_>>(),
-        "rest_is_found": rest.is_found,
-        "limit_cycle_measured": rest.limit_cycle,
-        "inputs": inputs.collect::<Vec<_>>(),
-        "sensors": sensors.collect::<Vec<_>>(),
-        "eigenvalues_per_s": eigenvalues.collect::<Vec<_>>(),
     })
 }

@@ -105,25 +105,10 @@ fn found(word: &str, hits: &[Hit], fluids: Table) -> Document {
     for hit in hits {
         let title = format!("{}: {}", hit.spec.kind, hit.spec.summary);
         let mut section = Document::section(hit.spec.kind, title);
-        let is_declared = |line: &&String| {
-            ["parameter ", "fault ", "port "].iter().any(|what| line.starts_with(what))
-        };
-        let declared = hit.lines.iter().filter(is_declared).cloned();
-        section.list("lines", declared.chain(sentences(hit.spec.kind, word)));
+        section.list("lines", hit.lines.iter().cloned());
         document.add(section);
     }
     document
-}
-
-/// The whole sentences of a description that have a word.
-fn sentences(kind: &str, word: &str) -> Vec<String> {
-    let (text, word) = (prose(kind), word.to_lowercase());
-    let paragraphs =
-        text.split("\n\n").map(|own| own.split_whitespace().collect::<Vec<_>>().join(" "));
-    let sentences = paragraphs.flat_map(|own| {
-        own.split_inclusive(". ").map(|own| own.trim().to_owned()).collect::<Vec<_>>()
-    });
-    sentences.filter(|own| own.to_lowercase().contains(&word)).collect()
 }
 
 fn component(spec: &Component) -> Document {

@@ -47,22 +47,12 @@ struct FmuOptions {
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// The version of the Functional Mock-up Interface.
-    #[arg(long, value_name = "VERSION", default_value = "2")]
-    fmi: Fmi,
+    #[arg(long, value_name = "VERSION", default_value = "2",
+          value_parser = super::one_of(Version::ALL, Version::name))]
+    fmi: Version,
     /// The file of the FMU [default: the name of the system, with the ending .fmu].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-}
-
-/// Versions of the Functional Mock-up Interface.
-#[derive(clap::ValueEnum, Clone, Copy)]
-enum Fmi {
-    /// FMI 2.0.
-    #[value(name = "2")]
-    Two,
-    /// FMI 3.0.
-    #[value(name = "3")]
-    Three,
 }
 
 /// Write them as C99.
@@ -119,14 +109,10 @@ fn write_fmu(options: &FmuOptions) -> Result<Document, Failure> {
         Some((diagnoser, file)) => twin_of(&study, diagnoser, false).map_err(unfit(file))?,
         None => twin_alone(&study).map_err(ExportError::from)?,
     };
-    let version = match options.fmi {
-        Fmi::Two => Version::Two,
-        Fmi::Three => Version::Three,
-    };
     let name = study.system.name.as_str();
     let out = options.out.clone().unwrap_or_else(|| format!("{name}.fmu").into());
     let title = (name, study.system.title.as_str());
-    let variables = fmu::write(&twin, diagnoser.as_ref(), version, title, &out)?;
+    let variables = fmu::write(&twin, diagnoser.as_ref(), options.fmi, title, &out)?;
     let values = [("file", (&out).into()), ("variables", variables.into())];
     Ok(Document::new("export", Verdict::good(line("{file}: {variables} variables", values))))
 }

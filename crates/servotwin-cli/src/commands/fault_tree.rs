@@ -1,10 +1,10 @@
 //! `servotwin fault-tree`: fault trees with counted probabilities, and the rate of the function.
 
-use super::scenario_of;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run};
 use servotwin::job::{Among, Folder};
+use servotwin::study::Scenario;
 use servotwin_report::words::number;
 use servotwin_safety::SafetyError;
 use servotwin_safety::fault_tree::FaultTreeArtefact;
@@ -55,8 +55,8 @@ pub(crate) struct Options {
     #[arg(long, value_name = "HOURS")]
     test_hours: Option<f64>,
     /// The scenario whose flights are counted: noise or realistic [default: the most realistic one].
-    #[arg(long, value_name = "SCENARIO")]
-    scenario: Option<String>,
+    #[arg(long, value_name = "SCENARIO", value_parser = super::scenario())]
+    scenario: Option<Scenario>,
 }
 
 impl Run for Options {
@@ -73,8 +73,7 @@ impl Run for Options {
             let verdict = line("{template}: fill in the rates", [("template", path.into())]);
             return Ok(Document::new("fault-tree", Verdict::good(verdict)));
         }
-        let wanted = self.scenario.as_deref().map(scenario_of).transpose()?;
-        let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        let results = StudyResultsFolder::open(folder.clone(), self.scenario)?;
         let (Some(rates), Some(flight_h), Some(repair_h), Some(check_h)) =
             (&self.rates, self.flight_hours, self.repair_hours, self.check_hours)
         else {

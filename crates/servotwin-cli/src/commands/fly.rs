@@ -274,7 +274,7 @@ impl Flown<'_> {
         if let Some(last) = panels.last_mut() {
             let half = self.diagnoser.lengths[0].panel.bands.iter();
             let half = 100.0 * half.map(|band| band.half_width).fold(0.0, f64::max);
-            last.band = Some(Band::constant("widest band", 0.0, half));
+            last.band = Some(Band { name: "widest band".into(), low: 0.0, high: half });
         }
         let did = self.with.actions.first();
         let did = did.map(|action| format!(", reaction at {:.2} s", action.time_s));

@@ -1,12 +1,12 @@
 //! `servotwin fmea`: fills an FMEA from the results of a study.
 
-use super::{learned, note, scenario_of, workers};
+use super::{learned, note, workers};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
 use servotwin::files::create_folder;
 use servotwin::job::{Among, Folder};
-use servotwin::study::Study;
+use servotwin::study::{Scenario, Study};
 use servotwin_safety::fmea::fields::{FIELDS, FmeaSources};
 use servotwin_safety::fmea::sheet::{self, FmeaSheet};
 use servotwin_safety::fmea::{self, WeightedCoverage, weighted_coverage};
@@ -30,15 +30,12 @@ pub(crate) struct Options {
     /// The sheet, .csv [default: safety/fmea.csv in the output folder, fmea.csv without one].
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Take the cells that people filled in from this sheet [default: the sheet that is written, if it exists].
-    #[arg(long, value_name = "FILE")]
-    sheet: Option<PathBuf>,
     /// A table of failure rates: fault, rate, unit, source ('servotwin fault-tree --template FILE' writes one).
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
     /// The scenario whose results are quoted: ideal, noise, fitted or realistic [default: the most realistic one].
-    #[arg(long, value_name = "SCENARIO")]
-    scenario: Option<String>,
+    #[arg(long, value_name = "SCENARIO", value_parser = super::scenario())]
+    scenario: Option<Scenario>,
     /// Fly nothing; use stored flights as they are.
     #[arg(long)]
     no_flights: bool,
@@ -55,9 +52,7 @@ impl Run for Options {
     }
 
     fn run(&self, global: Global) -> Result<Document, Failure> {
-        for path in self.out.iter().chain(&self.sheet) {
-            sheet::check(path)?;
-        }
+        self.out.iter().try_for_each(|path| sheet::check(path))?;
         stop::heed();
         match self.input.is_dir() {
             true => of_folder(self, global),
@@ -68,8 +63,7 @@ impl Run for Options {
 
 fn of_folder(options: &Options, global: Global) -> Result<Document, Failure> {
     let folder = Folder::new(&options.input);
-    let wanted = options.scenario.as_deref().map(scenario_of).transpose()?;
-    let mut results = StudyResultsFolder::open(folder.clone(), wanted)?;
+    let mut results = StudyResultsFolder::open(folder.clone(), options.scenario)?;
     let _hold = folder.hold(Among::Nobody)?;
     if !options.no_flights
         && !fmea::can_fly(&results)
@@ -80,7 +74,7 @@ fn of_folder(options: &Options, global: Global) -> Result<Document, Failure> {
         } else {
             learned((&folder, &results.study), scenario, options.threads, global)?;
             // The basis names the diagnoser, too.
-            results = StudyResultsFolder::open(folder.clone(), wanted)?;
+            results = StudyResultsFolder::open(folder.clone(), options.scenario)?;
         }
     }
     let rates = options.rates.as_deref();
@@ -101,7 +95,7 @@ fn of_study(options: &Options) -> Result<Document, Failure> {
 
 fn write(options: &Options, sources: &FmeaSources, default: &Path) -> Result<Document, Failure> {
     let path = options.out.as_deref().unwrap_or(default);
-    let earlier = options.sheet.as_deref().or(Some(path).filter(|path| path.exists()));
+    let earlier = Some(path).filter(|path| path.exists());
     let sheet = fmea::sheet(sources, earlier)?;
     if options.out.is_none()
         && let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty())

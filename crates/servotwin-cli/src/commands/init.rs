@@ -2,7 +2,6 @@
 
 use crate::failure::Failure;
 use crate::{Global, Run};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use servotwin::files;
 use servotwin::template::{Like, Template};
 use servotwin_view::document::{Document, Verdict, fact};
@@ -14,18 +13,11 @@ pub(crate) struct Options {
     /// The name of the system: lowercase letters, digits and '_'.
     name: String,
     /// The template [default: press_axis if the name contains the word 'press', else servo_actuator].
-    #[arg(long, value_parser = likes())]
+    #[arg(long, value_parser = super::one_of(Like::ALL, Like::name))]
     like: Option<Like>,
     /// The folder for both files.
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     out: PathBuf,
-}
-
-fn likes() -> impl TypedValueParser<Value = Like> {
-    PossibleValuesParser::new(Like::ALL.map(Like::name)).map(|name| {
-        let found = Like::ALL.into_iter().find(|like| like.name() == name);
-        found.expect("clap admits known names only")
-    })
 }
 
 /// Lists the options for the other templates.

@@ -34,6 +34,7 @@ pub(crate) mod worst_case;
 
 use crate::failure::Failure;
 use crate::{Global, out, stop};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use servotwin::files;
 use servotwin::job::{Crew, Folder, Hold, Job, Kept};
 use servotwin::kind::FileType;
@@ -178,11 +179,20 @@ fn learned(
     Ok(learned?)
 }
 
-/// The scenario of an option `--scenario`.
-fn scenario_of(name: &str) -> Result<Scenario, Failure> {
-    let found = Scenario::ALL.into_iter().find(|scenario| scenario.name() == name);
-    let known = || Scenario::ALL.map(Scenario::name).join(", ");
-    found.ok_or_else(|| Failure::out_of_range("--scenario", name, known()))
+/// Parses one of some values by its name.
+fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+    all: [T; N],
+    name: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.map(name)).map(move |text| {
+        let found = all.into_iter().find(|&value| name(value) == text);
+        found.expect("clap admits known names only")
+    })
+}
+
+/// Parses the name of a scenario.
+fn scenario() -> impl TypedValueParser<Value = Scenario> {
+    one_of(Scenario::ALL, Scenario::name)
 }
 
 /// The SI value of an option in a range, which `words` describe.
@@ -247,6 +257,14 @@ impl SpanOptions {
     pub(crate) fn read(&self) -> Result<LogSpan, Failure> {
         let span = LogSpan::parse(self.from.as_deref(), self.to.as_deref());
         Ok(span.map_err(SourceError::Cut)?)
+    }
+}
+
+/// Writes a remark beside the result to standard error, unless `--quiet` or `--json` is set.
+fn remark(global: Global, text: &str) {
+    if !global.quiet && !global.json {
+        // If standard error is closed, there is no way to report that.
+        let _ = writeln!(out::stderr(), "{text}");
     }
 }
 

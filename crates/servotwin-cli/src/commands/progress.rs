@@ -81,23 +81,3 @@ where
 pub(crate) fn is_shown(global: Global) -> bool {
     !global.quiet && out::is_stderr_seen()
 }
-
-/// Remarks next to the result, on standard error.
-pub(crate) struct Notes {
-    quiet: bool,
-}
-
-impl Notes {
-    /// Writes remarks unless `--quiet` or `--json` is set.
-    pub(crate) fn new(global: Global) -> Self {
-        Notes { quiet: global.quiet || global.json }
-    }
-
-    /// Writes one remark.
-    pub(crate) fn write(&self, text: &str) {
-        if !self.quiet {
-            // If standard error is closed, there is no way to report that.
-            let _ = writeln!(out::stderr(), "{text}");
-        }
-    }
-}

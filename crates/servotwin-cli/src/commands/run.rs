@@ -32,9 +32,6 @@ pub(crate) struct Options {
     /// The output folder of its study.
     #[arg(value_name = "FOLDER", default_value = "out")]
     folder: PathBuf,
-    /// Explain the answer with the extra sensor of the study.
-    #[arg(long)]
-    extra_sensor: bool,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
@@ -138,20 +135,15 @@ fn flight_in_words(row: &RunOutcome) -> String {
 /// Explains the trees' answer for a record.
 fn record(
     (folder, study): (&Folder, &Study),
-    Options { name, extra_sensor, .. }: &Options,
+    Options { name, .. }: &Options,
 ) -> Result<Document, Failure> {
     let subjects = job::subjects(folder, study)?;
-    let is_it = |subject: &&Subject| {
-        subject.scenario() == name.scenario && subject.extra_sensor() == *extra_sensor
-    };
-    let subject = *subjects.iter().find(is_it).ok_or_else(|| {
-        let known = subjects.iter().map(|subject: &Subject| subject.name().into()).collect();
-        let given = match extra_sensor {
-            true => Subject::ExtraSensor.name().into(),
-            false => name.scenario.name().into(),
-        };
-        Failure::from(UnknownName { what: "data set", given, known })
-    })?;
+    let subject = Subject::of(name.scenario);
+    if !subjects.contains(&subject) {
+        let known = subjects.iter().map(|subject| subject.name().into()).collect();
+        let given = name.scenario.name().into();
+        return Err(UnknownName { what: "data set", given, known }.into());
+    }
     match explain(folder, study, subject, name.number as u32)? {
         Some(explanation) => {
             let mut document = explained(&explanation, &Vocabulary::of(study));

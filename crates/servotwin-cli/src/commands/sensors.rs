@@ -1,7 +1,7 @@
 //! `servotwin sensors`: what each sensor buys.
 
 use super::progress::Stages;
-use super::{scenario_of, workers};
+use super::workers;
 use crate::failure::Failure;
 use crate::paths::Paths;
 use crate::{Global, Run, stop};
@@ -9,6 +9,7 @@ use servotwin::job::Crew;
 use servotwin::job::{Among, Folder};
 use servotwin::learn::metrics::Rate;
 use servotwin::measure::{RIGHT_ACTION_OF_ALL, SHUTDOWN_MISSED_OF_ALL, VISIBLE, WRONG_SHUTDOWN};
+use servotwin::study::Scenario;
 use servotwin_report::words::percent;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::sensors::candidates::SensorMask;
@@ -35,8 +36,8 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SENSOR")]
     keep: Vec<String>,
     /// The scenario whose runs are used: ideal, noise, fitted or realistic [default: the most realistic one].
-    #[arg(long, value_name = "SCENARIO")]
-    scenario: Option<String>,
+    #[arg(long, value_name = "SCENARIO", value_parser = super::scenario())]
+    scenario: Option<Scenario>,
     /// Number of threads [default: all processors; results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
@@ -50,8 +51,7 @@ impl Run for Options {
     fn run(&self, global: Global) -> Result<Document, Failure> {
         stop::heed();
         let folder = Folder::new(&self.folder);
-        let wanted = self.scenario.as_deref().map(scenario_of).transpose()?;
-        let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        let results = StudyResultsFolder::open(folder.clone(), self.scenario)?;
         let stages = Stages::new(global);
         let progress = |what: &str, share| stages.show(what, share);
         let crew = Crew { workers: workers(self.threads), progress: &progress };

@@ -1,12 +1,10 @@
 //! `servotwin simulate`: simulates a system, healthy or with faults.
 
-use super::progress::{Notes, is_shown};
-use super::{SystemOption, quantity};
+use super::progress::Stages;
+use super::{SystemOption, quantity, remark};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use indicatif::{ProgressBar, ProgressStyle};
 use servotwin::shown::{Shown, number};
 use servotwin::signal::{Signal, help};
 use servotwin::simulate::{
@@ -14,15 +12,14 @@ use servotwin::simulate::{
     SimulationResults, Sweep,
 };
 use servotwin::system::System;
-use servotwin::table::Table;
 use servotwin::validity::CrossedLimit;
-use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Method, Statistics};
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Content, Document, Table, Value, Verdict, line};
 use servotwin_view::row;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// Simulate a system, healthy or with faults, starting at rest.
@@ -66,7 +63,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SEED")]
     noise: Option<u64>,
     /// The solver's method.
-    #[arg(long, default_value = "rodas4p2", value_parser = methods())]
+    #[arg(long, default_value = "rodas4p2", value_parser = super::one_of(Method::ALL, Method::name))]
     method: Method,
     /// Error tolerance of a step, relative to the scales of the states [default: 4e-6].
     #[arg(long, conflicts_with = "step", allow_hyphen_values = true)]
@@ -74,32 +71,12 @@ pub(crate) struct Options {
     /// Use this fixed step instead of error control.
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     step: Option<String>,
-    /// The instruction set [default: the widest of this processor; the results
-    /// do not depend on it].
-    #[arg(long, value_parser = levels())]
-    lanes: Option<Level>,
     /// Write the recorded values to a .csv or .parquet file.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Draw the recorded values to a .svg file.
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
-}
-
-fn methods() -> impl TypedValueParser<Value = Method> {
-    let names = Method::ALL.map(Method::name);
-    PossibleValuesParser::new(names).map(|name| {
-        let found = Method::ALL.into_iter().find(|method| method.name() == name);
-        found.expect("clap admits known names only")
-    })
-}
-
-fn levels() -> impl TypedValueParser<Value = Level> {
-    let available = lanes::ALL.into_iter().filter(|level| level.available());
-    PossibleValuesParser::new(available.map(Level::name)).map(|name| {
-        let found = lanes::ALL.into_iter().find(|level| level.name() == name);
-        found.expect("clap admits known names only")
-    })
 }
 
 /// A simulation that is ready to start.
@@ -131,15 +108,17 @@ impl Run for Options {
         let plan = Plan::new(self, &system)?;
         stop::heed();
         let begin = Instant::now();
-        let bar = progress(plan.prepared.samples() * plan.prepared.runs.len(), global);
+        let all = plan.prepared.samples() * plan.prepared.runs.len();
+        let (stages, done) = (Stages::new(global), AtomicUsize::new(0));
         let count = |progress| {
             if progress == SimulationProgress::Sample {
-                bar.inc(1);
+                let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+                stages.show("simulating", count as f64 / all as f64);
             }
         };
         let results = plan.prepared.run(&count, Some(stop::flag()));
         let results = results.map_err(|error| self.failure(error))?;
-        bar.finish_and_clear();
+        stages.end();
         let wall_s = begin.elapsed().as_secs_f64();
         if let Some(path) = &self.out {
             results.table()?.write(path)?;
@@ -150,7 +129,7 @@ impl Run for Options {
         let all_s = plan.duration_s * results.runs.len() as f64;
         let factor = number(all_s / wall_s, 3);
         let speed = format!("{all_s} s in {} s: {factor} times real time", number(wall_s, 3));
-        Notes::new(global).write(&speed);
+        remark(global, &speed);
         Ok(plan.document(&results))
     }
 }
@@ -348,9 +327,6 @@ impl<'s> Plan<'s> {
             .sample_period_s(period_s)
             .record(options.record.iter().cloned());
         simulation = stepped(options, simulation)?;
-        if let Some(level) = options.lanes {
-            simulation = simulation.level(level);
-        }
         if let Some(seed) = options.noise {
             simulation = simulation.noise(seed);
         }
@@ -490,13 +466,4 @@ fn extremes(values: &[f64]) -> [f64; 4] {
         values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
         values.last().copied().unwrap_or(f64::NAN),
     ]
-}
-
-/// A progress bar on a terminal; hidden elsewhere.
-fn progress(samples: usize, global: Global) -> ProgressBar {
-    if !is_shown(global) {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left");
-    ProgressBar::new(samples as u64).with_style(style.expect("a valid template"))
 }

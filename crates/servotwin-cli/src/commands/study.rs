@@ -1,7 +1,7 @@
 //! `servotwin study`: runs the main job, from the study file to the report, or some suites of it.
 
-use super::progress::{Notes, Stages, with_crew};
-use super::{StudyOptions, flights, recordings, records, removed, summary, workers};
+use super::progress::{Stages, with_crew};
+use super::{StudyOptions, flights, recordings, records, remark, removed, summary, workers};
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
 use servotwin::job::tasks::Task;
@@ -42,8 +42,8 @@ pub(crate) struct Options {
     /// Only run this scenario: perfect sensors and a plant that equals the twin (ideal), sensors with noise
     /// and quantization (noise), these sensors and specimens with tolerances (realistic), or such specimens with twins
     /// fitted to them (fitted) [default: all but fitted].
-    #[arg(long, conflicts_with = "fitted", value_parser = Scenario::ALL.map(Scenario::name))]
-    scenario: Option<String>,
+    #[arg(long, conflicts_with = "fitted", value_parser = super::scenario())]
+    scenario: Option<Scenario>,
     /// Another number of environments of these suites.
     #[arg(long, value_name = "COUNT", requires = "suite",
           value_parser = clap::value_parser!(u32).range(1..=MAX_ENVIRONMENTS as i64))]
@@ -101,8 +101,8 @@ impl Options {
 
     /// Whether a scenario is the named one, or without a name a usual one.
     fn wants(&self, study: &Study, scenario: Scenario) -> bool {
-        match &self.scenario {
-            Some(name) => name == scenario.name(),
+        match self.scenario {
+            Some(named) => named == scenario,
             None => scenario.is_usual() || study.is_on_ground(),
         }
     }
@@ -115,11 +115,11 @@ impl Options {
         let all = job::flights::scenarios(study);
         let own: Vec<Scenario> =
             all.iter().copied().filter(|&scenario| self.wants(study, scenario)).collect();
-        match &self.scenario {
-            Some(name) if own.is_empty() => {
+        match self.scenario {
+            Some(named) if own.is_empty() => {
                 let known: Vec<&str> = all.iter().map(|scenario| scenario.name()).collect();
                 let range = format!("this study flies in {}", known.join(" and "));
-                Err(Failure::out_of_range("--scenario", name, range))
+                Err(Failure::out_of_range("--scenario", named.name(), range))
             }
             _ => Ok(own),
         }
@@ -166,8 +166,7 @@ pub(super) fn suites(
         options.flown(study)?;
     }
     let wanted = |scenario| options.wants(study, scenario);
-    let named = options.scenario.as_deref().and_then(Scenario::named);
-    named.map_or(Ok(()), |scenario| RunError::check(scenario, study))?;
+    options.scenario.map_or(Ok(()), |scenario| RunError::check(scenario, study))?;
     let job = Job { changed: &changed, ..job };
     if options.share.is_some() || changed.iter().any(|suite| suite.purpose == Purpose::Train) {
         let _hold = folder.join_study(study)?;
@@ -234,7 +233,7 @@ fn whole(options: &Options, study: &Study, global: Global) -> Result<Document, F
     let run = StudyRun {
         replace: options.study.replace,
         fitted: options.fitted,
-        only: options.scenario.as_deref().and_then(Scenario::named),
+        only: options.scenario,
         observer: &|event| screen.note(event),
         ..StudyRun::new(Job { crew, ..Job::new(study, &folder) })
     };
@@ -260,7 +259,6 @@ struct Screen<'s> {
     global: Global,
     study: &'s Study,
     folder: &'s Folder,
-    notes: Notes,
     /// The current stage and when it began.
     stage: Mutex<(Option<Stages>, Instant)>,
 }
@@ -268,7 +266,7 @@ struct Screen<'s> {
 impl<'s> Screen<'s> {
     fn new(global: Global, folder: &'s Folder, study: &'s Study) -> Self {
         let stage = Mutex::new((None, Instant::now()));
-        Screen { global, study, folder, notes: Notes::new(global), stage }
+        Screen { global, study, folder, stage }
     }
 
     fn show(&self, what: &str, share: f64) {
@@ -291,11 +289,11 @@ impl<'s> Screen<'s> {
                 removed(self.global, &self.folder.path().display().to_string(), *files);
             }
             StudyEvent::Simulated(records) => {
-                self.notes.write(&records::line_of(self.study, records));
+                remark(self.global, &records::line_of(self.study, records));
             }
-            StudyEvent::Flown(_) => self.notes.write(&format!("flown in {seconds:.1} s")),
+            StudyEvent::Flown(_) => remark(self.global, &format!("flown in {seconds:.1} s")),
             StudyEvent::Evaluated { results, remaining } => {
-                self.notes.write(&format!("trained and evaluated in {seconds:.1} s"));
+                remark(self.global, &format!("trained and evaluated in {seconds:.1} s"));
                 if *remaining > 0 {
                     self.report(results);
                 }
@@ -311,6 +309,6 @@ impl<'s> Screen<'s> {
             // A lasting error also fails the final report, which then ends the command.
             Err(error) => format!("no report yet: {error}"),
         };
-        self.notes.write(&note);
+        remark(self.global, &note);
     }
 }

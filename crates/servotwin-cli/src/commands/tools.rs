@@ -4,13 +4,11 @@ use crate::failure::Failure;
 use crate::{Cli, Global, Run};
 use clap::{CommandFactory, Subcommand};
 use clap_complete::{Shell, generate};
-use clap_mangen::Man;
 use servotwin::compiled::cache::{self, VARIABLE};
 use servotwin::files::FileError;
-use servotwin::nearest::nearest;
 use servotwin_view::document::{Document, Value, Verdict, line};
 
-/// Cache of compiled equations, schemas for editors, shell completions and manual pages.
+/// Cache of compiled equations, schemas for editors, and shell completions.
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(subcommand)]
@@ -37,11 +35,6 @@ enum Tool {
     Completions {
         /// The shell.
         shell: Shell,
-    },
-    /// Write the manual page of the program, or of one of its commands, to standard output.
-    Man {
-        /// The command [default: the program as a whole].
-        command: Option<String>,
     },
 }
 
@@ -70,7 +63,6 @@ impl Run for Options {
                 generate(*shell, &mut Cli::command(), "servotwin", &mut script);
                 Ok(Document::raw(String::from_utf8(script).expect("clap writes UTF-8")))
             }
-            Tool::Man { command } => manual(command.as_deref()),
         }
     }
 }
@@ -98,28 +90,4 @@ fn cache(is_cleared: bool) -> Result<Document, Failure> {
         ("removed", removed.into()),
     ];
     Ok(Document::new("cache", Verdict::neutral(line(text, values))))
-}
-
-fn manual(command: Option<&str>) -> Result<Document, Failure> {
-    let mut cli = Cli::command();
-    cli.build();
-    let page = match command {
-        None => cli,
-        Some(name) => match cli.find_subcommand(name) {
-            Some(command) => command.clone(),
-            None => return Err(no_command(name, &cli)),
-        },
-    };
-    let mut text = Vec::new();
-    Man::new(page).render(&mut text).expect("writing to memory does not fail");
-    Ok(Document::raw(String::from_utf8(text).expect("clap writes UTF-8")))
-}
-
-fn no_command(word: &str, cli: &clap::Command) -> Failure {
-    let known: Vec<&str> = cli.get_subcommands().map(clap::Command::get_name).collect();
-    let hint = match nearest(word, known.iter().copied()) {
-        Some(name) => format!("did you mean '{name}'?"),
-        None => format!("there are: {}", known.join(", ")),
-    };
-    Failure::usage(format!("there is no command '{word}'; {hint}"))
 }

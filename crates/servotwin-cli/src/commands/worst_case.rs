@@ -1,11 +1,11 @@
 //! `servotwin worst-case`: searches the flights in which the diagnosis is closest to an error.
 
 use super::progress::with_crew;
-use super::scenario_of;
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
 use servotwin::flight::margin::SearchObjective;
 use servotwin::job::{Among, Folder};
+use servotwin::study::Scenario;
 use servotwin_report::words::number;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::worst_case::{
@@ -30,8 +30,8 @@ pub(crate) struct Options {
     folder: PathBuf,
     /// What to search, separated by commas [default: all].
     #[arg(long, value_name = "OBJECTIVES", value_delimiter = ',',
-          value_parser = SearchObjective::ALL.map(SearchObjective::name))]
-    objective: Vec<String>,
+          value_parser = super::one_of(SearchObjective::ALL, SearchObjective::name))]
+    objective: Vec<SearchObjective>,
     /// Number of flights of the search, and of random flights, for each objective.
     #[arg(long, value_name = "FLIGHTS", default_value_t = 256,
           value_parser = clap::value_parser!(u32).range(1..=MAX_RUNS as i64))]
@@ -41,8 +41,8 @@ pub(crate) struct Options {
           value_parser = clap::value_parser!(u64).range(0..=999))]
     seed: u64,
     /// The scenario: noise or realistic [default: the most realistic one].
-    #[arg(long, value_name = "SCENARIO")]
-    scenario: Option<String>,
+    #[arg(long, value_name = "SCENARIO", value_parser = super::scenario())]
+    scenario: Option<Scenario>,
     /// Number of threads [default: all processors; the results do not depend on it].
     #[arg(long, value_parser = super::threads)]
     threads: Option<usize>,
@@ -52,10 +52,9 @@ impl Run for Options {
     fn run(&self, global: Global) -> Result<Document, Failure> {
         stop::heed();
         let folder = Folder::new(&self.folder);
-        let wanted = self.scenario.as_deref().map(scenario_of).transpose()?;
-        let results = StudyResultsFolder::open(folder.clone(), wanted)?;
+        let results = StudyResultsFolder::open(folder.clone(), self.scenario)?;
         let is_wanted = |objective: &SearchObjective| {
-            self.objective.is_empty() || self.objective.iter().any(|o| o == objective.name())
+            self.objective.is_empty() || self.objective.contains(objective)
         };
         let objectives: Vec<SearchObjective> =
             SearchObjective::ALL.into_iter().filter(is_wanted).collect();

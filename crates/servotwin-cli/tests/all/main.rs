@@ -176,13 +176,12 @@ fn a_step_is_followed_and_written() {
 }
 
 #[test]
-fn lanes_do_not_change_the_result_and_faults_do() {
+fn a_fault_changes_the_result() {
     let run = |more: &[&str]| {
         let first = ["simulate", SPRING, "--command", "5deg", "--json", "-q"];
         json(&[&first, more, &["--duration", "200ms"]].concat())
     };
     let healthy = run(&[]);
-    assert_eq!(run(&["--lanes", "portable"]), healthy);
     let zero = run(&["--fault", "servo_valve.clogging_pa=0"]);
     assert_eq!(zero["recorded"], healthy["recorded"], "zero intensity is healthy");
     let faulty = run(&["--fault", "servo_valve.bias_positive=50%"]);
@@ -191,7 +190,7 @@ fn lanes_do_not_change_the_result_and_faults_do() {
 }
 
 #[test]
-fn faults_are_listed_in_three_forms() {
+fn faults_are_listed_in_two_forms() {
     let list = json(&["describe", "--faults", "--json"]);
     let list = list["faults"].as_array().unwrap();
     assert!(list.len() > 80, "{}", list.len());
@@ -201,8 +200,6 @@ fn faults_are_listed_in_three_forms() {
     let ratio =
         clogging["at_intensity_1"].as_f64().unwrap() / clogging["healthy"].as_f64().unwrap();
     assert!((ratio - 0.05).abs() < 1e-12);
-    let csv = stdout(&servotwin(&["describe", "--faults", "--csv"]));
-    assert_eq!(csv.lines().count(), list.len() + 1);
     let text = stdout(&servotwin(&["describe", "--faults"]));
     assert!(text.contains(&format!("{} faults", list.len())));
 }

@@ -17,10 +17,14 @@ pub enum Version {
 }
 
 impl Version {
-    fn number(self) -> &'static str {
+    /// Both versions.
+    pub const ALL: [Version; 2] = [Version::Two, Version::Three];
+
+    /// The name in options.
+    pub fn name(self) -> &'static str {
         match self {
-            Version::Two => "2.0",
-            Version::Three => "3.0",
+            Version::Two => "2",
+            Version::Three => "3",
         }
     }
 }
@@ -46,10 +50,10 @@ impl Description<'_> {
         let Description { version, name, title, token, .. } = self;
         let token_name = if *version == Version::Two { "guid" } else { "instantiationToken" };
         let mut xml = format!(
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"{}\" modelName=\"{name}\" \
+            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"{}.0\" modelName=\"{name}\" \
              {token_name}=\"{token}\"\n  description=\"{}\" generationTool=\"servotwin {}\" \
              variableNamingConvention=\"structured\"{}>\n",
-            version.number(),
+            version.name(),
             escaped(title),
             env!("CARGO_PKG_VERSION"),
             if *version == Version::Two { " numberOfEventIndicators=\"0\"" } else { "" },

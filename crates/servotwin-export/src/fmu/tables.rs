@@ -3,7 +3,7 @@
 use crate::notation::{place, record, write_list, write_public};
 use crate::twin::ExportedTwin;
 use servotwin_model::c_source::hexadecimal;
-use servotwin_model::program::{Program, Slot};
+use servotwin_model::program::Slot;
 
 /// Ranges of parameters and inputs, and the sensors. A hybrid twin has no use for the last two: it judges its inputs itself.
 pub(super) fn text(twin: &ExportedTwin, is_system: bool) -> String {
@@ -17,7 +17,7 @@ pub(super) fn text(twin: &ExportedTwin, is_system: bool) -> String {
     if is_system {
         let inputs = 0..network.inputs.len();
         write_ranges("input", inputs.map(|input| range(network.input_range(input))).collect());
-        let sensors = twin.sensors.iter().filter_map(|&slot| sensor(twin.program, slot));
+        let sensors = twin.sensors.iter().filter_map(|&slot| sensor(twin, slot));
         let sensors: Vec<String> = sensors.collect();
         let none = "{ 0U, -1, -1, 0x0p+0, 0x0p+0 }";
         write_list(&mut text, "servotwin_fmu_sensor", "fmu_sensors", &sensors, none);
@@ -32,15 +32,16 @@ fn range((least, largest): (f64, f64)) -> String {
 }
 
 /// The entry of a sensor; `None` for a quantity that no sensor measures.
-fn sensor(program: &Program, slot: Slot) -> Option<String> {
+fn sensor(twin: &ExportedTwin, slot: Slot) -> Option<String> {
+    let program = twin.program;
     let components = &program.network().components;
     let observable = program.observables().iter().find(|observable| observable.slot == slot)?;
     let (id, _) = observable.name.rsplit_once('.')?;
     let component = components.iter().position(|instance| instance.id == id)?;
     let instance = &components[component];
     let span = (instance.component.span)(&instance.parameters)?;
-    let before: usize = components[..component].iter().map(|other| other.parameters.len()).sum();
-    let parameter = |name| place(instance.component.parameter(name).map(|p| before + p));
+    let first = twin.first_parameter(component);
+    let parameter = |name| place(instance.component.parameter(name).map(|p| first + p));
     Some(record(&[
         format!("{slot}U"),
         parameter("noise_sigma"),

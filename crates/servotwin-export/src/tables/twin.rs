@@ -79,7 +79,7 @@ fn sizes(twin: &ExportedTwin, tableau: &Tableau) -> [(&'static str, usize); 15] 
 fn tables(twin: &ExportedTwin, tableau: &Tableau) -> String {
     let mut text = [HEAD, "#include \"servotwin_twin.h\"\n\n#include <math.h>\n\n"].concat();
     write_public(&mut text, "servotwin_step_control", "twin_control", &control(twin, tableau));
-    states(&mut text, twin.program);
+    states(&mut text, twin);
     inputs(&mut text, twin);
     let periods = twin.program.clock_periods_s().map(plain);
     write_entries(&mut text, "double", "clock_periods_s", "MOST_CLOCKS", periods.collect());
@@ -106,10 +106,6 @@ fn tables(twin: &ExportedTwin, tableau: &Tableau) -> String {
 
 /// What the flight control computer does after each action.
 fn reactions(text: &mut String, twin: &ExportedTwin) {
-    let mut first_parameter = vec![0];
-    for instance in &twin.program.network().components {
-        first_parameter.push(first_parameter.last().unwrap_or(&0) + instance.parameters.len());
-    }
     let (mut changes, mut entries) = (Vec::new(), Vec::new());
     let mut seen = BTreeSet::new();
     for known in &twin.reactions {
@@ -121,7 +117,7 @@ fn reactions(text: &mut String, twin: &ExportedTwin) {
         };
         reaction.inputs.iter().for_each(|&(at, value)| change("SERVOTWIN_SETS_INPUT", at, value));
         for &(component, parameter, value) in &reaction.parameters {
-            change("SERVOTWIN_SETS_PARAMETER", first_parameter[component] + parameter, value);
+            change("SERVOTWIN_SETS_PARAMETER", twin.first_parameter(component) + parameter, value);
         }
         reaction.takes_out.iter().for_each(|&at| change("SERVOTWIN_TAKES_OUT", at, 0.0));
         let end = changes.len();
@@ -164,19 +160,16 @@ fn write_entries(
     write_commented_list(text, kind, (&name, &length), &entries);
 }
 
-fn states(text: &mut String, program: &Program) {
-    let states = program.states();
-    let components = &program.network().components;
-    let first_parameter = |component: usize| -> usize {
-        components[..component].iter().map(|instance| instance.parameters.len()).sum()
-    };
+fn states(text: &mut String, twin: &ExportedTwin) {
+    let states = twin.program.states();
+    let components = &twin.program.network().components;
     let guesses = states.iter().map(|state| {
         let spec = components[state.component].component;
         let (parameter, value) = match spec.states[state.state].start {
             Start::Value(value) => (None, value),
             Start::Parameter(name) => {
                 let number = spec.parameter(name).unwrap_or_default();
-                (Some(first_parameter(state.component) + number), 0.0)
+                (Some(twin.first_parameter(state.component) + number), 0.0)
             }
         };
         let guess = record(&[place(parameter), hexadecimal(value)]);

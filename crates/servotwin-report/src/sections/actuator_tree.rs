@@ -1,7 +1,7 @@
 //! The tree that finds the failed actuator (figure 9 of the seed paper), and the other trees of every scenario.
 
 use crate::vocabulary::Vocabulary;
-use crate::words::{percent, unit};
+use crate::words::{percent, spoken, unit};
 use crate::{Material, stages};
 use servotwin::records::data_features;
 use servotwin_diagnosis::features::Feature;
@@ -40,7 +40,8 @@ pub fn write(material: &Material, page: &mut Document) {
                     ));
                 continue;
             }
-            let caption = format!("Tree {}, {title}: {}.", stage.id, asks(stage, &words));
+            let caption =
+                format!("Tree {}, {title}: {}.", stage.id, asks(hierarchy, stage, &words));
             page.wide_figure(format!("tree_{name}{}", stage.id), drawing.draw(), caption);
         }
     };
@@ -80,7 +81,7 @@ pub fn write(material: &Material, page: &mut Document) {
     );
 }
 
-fn asks(stage: &Stage, words: &Vocabulary) -> String {
+fn asks(hierarchy: &Hierarchy, stage: &Stage, words: &Vocabulary) -> String {
     match stage.place.question {
         Question::Actuator if !words.has_several() => "whether something is wrong".into(),
         Question::Actuator => format!(
@@ -89,19 +90,19 @@ fn asks(stage: &Stage, words: &Vocabulary) -> String {
             words.paper(" (figure 9 of the seed paper)")
         ),
         Question::Action => "what must be done".into(),
-        Question::Detail => "what is broken, within one action".into(),
+        Question::Detail => match stage.place.action {
+            Some(action) => {
+                let action = spoken(&hierarchy.names.actions[action as usize]);
+                format!("what is broken, within the action “{action}”")
+            }
+            None => "what is broken, within one action".into(),
+        },
     }
 }
 
 fn meanings(hierarchy: &Hierarchy, features: &[Feature], words: &Vocabulary) -> Table {
-    let mut asked: Vec<&str> = vec![];
-    for stage in &hierarchy.stages {
-        for name in stages::asked(hierarchy, stage) {
-            if !asked.contains(&name) {
-                asked.push(name);
-            }
-        }
-    }
+    let of_stages = hierarchy.stages.iter().map(|stage| stages::asked(hierarchy, stage));
+    let asked: Vec<&str> = of_stages.flatten().collect();
     let mut grid = Table::headed(["feature", "unit", "meaning"]);
     for feature in features.iter().filter(|known| asked.contains(&known.name.as_str())) {
         let unit = unit(feature.unit).to_owned();

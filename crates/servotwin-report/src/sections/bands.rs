@@ -2,15 +2,12 @@
 
 use crate::Material;
 use crate::lines;
-use crate::looks;
 use crate::words::{NONE, chosen, rate, stacked};
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::bands::{ALARMS, Band};
 use servotwin::measure::{Rates, VISIBLE, VISIBLE_BY_CHANCE};
 use servotwin::study::Study;
 use servotwin_diagnosis::residual::BAND;
-use servotwin_view::Figure;
-use servotwin_view::bars::{Bar, Bars};
 use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
@@ -46,12 +43,6 @@ pub fn write(material: &Material, page: &mut Document) {
     }
     let names: Vec<String> =
         results[0].1.iter().map(|band| label(material.study, &band.sensor)).collect();
-    page.figure(
-        "bands",
-        figure(&results, &names),
-        "Half width of the learned bands in percent of each sensor's scale; the fixed band is 3 % \
-             for all.",
-    );
     page.table(
         "",
         widths(&results, &names).captioned(
@@ -86,20 +77,6 @@ fn label(study: &Study, sensor: &str) -> String {
     let place = study.sensors.0.iter().position(|known| known.name == sensor);
     let known = place.and_then(|place| study.measured.get(place));
     known.map_or_else(|| sensor.to_owned(), |&place| study.system.sensors[place].label.clone())
-}
-
-fn figure(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Figure {
-    let titles: Vec<&str> = results.iter().map(|(result, _)| result.title.as_str()).collect();
-    let mut bars = Bars::new("half width (% of scale)", &titles);
-    bars.looks = results.iter().map(|(result, _)| looks::subject(result.subject)).collect();
-    bars.digits = 2;
-    for (place, name) in names.iter().enumerate() {
-        let bar = |(_, bands): &(_, &[Band])| {
-            bands.get(place).map(|band| Bar::new(100.0 * band.half_width))
-        };
-        bars = bars.with(name, results.iter().map(bar).collect());
-    }
-    bars.draw()
 }
 
 fn widths(results: &[(&SubjectResult, &[Band])], names: &[String]) -> Table {

@@ -1,63 +1,52 @@
 //! All classifiers, compared under the same protocol.
 
-use crate::{Material, looks};
+use crate::Material;
+use crate::words::{distinct, stacked};
 use servotwin::learn::Evaluation;
 use servotwin::learn::protocol::Protocol;
 use servotwin_diagnosis::hierarchy::Question;
-use servotwin_view::Figure;
-use servotwin_view::bars::{Bar, Bars};
-use servotwin_view::document::Document;
+use servotwin_view::document::{Document, Table};
 
 /// Writes the section, or nothing if the study has no content for it.
 pub fn write(material: &Material, page: &mut Document) {
     for result in &material.results.subjects {
-        if result.evaluation.classifiers.is_empty() {
-            continue;
-        }
         let holding = result.settings.comparison_holding;
         let words = material.words();
         for (stage, question) in [("A", Question::Actuator), ("B", Question::Action)] {
             let asks = words.question(question);
+            let grid = accuracies(&result.evaluation, stage);
             // With one actuator there is no actuator stage.
-            if result.evaluation.classifiers.iter().all(|compared| compared.stage != stage) {
+            if grid.is_empty() {
                 continue;
             }
-            let name = format!("classifiers_{}_{stage}", result.subject.name());
-            page.figure(name.clone(), bars(&result.evaluation, stage), format!(
+            page.table(
+                "",
+                grid.captioned(format!(
                     "Scenario: {}. Accuracy for {asks} (stage {stage}) of all classifiers with the \
-                     same features and default settings; random thirds: {}. Strokes across the foot of a \
-                     bar: the axis does not begin at zero. Whiskers: 95 %.",
+                     same features and default settings; random thirds: {}. The intervals are of 95 %.",
                     result.title, holding.repeats
-                ));
+                )),
+            );
         }
     }
 }
 
-fn bars(evaluation: &Evaluation, stage: &str) -> Figure {
+/// The accuracy of each classifier at one stage, under the kindest and the hardest protocol.
+fn accuracies(evaluation: &Evaluation, stage: &str) -> Table {
     let own = || evaluation.classifiers.iter().filter(|compared| compared.stage == stage);
     let hardest = evaluation.headline().map_or(Protocol::NewCommand, |result| result.protocol);
     let protocols = [Protocol::RandomThird, hardest];
-    let mut figure = Bars::new("accuracy (%)", &protocols.map(Protocol::title));
-    figure.looks = looks::plain();
-    let mut titles: Vec<&str> = vec![];
-    for compared in own() {
-        if !titles.contains(&compared.title.as_str()) {
-            titles.push(&compared.title);
-        }
-    }
-    let mut least: f64 = 100.0;
-    for title in titles {
-        let bar = |protocol: Protocol| {
-            let compared = own().find(|c| c.title == title && c.protocol == protocol)?;
-            let rate = compared.score.accuracy;
-            least = least.min(100.0 * rate.low);
-            let percent = |share: f64| 100.0 * share;
-            Some(Bar::with_interval(percent(rate.share?), percent(rate.low), percent(rate.high)))
+    let heads = ["classifier"].into_iter().chain(protocols.map(Protocol::title));
+    let mut grid = Table::headed(heads);
+    for title in distinct(own().map(|compared| compared.title.as_str())) {
+        let accuracy = |protocol: Protocol| {
+            stacked(
+                own()
+                    .find(|compared| compared.title == title && compared.protocol == protocol)
+                    .map(|compared| compared.score.accuracy),
+            )
         };
-        figure = figure.with(title, protocols.map(bar).into());
+        grid.push([title.to_owned()].into_iter().chain(protocols.map(accuracy)));
     }
-    figure.digits = 2;
-    // Bars from zero would all look the same.
-    figure.range = Some(((least / 10.0).floor() * 10.0, 100.0));
-    figure.draw()
+    grid
 }

@@ -1,7 +1,7 @@
 //! The commands on which the diagnosis is evaluated (figure 7 of the seed paper), and those from which it learns.
 
 use crate::Material;
-use crate::words::{chosen, number};
+use crate::words::{chosen, distinct, number};
 use servotwin::shown::Shown;
 use servotwin::study::{Environment, Study, Training};
 use servotwin_view::SemanticColor;
@@ -74,13 +74,7 @@ pub fn write(material: &Material, page: &mut Document) {
 
 /// The names of the training commands.
 fn commands(training: &Training) -> Vec<&str> {
-    let mut names: Vec<&str> = vec![];
-    for case in &training.cases {
-        if !names.contains(&case.command.as_str()) {
-            names.push(&case.command);
-        }
-    }
-    names
+    distinct(training.cases.iter().map(|case| case.command.as_str()))
 }
 
 /// Lists the training commands with a description. Draws of one pattern share a row.

@@ -1,13 +1,13 @@
-//! The committee compared with the trees: its right answers, and what may stay not isolated.
+//! The committee beside the trees, and what may stay not isolated.
 
 use crate::Material;
-use crate::lines::{self, Who};
+use crate::lines;
 use crate::vocabulary::Vocabulary;
-use crate::words::{by_kind, chosen, share, spoken, stacked};
+use crate::words::{chosen, share, spoken};
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::isolation::LEVEL;
 use servotwin::learn::metrics::Rate;
-use servotwin::learn::protocol::{ALL, ProtocolResult};
+use servotwin::learn::protocol::ProtocolResult;
 use servotwin::measure::{self, Measure};
 use servotwin_view::document::{Document, Table};
 
@@ -28,43 +28,7 @@ pub fn write(material: &Material, page: &mut Document) {
              something else, or is not sure enough, the outcome is “detected, not isolated”.",
         );
     let words = &material.words();
-    for result in &results {
-        page.table("", beside_trees(result, words).captioned(format!(
-                "Scenario: {}. Trees and committee under the same protocols, with 95 % intervals from \
-                 drawing kinds of fault at their intensities; “by kind” draws whole kinds.",
-                result.title
-            )));
-    }
     isolation(&results, words, page);
-}
-
-fn beside_trees(result: &SubjectResult, words: &Vocabulary) -> Table {
-    let heads = ["held out".to_owned(), "by".to_owned()];
-    let right = [&measure::RIGHT_ACTION, &measure::END_TO_END];
-    // With one actuator there is no actuator stage.
-    let letters = if words.has_several() { &["A", "B"][..] } else { &["B"][..] };
-    let stages = letters.iter().map(|letter| (*letter).to_owned());
-    let measures = right.iter().map(|measure| words.measure(measure));
-    let last = ["end to end, by kind".to_owned()];
-    let mut grid = Table::headed(heads.into_iter().chain(stages).chain(measures).chain(last));
-    for protocol in ALL {
-        let Some(committee) = result.evaluation.committee(protocol) else { continue };
-        for who in Who::ALL {
-            let Some(judged) = who.under(&result.evaluation, protocol) else { continue };
-            let title =
-                if who == Who::Trees { words.adapted(&committee.title) } else { String::new() };
-            let mut row = vec![title, who.title().to_owned()];
-            let accuracy = |letter| stacked(judged.stage(letter).map(|score| score.accuracy));
-            row.extend(letters.iter().map(|letter| accuracy(letter)));
-            row.extend(right.iter().map(|measure| stacked(judged.rates.counted(measure))));
-            row.push(by_kind(judged.rates.counted(&measure::END_TO_END)));
-            match who {
-                Who::Trees => grid.push(row),
-                Who::Committee => grid.push_strong(row),
-            }
-        }
-    }
-    grid
 }
 
 /// Writes what trees and committee decide together if a fault may stay not isolated.

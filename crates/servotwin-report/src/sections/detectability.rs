@@ -1,17 +1,14 @@
 //! The faults that are detected, and the intensity from which each is detected.
 
 use crate::lines;
-use crate::words::{rate, spoken};
+use crate::words::{distinct, rate, spoken};
 use crate::{Material, hardest_first};
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::detection::Detection;
 use servotwin::measure::VISIBLE;
-use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::Figure;
 use servotwin_view::document::Document;
-use servotwin_view::lines::{Curve, Lines};
 use servotwin_view::value_map::{ValueMap, digits};
-use std::collections::BTreeMap;
 
 /// The stand-in intensity of a fault that is never detected; real intensities are at most one.
 const NEVER: f64 = 10.0;
@@ -39,20 +36,6 @@ pub fn write(material: &Material, page: &mut Document) {
                 false => "",
             },
         ));
-        let curves = curves(material, detection);
-        page.figure(
-            format!("detection_{name}"),
-            curves,
-            format!(
-                "Scenario: {}. Share of faults detected against their intensity, for each failure, \
-                     over all operating cases{}.",
-                result.title,
-                match words.has_several() {
-                    true => format!(" and {}", words.units()),
-                    false => String::new(),
-                }
-            ),
-        );
         page.figure(
             format!("least_intensity_{name}"),
             least(detection),
@@ -70,44 +53,10 @@ pub fn write(material: &Material, page: &mut Document) {
     hardest_first(&lines::scenarios(material.results), page, &show);
 }
 
-/// Detection against intensity, with all kinds of one failure combined.
-fn curves(material: &Material, detection: &Detection) -> Figure {
-    let looks = material.looks();
-    let mut lines = Lines::new("", "intensity", "share detected");
-    lines.y_range = Some((0.0, 1.0));
-    for class in &material.study.classes {
-        // Keyed by the bits of the intensity, which sort like positive numbers.
-        let mut counts: BTreeMap<u64, (u64, u64)> = BTreeMap::new();
-        for curve in detection.curves.iter().filter(|curve| curve.detail == class.detail) {
-            for (intensity, rate) in &curve.points {
-                let (detected, all) = counts.entry(intensity.to_bits()).or_default();
-                *detected += rate.count;
-                *all += rate.of;
-            }
-        }
-        let point = |(bits, (detected, all)): (u64, (u64, u64))| {
-            (f64::from_bits(bits), detected as f64 / all as f64)
-        };
-        let points: Vec<(f64, f64)> = counts.into_iter().map(point).collect();
-        if !points.is_empty() {
-            lines = lines.with(
-                Curve::new(spoken(&class.detail), points)
-                    .looking(looks.class(Question::Detail, &class.detail)),
-            );
-        }
-    }
-    lines.draw()
-}
-
 /// A map of the smallest detectable intensity: kinds of fault against operating cases.
 fn least(detection: &Detection) -> Figure {
     let kinds: Vec<&str> = detection.curves.iter().map(|curve| curve.kind.as_str()).collect();
-    let mut cases: Vec<&str> = vec![];
-    for least in &detection.least {
-        if !cases.contains(&least.case.as_str()) {
-            cases.push(&least.case);
-        }
-    }
+    let cases = distinct(detection.least.iter().map(|least| least.case.as_str()));
     let worst = |kind: &str, case: &str| {
         let own = detection.least.iter().filter(|least| {
             least.case == case

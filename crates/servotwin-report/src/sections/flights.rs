@@ -2,7 +2,6 @@
 //! with the limits.
 
 use crate::Material;
-use crate::looks::Looks;
 use crate::vocabulary::Vocabulary;
 use crate::words::{
     NONE, begun, by_environment, by_environment_and_tail, chosen, number, spoken, stacked,
@@ -19,10 +18,7 @@ use servotwin::study::suites::{
     HARD_NEGATIVES, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED,
 };
 use servotwin::study::{Scenario, Study, Suite};
-use servotwin_diagnosis::hierarchy::Question;
-use servotwin_view::Figure;
 use servotwin_view::document::{Document, Table};
-use servotwin_view::lines::{Curve, Lines};
 
 /// The share of faults that a latency limit applies to.
 const SHARE: f64 = 0.95;
@@ -69,25 +65,12 @@ pub fn write(material: &Material, page: &mut Document) {
     page.heading("How soon a fault is isolated");
     page.text(format!(
             "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
-             makes it so by chance; it is isolated when the right action{} is raised. The curves show which \
-             share of the visible faults of intensity {STRONG} and more is isolated how long after the \
-             onset. What is never isolated is why a curve stays below 100 %.",
+             makes it so by chance; it is isolated when the right action{} is raised.",
             match words.has_several() {
                 true => format!(" for the right {}", words.unit()),
                 false => String::new(),
             }
         ));
-    page.beside(|page| {
-            for metrics in results.judged() {
-                let name = format!("flights_latency_{}", metrics.group.scenario);
-                let caption = format!(
-                    "Scenario {}: visible faults of intensity {STRONG} and more that are isolated, by the \
-                     time since the onset.",
-                    metrics.title()
-                );
-                page.figure(name.clone(), latencies(metrics, &material.looks()), caption);
-            }
-        });
     for metrics in results.judged().chain(results.of_other_plants()) {
         page.table("", by_action(metrics, words).captioned(format!(
                 "Scenario {}: what became of the {}s, by the action that it needs. Shares are \
@@ -421,7 +404,7 @@ fn limits_grid(study: &Study, results: &FlightResults, words: &Vocabulary) -> Ta
         let is_strong = ![MET, NONE_SEEN, ""].contains(&limit.verdict);
         let Limit { title, scenario, limit, measured, verdict } = limit;
         let row = vec![title, scenario, limit, measured, verdict.into()];
-        if is_strong { grid.push_strong(row) } else { grid.push(row) }
+        grid.push_if(is_strong, row);
     }
     grid
 }
@@ -479,21 +462,6 @@ fn sizes(study: &Study, results: &FlightResults, words: &Vocabulary) -> String {
     let without = results.left_out.iter();
     let without = without.filter_map(|(scenario, own)| own.without_steady_state(scenario));
     without.fold(size, |text, line| format!("{text} {line}."))
-}
-
-fn latencies(metrics: &FlightMetrics, looks: &Looks) -> Figure {
-    let mut lines = Lines::new("", "time since the onset / s", "isolated / % of visible");
-    lines.x_log = true;
-    lines.y_range = Some((0.0, 100.0));
-    for class in &metrics.strong_classes {
-        let points = class.isolation.iter().flat_map(|latency| &latency.by_s);
-        let points = points.map(|&(time_s, share)| (time_s, 100.0 * share)).collect();
-        lines = lines.with(
-            Curve::new(spoken(&class.action), points)
-                .looking(looks.class(Question::Action, &class.action)),
-        );
-    }
-    lines.draw()
 }
 
 /// The median, 95 % quantile and maximum of a latency, one in each line.

@@ -1,7 +1,7 @@
 //! The protocols: how each holds variants out, and the results under it.
 
 use crate::Material;
-use crate::lines;
+use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
 use crate::words::{by_kind, stacked};
 use servotwin::learn::protocol::ProtocolResult;
@@ -26,7 +26,7 @@ pub fn write(material: &Material, page: &mut Document) {
         let stages = lines::stages(&words, &evaluation.protocols.iter().collect::<Vec<_>>());
         let named = |(id, finds): &(String, String)| format!("{id} {finds}");
         let named: Vec<String> = stages.iter().map(named).collect();
-        page.table("", grid(&evaluation.protocols, &words).captioned(format!(
+        page.table("", grid(&lines::answers(evaluation), &words).captioned(format!(
                 "Scenario: {}. Accuracy of each stage where the stages above are right ({}), and of all \
                  together (end to end), with 95 % intervals from drawing kinds of fault at their intensities; the interval “by kind” draws \
                  whole kinds, and is that of a fault of a new kind. “Of all” is \
@@ -34,8 +34,10 @@ pub fn write(material: &Material, page: &mut Document) {
                 result.title,
                 named.join(", ")
             )));
-        if !evaluation.baseline.is_empty() {
-            page.table("", grid(&evaluation.baseline, &words).captioned(format!(
+        let baseline: Vec<_> =
+            evaluation.baseline.iter().map(|result| (Who::Trees, result)).collect();
+        if !baseline.is_empty() {
+            page.table("", grid(&baseline, &words).captioned(format!(
                     "Scenario: {}. The same for trees with fewer features{}: mean, variance and indicator of \
                      each residual{}, and the fixed band of ±3 %.",
                     result.title,
@@ -50,22 +52,31 @@ pub fn write(material: &Material, page: &mut Document) {
 }
 
 /// A table with protocols in rows and measures in columns.
-fn grid(results: &[ProtocolResult], words: &Vocabulary) -> Table {
-    let stages = lines::stages(words, &results.iter().collect::<Vec<_>>());
+fn grid(results: &[(Who, &ProtocolResult)], words: &Vocabulary) -> Table {
+    let all: Vec<&ProtocolResult> = results.iter().map(|(_, result)| *result).collect();
+    let stages = lines::stages(words, &all);
+    let has_committee = results.iter().any(|(who, _)| *who == Who::Committee);
     let mut heads = vec!["held out", "splits"];
+    heads.extend(has_committee.then_some("by"));
     heads.extend(stages.iter().map(|(letter, _)| letter.as_str()));
-    let whole = ["end to end", "by kind", "of all"];
-    heads.extend(whole);
+    let right_action = words.measure(&measure::RIGHT_ACTION);
+    heads.extend([&right_action, "end to end", "by kind", "of all"]);
     let mut grid = Table::headed(heads);
-    for result in results {
-        let mut row = vec![words.adapted(&result.title), result.splits.to_string()];
+    for &(who, result) in results {
+        let title = match who {
+            Who::Trees => words.adapted(&result.title),
+            Who::Committee => String::new(),
+        };
+        let mut row = vec![title, result.splits.to_string()];
+        row.extend(has_committee.then(|| who.title().to_owned()));
         let accuracy = |letter: &str| stacked(result.stage(letter).map(|score| score.accuracy));
         row.extend(stages.iter().map(|(letter, _)| accuracy(letter)));
+        row.push(stacked(result.rates.counted(&measure::RIGHT_ACTION)));
         let end_to_end = result.rates.counted(&measure::END_TO_END);
         row.push(stacked(end_to_end));
         row.push(by_kind(end_to_end));
         row.push(stacked(result.rates.counted(&measure::END_TO_END_OF_ALL)));
-        grid.push(row);
+        grid.push_if(who == Who::Committee, row);
     }
     grid
 }

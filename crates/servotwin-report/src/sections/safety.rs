@@ -5,7 +5,7 @@ use crate::vocabulary::Vocabulary;
 use crate::words::{share, spoken, stacked};
 use crate::{Material, hardest_first};
 use servotwin::job::results::SubjectResult;
-use servotwin::learn::protocol::{ALL, ComponentScore, ProtocolResult};
+use servotwin::learn::protocol::{ComponentScore, ProtocolResult};
 use servotwin::measure::{self, Measure};
 use servotwin_view::document::{Document, Table};
 
@@ -66,18 +66,15 @@ fn about(words: &Vocabulary, page: &mut Document) {
 
 /// A table with one row for each protocol and classifier, and one column for each measure.
 fn grid(result: &SubjectResult, words: &Vocabulary) -> Table {
-    let judged = |who: Who, protocol| who.under(&result.evaluation, protocol);
-    let all = || ALL.into_iter().flat_map(|protocol| Who::ALL.map(|who| (protocol, who)));
+    let answers = lines::answers(&result.evaluation);
     let is_counted = |measure: &&Measure| {
-        let mut rates = all().filter_map(|(protocol, who)| judged(who, protocol));
-        rates.any(|judged| judged.rates.counted(measure).is_some())
+        answers.iter().any(|(_, judged)| judged.rates.counted(measure).is_some())
     };
     let safety: Vec<&Measure> = lines::SAFETY.into_iter().filter(is_counted).collect();
     let mut heads = vec!["held out".to_owned(), "by".to_owned()];
     heads.extend(safety.iter().map(|measure| words.measure(measure)));
     let mut grid = Table::headed(heads);
-    for (protocol, who) in all().filter(|_| !safety.is_empty()) {
-        let Some(judged) = judged(who, protocol) else { continue };
+    for &(who, judged) in answers.iter().filter(|_| !safety.is_empty()) {
         let title = if who == Who::Trees { words.adapted(&judged.title) } else { String::new() };
         let mut row = vec![title, who.title().to_owned()];
         row.extend(safety.iter().map(|measure| stacked(judged.rates.counted(measure))));

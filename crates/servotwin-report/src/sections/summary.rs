@@ -96,10 +96,7 @@ fn side_by_side(scenarios: &[&SubjectResult], words: &Vocabulary) -> Table {
         last = row.title;
         let mut cells = vec![title, row.who.to_owned()];
         cells.extend(row.rates.iter().map(|value| stacked(*value)));
-        match row.is_safety {
-            true => grid.push_strong(cells),
-            false => grid.push(cells),
-        }
+        grid.push_if(row.is_safety, cells);
     }
     grid
 }

@@ -1,7 +1,7 @@
 //! Twins fitted to their actuators.
 
 use crate::Material;
-use crate::words::{number, rate};
+use crate::words::{distinct, number, rate};
 use servotwin::learn::metrics::Rate;
 use servotwin::records::Comparison;
 use servotwin_view::document::{Document, Table};
@@ -29,12 +29,6 @@ fn parameters(all: &[Comparison]) -> Table {
         Some((_, rest)) if rest.contains('.') => rest.to_owned(),
         _ => one.parameter.clone(),
     };
-    let mut kinds: Vec<String> = Vec::new();
-    for one in all {
-        if !kinds.contains(&kind(one)) {
-            kinds.push(kind(one));
-        }
-    }
     let mut grid = Table::headed([
         "parameter",
         "fits",
@@ -51,9 +45,9 @@ fn parameters(all: &[Comparison]) -> Table {
         let share = rate(Some(Rate::new(inside as u64, own.len() as u64)));
         vec![name.to_owned(), own.len().to_string(), number(rms), number(error), share]
     };
-    for name in &kinds {
-        let own: Vec<&Comparison> = all.iter().filter(|one| kind(one) == *name).collect();
-        grid.push(row(name, &own));
+    for name in distinct(all.iter().map(kind)) {
+        let own: Vec<&Comparison> = all.iter().filter(|one| kind(one) == name).collect();
+        grid.push(row(&name, &own));
     }
     grid.push_strong(row("all", &all.iter().collect::<Vec<_>>()));
     grid

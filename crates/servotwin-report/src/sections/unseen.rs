@@ -118,7 +118,7 @@ fn challenges(sets: &[UnseenFaultRates], words: &Vocabulary) -> Table {
             set.count(&unseen::EARLY_ALARM).to_string(),
             latency.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.p95_s)),
         ];
-        if wrong > 0 { grid.push_strong(row) } else { grid.push(row) }
+        grid.push_if(wrong > 0, row);
     }
     grid
 }
@@ -135,7 +135,7 @@ fn table(metrics: &UnseenFaultMetrics, vocabulary: &Vocabulary) -> Table {
     let mut grid = Table::headed(left.into_iter().chain(words).chain(right));
     for fault in &metrics.faults {
         let row = row(fault, vocabulary);
-        if fault.wrong.is_empty() { grid.push(row) } else { grid.push_strong(row) }
+        grid.push_if(!fault.wrong.is_empty(), row);
     }
     grid
 }

@@ -2,7 +2,8 @@
 
 use super::cell::{Filled, FmeaCell};
 use super::effects::{answers, flight_evidence, flown};
-use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
+use super::fields::{FmeaSources, FmeaSubject, not_in_study};
+use crate::rates::actuator_of;
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
 use servotwin::text::spoken;

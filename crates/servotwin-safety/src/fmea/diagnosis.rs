@@ -49,15 +49,13 @@ pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> Fill
     let runs = runs(sources, subject)?;
     let strong = runs.strong(&subject.fault.id);
     let (first, count) = (strong.first().map_or(0, |run| run.row), strong.len());
-    let figure = sources.results.and_then(|results| results.figure("bands.svg"));
     let bands = match runs.are_learned {
         true => "bands of evaluation.json",
         false => "band of 3 %",
     };
     let evidence = format!(
-        "{}: {count} runs with intensity {STRONG} and more, first in row {first}; {bands}{}",
-        runs.file,
-        figure.map_or(String::new(), |figure| format!(", {figure}"))
+        "{}: {count} runs with intensity {STRONG} and more, first in row {first}; {bands}",
+        runs.file
     );
     let moved = runs.moved(&subject.fault.id);
     if moved.is_empty() {

@@ -2,9 +2,10 @@
 
 use super::can_fly;
 use super::cell::{Filled, FmeaCell, span_in_words};
-use super::fields::{FmeaSources, FmeaSubject, actuator_of, not_in_study};
+use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::flights::FmeaFlights;
 use super::severity::{SeverityInputs, level};
+use crate::rates::actuator_of;
 use servotwin::live::tracking::{TrackedQuantities, command_unit};
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};

@@ -5,6 +5,7 @@ use super::flights::FmeaFlights;
 use super::residuals::ResidualRuns;
 use super::{declared, diagnosis, effects};
 use crate::rates::FailureRates;
+use crate::rates::kind_of;
 use crate::results::StudyResultsFolder;
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};
@@ -101,18 +102,6 @@ pub(crate) fn rows(sources: &FmeaSources) -> Vec<FmeaRow> {
     let (listed, others): (Vec<&ListedFault>, Vec<&ListedFault>) =
         list.iter().partition(|fault| study.faults.iter().any(|case| case.id == fault.id));
     listed.into_iter().chain(others).map(row).collect()
-}
-
-/// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
-pub(super) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
-    study.unit_of(fault).map(|unit| study.units[unit].as_str())
-}
-
-/// A fault's name without its actuator.
-pub(crate) fn kind_of(study: &Study, fault: &str) -> String {
-    let own =
-        actuator_of(study, fault).and_then(|unit| fault.strip_prefix(unit)?.strip_prefix('.'));
-    own.unwrap_or(fault).to_owned()
 }
 
 /// What a cell shows for a fault that no class of the study lists.

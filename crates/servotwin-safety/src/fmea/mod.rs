@@ -18,7 +18,7 @@ pub mod sheet;
 
 use crate::counts;
 use crate::error::SafetyError;
-use crate::rates::{FailureRates, RatedFault};
+use crate::rates::FailureRates;
 use crate::results::{EvidenceBasis, StudyResultsFolder};
 use fields::{FmeaSources, FmeaSubject, rows};
 use flights::FmeaFlights;
@@ -28,12 +28,6 @@ use servotwin::study::Study;
 use servotwin::table::csv::texts;
 use sheet::FmeaSheet;
 use std::path::Path;
-
-/// The names that rates of a system may have: all of its faults.
-pub(crate) fn rated_faults(study: &Study) -> Vec<RatedFault> {
-    let names = study.system.all_faults().into_iter();
-    names.map(|id| RatedFault { kind: fields::kind_of(study, &id), id }).collect()
-}
 
 /// The sources of the sheet of a folder with results. If it `flies`, flights that are missing or of another basis are
 /// flown where there is a diagnoser; else stored flights are used as they are.
@@ -69,7 +63,7 @@ pub fn declared_sources<'s>(
 }
 
 fn read_rates(study: &Study, path: Option<&Path>) -> Result<Option<FailureRates>, SafetyError> {
-    path.map(|path| FailureRates::read(path, &rated_faults(study))).transpose()
+    path.map(|path| FailureRates::read(path, study)).transpose()
 }
 
 /// Whether a folder has a diagnoser to fly with in the quoted scenario.

@@ -22,12 +22,11 @@ use crate::error::SafetyError;
 use crate::interval::{CountedValue, clopper_pearson};
 use crate::rated_flights::RatedFlights;
 use crate::rates::FailureRates;
-use crate::results::{FOLDER, StudyResultsFolder};
+use crate::results::StudyResultsFolder;
 use crate::tree::lanes::{CONFIDENCE, TreeParameter};
 use crate::tree::numbers::{BandEnd, ExposureHours};
 use flight::{FlightModel, FunctionFailure, LaneOnsets};
 use serde::Serialize;
-use servotwin::files::create_folder;
 use servotwin::study::Study;
 use servotwin::table::{Column, Table};
 use std::path::PathBuf;
@@ -78,10 +77,6 @@ pub struct InputSensitivity {
     pub evidence: String,
     /// Relative change of the probability of a failed function in a flight per relative change of the input.
     pub elasticity: f64,
-    /// The probability with half of the input.
-    pub(crate) at_half: f64,
-    /// The probability with twice the input.
-    pub(crate) at_double: f64,
     /// The probability with the input at the lower end of its interval.
     pub(crate) at_low: f64,
     /// The probability with the input at the upper end of its interval.
@@ -159,16 +154,10 @@ impl FunctionRate {
     /// # Errors
     /// A file cannot be written.
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
-        create_folder(results.folder.path().join(FOLDER))?;
-        let tables =
-            [("function-rate.csv", self.rates()?), ("function-rate-inputs.csv", self.inputs()?)];
-        let mut written = vec![];
-        for (name, table) in tables {
-            let path = results.artefact(name);
-            table.write(&path)?;
-            written.push(path);
-        }
-        Ok(written)
+        Ok(vec![
+            results.write_table("function-rate.csv", &self.rates()?)?,
+            results.write_table("function-rate-inputs.csv", &self.inputs()?)?,
+        ])
     }
 
     fn rates(&self) -> Result<Table, SafetyError> {
@@ -216,8 +205,6 @@ impl FunctionRate {
             column("low", |own| own.value.low),
             column("high", |own| own.value.high),
             column("elasticity", |own| own.elasticity),
-            column("failed_in_flight_at_half", |own| own.at_half),
-            column("failed_in_flight_at_double", |own| own.at_double),
             column("failed_in_flight_at_low", |own| own.at_low),
             column("failed_in_flight_at_high", |own| own.at_high),
             text("evidence", |own| &own.evidence),
@@ -481,8 +468,6 @@ fn sensitivity(
         value,
         evidence: evidence.into(),
         elasticity,
-        at_half: rate(0.5 * value.point),
-        at_double: rate(2.0 * value.point),
         at_low: rate(value.low),
         at_high: rate(value.high),
     }

@@ -2,8 +2,7 @@
 
 use super::{SensorSet, SensorTrade};
 use crate::error::SafetyError;
-use crate::results::{FOLDER, StudyResultsFolder};
-use servotwin::files::{create_folder, write_atomically};
+use crate::results::StudyResultsFolder;
 use servotwin::measure::{
     END_TO_END_OF_ALL, Measure, RIGHT_ACTION_OF_ALL, SHUTDOWN_MISSED_OF_ALL, VISIBLE,
     VISIBLE_BY_CHANCE, WRONG_SHUTDOWN,
@@ -30,12 +29,10 @@ impl SensorTrade {
     /// # Errors
     /// A file cannot be written.
     pub fn write(&self, results: &StudyResultsFolder) -> Result<Vec<PathBuf>, SafetyError> {
-        create_folder(results.folder.path().join(FOLDER))?;
-        let [sets, figure] = ["sensors.csv", "pareto.svg"].map(|name| results.artefact(name));
-        self.set_table()?.write(&sets)?;
-        let svg = self.figure().svg;
-        write_atomically(&figure, |out| out.write_all(svg.as_bytes()))?;
-        Ok(vec![sets, figure])
+        Ok(vec![
+            results.write_table("sensors.csv", &self.set_table()?)?,
+            results.write("pareto.svg", &self.figure().svg)?,
+        ])
     }
 
     /// One row for each judged set.

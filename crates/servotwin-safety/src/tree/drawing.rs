@@ -25,7 +25,7 @@ pub fn draw(trees: &LaneTrees, hours: &ExposureHours, top: usize) -> Figure {
         "{}: probability in the last flight before a check (flight {} h, repair {} h, check {} h)",
         trees.tree.gates[top].title, hours.flight_h, hours.repair_h, hours.check_h
     );
-    TreeFigure { title, classes: vec![], looks: vec![], root, sideways: true }.draw()
+    TreeFigure { title, classes: vec![], looks: vec![], root }.draw()
 }
 
 struct FaultTreeDrawer<'t> {

@@ -153,8 +153,8 @@ const STYLE: &str = include_str!("style.css");
 mod tests {
     use super::*;
     use crate::Figure;
-    use crate::bars::{Bar, Bars};
     use crate::document::Table;
+    use crate::lines::{Curve, Lines};
 
     fn written(write: impl FnOnce(&mut Document)) -> String {
         let mut document = Document::section("", "<title>");
@@ -200,25 +200,24 @@ mod tests {
                     let mut table = Table::headed(["value"]);
                     table.push(["1"]);
                     page.table("", table.captioned("of numbers"));
-                    let bars = || Bars::new("x", &["one"]);
-                    let bars = || bars().with("valve", vec![Some(Bar::new(0.25))]).draw();
-                    page.figure(id, bars(), "bars");
-                    page.folded("more", |page| _ = page.figure(id, bars(), "bars"));
+                    let curve = || Curve::new("valve", vec![(1.0, 0.25)]);
+                    let lines = || Lines::new("", "x", "y").with(curve()).draw();
+                    page.figure(id, lines(), "lines");
+                    page.folded("more", |page| _ = page.figure(id, lines(), "lines"));
                 }));
             }
             page.blocks.last_mut().unwrap().is_detail = true;
         });
         // Folded content does not use the numbers of content on paper.
-        let texts = ["<b>Table 1.</b> of numbers", "<b>Table 2.</b> of", "<b>Figure 1.</b> bars"];
-        for text in texts.into_iter().chain(["<b>Figure 1.1.</b> bars", "<b>Figure 2.1.</b> bars"])
+        let texts = ["<b>Table 1.</b> of numbers", "<b>Table 2.</b> of", "<b>Figure 1.</b> lines"];
+        for text in
+            texts.into_iter().chain(["<b>Figure 1.1.</b> lines", "<b>Figure 2.1.</b> lines"])
         {
             assert!(html.contains(text), "{text}");
         }
         assert_eq!(html.matches("<b>Figure").count(), 4);
         // Every value is in a table, and in the hover text of its mark.
-        assert!(
-            html.contains("<td>0.250</td>") && html.contains("<title>valve, one: 0.250 </title>")
-        );
+        assert!(html.contains("<td>0.25</td>") && html.contains("<title>valve: 1, 0.25 </title>"));
         assert!(html.contains("<td class=\"number\">1</td>"));
         assert_eq!(html.matches("<details").count(), html.matches("</details>").count());
         assert!(html.contains("Appendix, what this rests on</p>\n<ul>\n<li><a href=\"#b\">"));

@@ -5,9 +5,7 @@ use std::f64::consts::TAU;
 use proptest::prelude::*;
 use roxmltree::Document;
 use servotwin_io::files::FileError;
-use servotwin_view::bars::{Bar, Bars};
 use servotwin_view::decimate::decimate;
-use servotwin_view::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_view::lines::{Curve, Lines};
 use servotwin_view::schematic::{Net, NetEnd, Part, Schematic};
 use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
@@ -21,36 +19,20 @@ const NAME: &str = "a <b> & \"c\" \u{1}";
 
 fn time_series(y: &[f64]) -> Figure {
     let time: Vec<f64> = (0..y.len()).map(|step| step as f64 * 0.01).collect();
-    let panel = Panel::new(NAME, "pressure (Pa)")
+    let mut panel = Panel::new(NAME, "pressure (Pa)")
         .with(Series::new(NAME, &time, y))
-        .with(Series::new("twin", &time, y))
-        .with_band(Band::constant("±3 %", -0.03, 0.03));
+        .with(Series::new("twin", &time, y));
+    panel.band = Some(Band { name: "±3 %".into(), low: -0.03, high: 0.03 });
     TimeSeries::new(NAME, "time (s)").with(panel.clone()).with(panel).draw()
 }
 
-fn histogram(values: &[f64]) -> Figure {
-    let mut grid = HistogramGrid::new("residual", &["healthy", "faulty"]);
-    grid.band = Some(0.03);
-    grid.panels.push(HistogramPanel::new(NAME, vec![values.into(), values.into()]));
-    grid.panels.push(HistogramPanel::new("empty", vec![[].as_slice().into()]));
-    grid.draw()
-}
-
-fn bars(value: f64) -> Figure {
-    Bars::new("accuracy", &["one", "two"])
-        .with(NAME, vec![Some(Bar::with_interval(value, value - 0.1, value + 0.1)), None])
-        .with("second", vec![Some(Bar::new(-value)), Some(Bar::new(0.0))])
-        .draw()
-}
-
-fn lines(value: f64, log: bool) -> Figure {
+fn lines(value: f64) -> Figure {
     let points = vec![(1.0, value), (10.0, value * 2.0), (f64::NAN, 1.0), (100.0, -value)];
     let intervals = vec![(0.0, value); 4];
-    let mut figure = Lines::new(NAME, "x", "y")
+    Lines::new(NAME, "x", "y")
         .with(Curve::new(NAME, points.clone()).with_intervals(intervals))
-        .with(Curve::new("plain", points).unmarked());
-    figure.x_log = log;
-    figure.draw()
+        .with(Curve::new("plain", points).unmarked())
+        .draw()
 }
 
 fn tree(depth: usize) -> Figure {
@@ -62,14 +44,7 @@ fn tree(depth: usize) -> Figure {
         }
     }
     let classes = vec!["healthy".to_owned(), NAME.to_owned(), "jam".to_owned()];
-    TreeFigure {
-        title: NAME.to_owned(),
-        classes,
-        looks: vec![],
-        root: grow(depth),
-        sideways: depth.is_multiple_of(2),
-    }
-    .draw()
+    TreeFigure { title: NAME.to_owned(), classes, looks: vec![], root: grow(depth) }.draw()
 }
 
 fn schematic(count: usize) -> Figure {
@@ -104,10 +79,7 @@ fn gallery() -> Vec<(&'static str, Figure)> {
     let wave: Vec<f64> = (0..9000).map(|step| (TAU * f64::from(step) * 1e-3).sin()).collect();
     vec![
         ("time series", time_series(&wave)),
-        ("histogram", histogram(&wave)),
-        ("bars", bars(0.9)),
-        ("lines", lines(3.0, false)),
-        ("logarithmic lines", lines(3.0, true)),
+        ("lines", lines(3.0)),
         ("tree", tree(6)),
         ("schematic", schematic(60)),
     ]
@@ -153,15 +125,9 @@ fn nothing_to_draw_is_drawn_as_nothing() {
         time_series(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
         time_series(&[1.0]),
         TimeSeries::new("", "").draw(),
-        histogram(&[]),
-        histogram(&[f64::NAN]),
-        histogram(&[0.5]),
-        HistogramGrid::new("", &[]).draw(),
-        bars(f64::NAN),
-        Bars::new("", &[]).draw(),
-        lines(f64::NAN, true),
-        lines(-1.0, true),
-        lines(0.0, false),
+        lines(f64::NAN),
+        lines(-1.0),
+        lines(0.0),
         Lines::new("", "", "").draw(),
         tree(0),
         schematic(1),
@@ -175,7 +141,7 @@ fn nothing_to_draw_is_drawn_as_nothing() {
 #[test]
 fn a_figure_is_saved_as_svg() {
     let folder = Folder::new("figures");
-    let figure = bars(0.5);
+    let figure = lines(0.5);
     figure.save(folder.file("a.svg")).unwrap();
     assert_eq!(std::fs::read_to_string(folder.file("a.svg")).unwrap(), figure.svg);
     assert!(matches!(figure.save(folder.file("no/a.svg")), Err(FileError::MissingFolder { .. })));
