@@ -4,8 +4,9 @@ use servotwin::ensemble::{Ensemble, Variant};
 use servotwin::records::{self, RunError};
 use servotwin::study::{FaultCase, Study};
 
-/// Words to find in a fault class.
+/// Words to find in a fault class, and the intensities to show.
 const WANTED: [&str; 2] = ["leakage", "pressure_sensor"];
+const INTENSITIES: [f64; 2] = [0.3, 1.0];
 
 /// One fault with its time series.
 pub struct Example {
@@ -17,10 +18,8 @@ pub struct Example {
     pub(crate) case: String,
     /// Samples of the twin, one vector for each measured sensor.
     pub(crate) twin: Vec<Vec<f64>>,
-    /// The intensity of the fault.
-    pub(crate) intensity: f64,
-    /// Samples of the faulty plant, like those of the twin.
-    pub(crate) plant: Vec<Vec<f64>>,
+    /// Intensity and samples of each faulty plant.
+    pub(crate) runs: Vec<(f64, Vec<Vec<f64>>)>,
 }
 
 /// Simulates the examples of a study, without noise.
@@ -35,18 +34,22 @@ pub(crate) fn simulate(study: &Study) -> Result<Vec<Example>, RunError> {
     let healthy = Variant { inputs: inputs(), ..Variant::default() };
     let twin = signals(&ensemble, &healthy)
         .map_err(|reason| RunError::Twin { case: study.cases[case].name.clone(), reason })?;
-    let example = |fault: &FaultCase| {
-        let variant = Variant { faults: vec![fault.at], inputs: inputs(), ..Variant::default() };
-        Some(Example {
-            fault: fault.id.clone(),
-            detail: study.classes[fault.class].detail.clone(),
+    let mut examples = vec![];
+    for faults in wanted(study) {
+        let run = |fault: &&FaultCase| {
+            let variant =
+                Variant { faults: vec![fault.at], inputs: inputs(), ..Variant::default() };
+            Some((fault.at.intensity, signals(&ensemble, &variant).ok()?))
+        };
+        examples.push(Example {
+            fault: faults[0].id.clone(),
+            detail: study.classes[faults[0].class].detail.clone(),
             case: study.cases[case].name.clone(),
             twin: twin.clone(),
-            intensity: fault.at.intensity,
-            plant: signals(&ensemble, &variant).ok()?,
-        })
-    };
-    Ok(wanted(study).filter_map(example).collect())
+            runs: faults.iter().filter_map(run).collect(),
+        });
+    }
+    Ok(examples)
 }
 
 fn signals(ensemble: &Ensemble, variant: &Variant) -> Result<Vec<Vec<f64>>, String> {
@@ -56,12 +59,19 @@ fn signals(ensemble: &Ensemble, variant: &Variant) -> Result<Vec<Vec<f64>>, Stri
         .map_err(|failure| failure.cause.to_string())
 }
 
-/// For each wanted word, the first fault of the first matching class, at its greatest intensity.
-fn wanted(study: &Study) -> impl Iterator<Item = &FaultCase> {
-    WANTED.iter().filter_map(|word| {
+/// For each wanted word, the first fault of the first matching class, at the intensities nearest to the wanted ones.
+fn wanted(study: &Study) -> Vec<Vec<&FaultCase>> {
+    let of_word = |word: &&str| {
         let is_class = |fault: &&FaultCase| study.classes[fault.class].detail.contains(*word);
         let first = study.faults.iter().find(is_class)?;
-        let same = study.faults.iter().filter(|fault| fault.id == first.id);
-        same.max_by(|a, b| a.at.intensity.total_cmp(&b.at.intensity))
-    })
+        let same: Vec<&FaultCase> = study.faults.iter().filter(|f| f.id == first.id).collect();
+        let nearest = |intensity: &f64| {
+            let distance = |fault: &&&FaultCase| (fault.at.intensity - intensity).abs();
+            same.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+        };
+        let mut chosen: Vec<&FaultCase> = INTENSITIES.iter().filter_map(nearest).collect();
+        chosen.dedup_by(|a, b| a.at.intensity == b.at.intensity);
+        Some(chosen)
+    };
+    WANTED.iter().filter_map(of_word).collect()
 }

@@ -122,7 +122,10 @@ pub static CHAPTERS: &[Chapter] = &[
     appendix(
         "decisions",
         "How the trees decide",
-        &[section("trees", "The trees", actuator_tree::write)],
+        &[
+            section("macrostructure", "How the trees hang together", macrostructure::write),
+            section("trees", "The trees", actuator_tree::write),
+        ],
     ),
     appendix(
         "examples",

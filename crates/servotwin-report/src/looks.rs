@@ -49,6 +49,11 @@ impl Looks {
     }
 }
 
+/// Styles of two series that have no meaning in other figures.
+pub(crate) fn plain() -> Vec<Look> {
+    vec![SemanticColor::Plain(0).look(), SemanticColor::Plain(1).look()]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

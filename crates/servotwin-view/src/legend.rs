@@ -1,7 +1,7 @@
 //! Legends: a swatch and a name for each series, wrapped into rows.
 
 use super::font;
-use super::style::Look;
+use super::style::{GREY, Look};
 use super::svg::{Area, Canvas, Type};
 
 /// The symbol before a name.
@@ -13,8 +13,12 @@ pub(super) enum Swatch {
     Marked(Look),
     /// A filled box in the color of a series.
     Box(Look),
+    /// A box in a tint of the series' color, with an outline.
+    Tinted(Look),
     /// A translucent gray band.
     Band,
+    /// Dashed gray lines.
+    Limit,
 }
 
 /// A name with its swatch.
@@ -87,7 +91,20 @@ fn draw_swatch(canvas: &mut Canvas, swatch: Swatch, x: f64, y: f64) {
             marker(canvas, look, (x + SWATCH / 2.0, y));
         }
         Swatch::Box(look) => canvas.rect(area, &format!(" fill=\"{}\"", look.colour)),
+        Swatch::Tinted(look) => canvas.rect(
+            area,
+            &format!(
+                " fill=\"{0}\" fill-opacity=\".25\" stroke=\"{0}\"{1}",
+                look.colour,
+                look.dash()
+            ),
+        ),
         Swatch::Band => canvas.rect(area, " fill=\"#888888\" fill-opacity=\".25\""),
+        Swatch::Limit => canvas.line(
+            (x, y),
+            (x + SWATCH, y),
+            &format!(" stroke=\"{GREY}\" stroke-dasharray=\"4 3\""),
+        ),
     }
 }
 

@@ -10,6 +10,7 @@ pub mod decimate;
 pub mod document;
 mod font;
 mod frame;
+pub mod histogram;
 mod legend;
 pub mod lines;
 mod meaning;

@@ -11,6 +11,7 @@ pub(crate) mod detectability;
 pub(crate) mod exclusions;
 pub(crate) mod faults;
 pub(crate) mod flights;
+pub(crate) mod macrostructure;
 pub(crate) mod making;
 pub(crate) mod protocols;
 pub(crate) mod residuals;

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use roxmltree::Document;
 use servotwin_io::files::FileError;
 use servotwin_view::decimate::decimate;
+use servotwin_view::histogram::{HistogramGrid, HistogramPanel};
 use servotwin_view::lines::{Curve, Lines};
 use servotwin_view::schematic::{Net, NetEnd, Part, Schematic};
 use servotwin_view::time_series::{Band, Panel, Series, TimeSeries};
@@ -24,6 +25,14 @@ fn time_series(y: &[f64]) -> Figure {
         .with(Series::new("twin", &time, y));
     panel.band = Some(Band { name: "±3 %".into(), low: -0.03, high: 0.03 });
     TimeSeries::new(NAME, "time (s)").with(panel.clone()).with(panel).draw()
+}
+
+fn histogram(values: &[f64]) -> Figure {
+    let mut grid = HistogramGrid::new("residual", &["healthy", "faulty"]);
+    grid.band = Some(0.03);
+    grid.panels.push(HistogramPanel::new(NAME, vec![values.into(), values.into()]));
+    grid.panels.push(HistogramPanel::new("empty", vec![[].as_slice().into()]));
+    grid.draw()
 }
 
 fn lines(value: f64) -> Figure {
@@ -79,6 +88,7 @@ fn gallery() -> Vec<(&'static str, Figure)> {
     let wave: Vec<f64> = (0..9000).map(|step| (TAU * f64::from(step) * 1e-3).sin()).collect();
     vec![
         ("time series", time_series(&wave)),
+        ("histogram", histogram(&wave)),
         ("lines", lines(3.0)),
         ("tree", tree(6)),
         ("schematic", schematic(60)),
@@ -125,6 +135,10 @@ fn nothing_to_draw_is_drawn_as_nothing() {
         time_series(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
         time_series(&[1.0]),
         TimeSeries::new("", "").draw(),
+        histogram(&[]),
+        histogram(&[f64::NAN]),
+        histogram(&[0.5]),
+        HistogramGrid::new("", &[]).draw(),
         lines(f64::NAN),
         lines(-1.0),
         lines(0.0),
