@@ -14,7 +14,6 @@ use servotwin::simulate::{
     SimulationResults, Sweep,
 };
 use servotwin::system::System;
-use servotwin::table::Table;
 use servotwin::validity::CrossedLimit;
 use servotwin_model::lanes::{self, Level};
 use servotwin_model::program::FaultAt;
