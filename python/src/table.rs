@@ -120,7 +120,7 @@ impl Table {
     /// Table
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let table = py.detach(|| tables::read(path)).map_err(Failure::from)?;
+        let table = py.detach(|| tables::Table::read(path)).map_err(Failure::from)?;
         Ok(table.into())
     }
 
@@ -131,7 +131,7 @@ impl Table {
     /// path : path
     ///     A `.parquet` or `.csv` file.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        Ok(py.detach(|| tables::write(path, &self.inner)).map_err(Failure::from)?)
+        Ok(py.detach(|| self.inner.write(path)).map_err(Failure::from)?)
     }
 
     /// The names of the columns.

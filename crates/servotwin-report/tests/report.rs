@@ -249,7 +249,6 @@ fn evaluation(has_stop: bool) -> Evaluation {
         in_band: [(&measure::VISIBLE, Rate::new(5, 8))].into_iter().collect(),
         in_paper_band: [(&measure::VISIBLE, Rate::new(5, 8))].into_iter().collect(),
         bands: None,
-        features: 1,
         constant_features: vec![],
         protocols: vec![judged],
         committee: vec![],
