@@ -55,6 +55,12 @@ impl Results {
         python(py, &self.inner.flights)
     }
 
+    /// The data card, Markdown that describes the data sets; None in folders of earlier versions.
+    #[getter]
+    fn data_card(&self) -> PyResult<Option<String>> {
+        Ok(self.inner.data_card().map_err(Failure::from)?)
+    }
+
     /// The trees of every evaluated scenario: `results.trees["noise"]["A"]`.
     #[getter]
     fn trees(&self) -> PyResult<BTreeMap<&'static str, BTreeMap<String, Tree>>> {

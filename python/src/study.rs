@@ -220,7 +220,7 @@ pub(crate) fn data_set(
 ) -> PyResult<Table> {
     let purpose = if training { Purpose::Train } else { Purpose::Test };
     let path = Folder::new(out).data_set(self::scenario(scenario)?, purpose);
-    let table = py.detach(|| Columns::read(path)).map_err(Failure::from)?;
+    let table = py.detach(|| servotwin::table::Table::read(path)).map_err(Failure::from)?;
     Ok(table.into())
 }
 

@@ -62,6 +62,7 @@ def test_the_results_of_a_whole_run_are_in_its_folder(study, results):
     found = servotwin.Results(results)
     assert found.evaluation == json.loads((results / "evaluation.json").read_text())
     assert found.flights == json.loads((results / "flights.json").read_text())
+    assert found.data_card == (results / "data-card.md").read_text()
     field = found.table("noise").to_arrow().schema.field("first_excursion_s")
     assert field.metadata[b"unit"] == b"s" and field.metadata[b"description"]
     assert found.table("noise").to_arrow() == servotwin.data_set(results, "noise").to_arrow()

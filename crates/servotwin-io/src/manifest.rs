@@ -144,9 +144,10 @@ fn place(path: &Path) -> Option<(&Path, &str)> {
 }
 
 /// File name prefixes with the command that writes such files; `FOLDER` stands for their folder.
-const WRITERS: [(&str, &str); 11] = [
+const WRITERS: [(&str, &str); 12] = [
     ("study.toml", "study STUDY --suite records --out FOLDER"),
     ("system.toml", "study STUDY --suite records --out FOLDER"),
+    ("data-card.md", "study FOLDER --suite records"),
     ("dataset-", "study FOLDER --suite records"),
     ("calibration-", "study FOLDER --suite records --scenario fitted"),
     ("records-", "study FOLDER"),

@@ -6,6 +6,7 @@
 //! | `parts/` | every suite: its runs, see `crate::run::part`, and what the flights to learn from need |
 //! | `dataset-<scenario>.parquet` | records: the operating cases of the evaluation |
 //! | `dataset-<scenario>-training.parquet` | records: the training commands |
+//! | `data-card.md` | records: what the data sets are, see [`super::data_card`] |
 //! | `calibration-fitted.parquet`, `…-training.parquet` | records: true and fitted parameters of the pool |
 //! | `records-<subject>.json` | train: the diagnoser of records, with the nine trees, committee and bands |
 //! | `diagnoser-<scenario>.json` | flights: everything that the diagnosis in operation needs |
@@ -65,6 +66,11 @@ impl Folder {
     /// The file of a scenario's data set.
     pub fn data_set(&self, scenario: Scenario, purpose: Purpose) -> PathBuf {
         self.0.join(format!("dataset-{}{}.parquet", scenario.name(), purpose.suffix()))
+    }
+
+    /// The file that describes the data sets.
+    pub fn data_card(&self) -> PathBuf {
+        self.0.join("data-card.md")
     }
 
     /// The file of the diagnoser of records that was trained for a subject: bands, trees and committee.
@@ -149,7 +155,8 @@ impl Folder {
         files.extend(Scenario::ALL.map(|scenario| self.left_out(scenario)));
         files.extend(self.all_outcomes()?);
         files.extend(Purpose::OF_RECORDS.map(|purpose| calibration_file(&self.0, purpose)));
-        files.extend([self.sealed_flights(), self.flights(), self.results(), self.report()]);
+        files.extend([self.data_card(), self.sealed_flights(), self.flights()]);
+        files.extend([self.results(), self.report()]);
         files.extend(self.figure_files()?);
         files.retain(|file| file.exists());
         Ok(files)

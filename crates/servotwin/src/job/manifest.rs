@@ -247,7 +247,8 @@ mod tests {
     fn every_file_that_is_read_again_has_a_command_that_makes_it_anew() {
         let folder = Folder::new("out");
         let mut files = vec![folder.study(), folder.system()];
-        files.extend([folder.flights(), folder.sealed_flights(), folder.results()]);
+        files.extend([folder.data_card(), folder.flights(), folder.sealed_flights()]);
+        files.push(folder.results());
         files.extend(KNOWN.map(|(suite, ..)| folder.outcomes(suite, "noise")));
         for scenario in Scenario::ALL {
             files.extend(Purpose::OF_RECORDS.map(|purpose| folder.data_set(scenario, purpose)));

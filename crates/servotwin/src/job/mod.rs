@@ -7,6 +7,7 @@
 //! All work is done by a [`Job`]: a study, its output folder, and a [`Crew`]. What it computes of a suite is divided into
 //! [`tasks`], for one machine or many; `run` is the order in which one machine does all of them.
 
+pub mod data_card;
 mod error;
 pub mod flights;
 pub(crate) mod folder;

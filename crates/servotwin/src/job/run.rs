@@ -12,7 +12,7 @@
 use super::flights::FlightResults;
 use super::folder::{Folder, Kept};
 use super::hold::Hold;
-use super::{Job, JobError, Results, Subject, flights, manifest, subjects};
+use super::{Job, JobError, Results, Subject, data_card, flights, manifest, subjects};
 use crate::records::{RecordsOutcome, RunError};
 use crate::study::{Purpose, Scenario, Study};
 use crate::table::Table;
@@ -146,6 +146,7 @@ impl<'r> StudyRun<'r> {
             subjects.retain(|subject| scenarios.contains(&subject.scenario()));
             evaluated.extend(self.stage([stage, of], |job| job.train_and_evaluate(&subjects))?);
             results = self.job.write_results(evaluated.clone())?;
+            data_card::write(folder, study)?;
             manifest::write(folder, study)?;
             let remaining = of - stage;
             (self.observer)(&StudyEvent::Evaluated { results: &results, remaining });
@@ -175,6 +176,19 @@ impl StudyResults {
     /// The output folder.
     pub fn folder(&self) -> &Folder {
         &self.folder
+    }
+
+    /// The data card of the folder's data sets; `None` without data sets.
+    ///
+    /// # Errors
+    /// It cannot be read, or contradicts the manifest.
+    pub fn data_card(&self) -> Result<Option<String>, JobError> {
+        let path = self.folder.data_card();
+        if !path.exists() {
+            return Ok(None);
+        }
+        crate::manifest::check(&path)?;
+        Ok(Some(crate::files::read_text(path)?))
     }
 
     /// The data set of a scenario: labels and features of every simulated variant.

@@ -2,7 +2,7 @@
 //! copied together.
 
 use super::flights::{self, FlightResults};
-use super::{Job, JobError, manifest, outcomes};
+use super::{Job, JobError, data_card, manifest, outcomes};
 use crate::flight::watched;
 use crate::learn::training_windows;
 use crate::records::{RecordsOutcome, RunError, calibration_file, runs, title};
@@ -257,6 +257,7 @@ impl<'j> Job<'j> {
                     for (purpose, scenarios) in self.records_in(&scenarios)? {
                         simulated.push(self.simulate_records(purpose, scenarios)?);
                     }
+                    data_card::write(folder, study)?;
                 }
                 FLIGHTS if learns => results = Some(self.fly_all(&flown)?),
                 FLIGHTS => judged.extend(study.suites().filter(|suite| flights::is_usual(suite))),

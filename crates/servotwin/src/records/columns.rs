@@ -9,7 +9,7 @@ use servotwin_diagnosis::features::{Feature, Sensor, Sensors, values};
 use servotwin_diagnosis::residual::Window;
 
 /// The unit of numbers without a dimension.
-pub(crate) const DIMENSIONLESS: &str = "1";
+pub const DIMENSIONLESS: &str = "1";
 
 /// The entry of healthy rows in the columns for faults.
 pub(crate) const HEALTHY: &str = "healthy";
@@ -75,7 +75,7 @@ pub fn view_column(view: usize, feature: &str) -> String {
 }
 
 /// Whether a column of a data set is a feature, in any view. All others describe the simulation or the detection.
-fn is_feature_column(name: &str) -> bool {
+pub(crate) fn is_feature_column(name: &str) -> bool {
     let Some((view, feature)) = name.split_once(':') else { return false };
     let is_view = match view.strip_prefix('m') {
         Some(place) => place.bytes().all(|byte| byte.is_ascii_digit()),

@@ -7,7 +7,7 @@ mod beside;
 mod cavitation;
 mod compiled;
 mod crane;
-mod data_set;
+mod data_card;
 mod effort;
 mod errors;
 mod evaluation;

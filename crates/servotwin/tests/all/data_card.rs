@@ -1,9 +1,9 @@
-//! What every data set promises to those who read it with other programs: units, descriptions and a split.
+//! What every data set promises to those who read it with other programs: units, descriptions, a split, and a card.
 
 use crate::folder::Folder;
-use servotwin::job::Folder as Results;
+use servotwin::job::{Folder as Results, data_card};
 use servotwin::parallel::Workers;
-use servotwin::records::columns::feature_columns_of;
+use servotwin::records::columns::{DIMENSIONLESS, feature_columns_of};
 use servotwin::records::{FOLDS, Records, calibration_file};
 use servotwin::study::{Purpose, Scenario, Study};
 use servotwin::table::{Table, Values};
@@ -149,17 +149,42 @@ fn without_training_commands_one_fold_tests() {
 }
 
 #[test]
-fn data_sets_have_the_same_bytes_for_all_threads() {
+fn the_card_counts_what_is_there_and_is_the_same_for_all_threads() {
     let study = study(TRAINING);
-    let [calm, quick] = [("threads-1", 1), ("threads-3", 3)].map(|(name, threads)| {
+    let [calm, quick] = [("card-1", 1), ("card-3", 3)].map(|(name, threads)| {
         let folder = Folder::new(name);
-        (data_sets(&study, &folder, threads), folder)
+        let tables = data_sets(&study, &folder, threads);
+        data_card::write(&Results::new(&folder.0), &study).unwrap();
+        (folder, tables)
     });
-    for (scenario, purpose) in calm.0.keys() {
+    let read = |folder: &Folder| std::fs::read_to_string(folder.file("data-card.md")).unwrap();
+    let card = read(&calm.0);
+    assert_eq!(card, read(&quick.0));
+    for ((scenario, purpose), table) in &calm.1 {
         let name = format!("dataset-{}{}.parquet", scenario.name(), purpose.suffix());
         let bytes = |folder: &Folder| std::fs::read(folder.file(&name)).unwrap();
-        assert!(bytes(&calm.1) == bytes(&quick.1), "{name}");
+        assert!(bytes(&calm.0) == bytes(&quick.0), "{name}");
+        let counts = format!("| {} | {} | 0 |", table.row_count(), table.columns().len());
+        let line = card.lines().find(|line| line.starts_with(&format!("| `{name}`")));
+        assert!(line.unwrap().ends_with(&counts), "{line:?} {counts}");
+        let listed = |name: &str| card.contains(&format!("| `{name}` |"));
+        let others =
+            table.names().filter(|n| n.starts_with("f:") || feature_columns_of([*n]).is_empty());
+        others.for_each(|name| assert!(listed(name), "{name}"));
     }
+    let own = "| `p:actuator_1.cylinder.coulomb_friction_n` | f64 | N |";
+    assert!(card.contains(own) && card.contains(&format!("| f64 | {DIMENSIONLESS} |")));
+    assert!(card.contains(&format!("servotwin {}", env!("CARGO_PKG_VERSION"))));
+    // The manifest lists what is among the results.
+    let results = Results::new(&calm.0.0);
+    assert!(results.results_there().unwrap().contains(&results.data_card()));
+}
+
+#[test]
+fn a_folder_without_data_sets_gets_no_card() {
+    let folder = Folder::new("no-card");
+    data_card::write(&Results::new(&folder.0), &study("")).unwrap();
+    assert!(!std::path::Path::new(&folder.file("data-card.md")).exists());
 }
 
 #[test]
