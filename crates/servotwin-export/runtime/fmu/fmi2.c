@@ -55,15 +55,12 @@ static fmi2Status logged(const instance *of, fmi2Status status, const char *why)
     return status;
 }
 
-static fmi2Status failed(const instance *of, const char *why)
-{
-    return logged(of, fmi2Error, why);
-}
+#define NAME(name) fmi2##name
+#define STATE(verb) fmi2##verb##FMUstate
+#define DESERIALIZE fmi2DeSerializeFMUstate
+#include "servotwin_fmi.h"
 
-static fmi2Status well(const instance *of, bool is_well, const char *why)
-{
-    return is_well ? fmi2OK : failed(of, why);
-}
+NOTHING_TO_DO(fmi2EnterInitializationMode)
 
 FUNCTION(const char *, fmi2GetTypesPlatform, void)
 {
@@ -100,40 +97,12 @@ FUNCTION(fmi2Component, fmi2Instantiate,
     return of;
 }
 
-FUNCTION(void, fmi2FreeInstance, fmi2Component c)
-{
-    free(c);
-}
-
 FUNCTION(fmi2Status, fmi2SetupExperiment,
     fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start, fmi2Boolean has_stop,
     fmi2Real stop)
 {
     instance *of = c;
     return well(of, servotwin_fmu_start_at(&of->fmu, start), SERVOTWIN_FMU_NO_TIME);
-}
-
-FUNCTION(fmi2Status, fmi2EnterInitializationMode, fmi2Component c)
-{
-    return fmi2OK;
-}
-
-FUNCTION(fmi2Status, fmi2ExitInitializationMode, fmi2Component c)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_begin(&of->fmu), SERVOTWIN_FMU_NO_BEGINNING);
-}
-
-FUNCTION(fmi2Status, fmi2Terminate, fmi2Component c)
-{
-    return fmi2OK;
-}
-
-FUNCTION(fmi2Status, fmi2Reset, fmi2Component c)
-{
-    instance *of = c;
-    servotwin_fmu_reset(&of->fmu);
-    return fmi2OK;
 }
 
 FUNCTION(fmi2Status, fmi2GetReal, fmi2Component c, const fmi2ValueReference vr[], size_t count, fmi2Real value[])
@@ -165,46 +134,10 @@ NO_VARIABLES(Integer)
 NO_VARIABLES(Boolean)
 NO_VARIABLES(String)
 
-FUNCTION(fmi2Status, fmi2GetFMUstate, fmi2Component c, fmi2FMUstate *into)
-{
-    const instance *of = c;
-    *into = servotwin_fmu_copied(&of->fmu, *into);
-    return well(of, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
-}
-
-FUNCTION(fmi2Status, fmi2SetFMUstate, fmi2Component c, fmi2FMUstate from)
-{
-    instance *of = c;
-    (void)servotwin_fmu_copied(from, &of->fmu);
-    return well(of, from != NULL, SERVOTWIN_FMU_NO_STATE);
-}
-
-FUNCTION(fmi2Status, fmi2FreeFMUstate, fmi2Component c, fmi2FMUstate *saved)
-{
-    free(*saved);
-    *saved = NULL;
-    return fmi2OK;
-}
-
 FUNCTION(fmi2Status, fmi2SerializedFMUstateSize, fmi2Component c, fmi2FMUstate saved, size_t *size)
 {
     *size = SERVOTWIN_FMU_BYTES;
     return fmi2OK;
-}
-
-FUNCTION(fmi2Status, fmi2SerializeFMUstate, fmi2Component c, fmi2FMUstate saved, fmi2Byte bytes[], size_t size)
-{
-    return well(c, servotwin_fmu_serialize(saved, bytes, size), SERVOTWIN_FMU_TOO_SHORT);
-}
-
-FUNCTION(fmi2Status, fmi2DeSerializeFMUstate, fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *into)
-{
-    const void *state = servotwin_fmu_state_in(bytes, size);
-    if (state == NULL) {
-        return failed(c, SERVOTWIN_FMU_NO_STATE);
-    }
-    *into = servotwin_fmu_copied(state, *into);
-    return well(c, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
 FUNCTION(fmi2Status, fmi2GetDirectionalDerivative,
@@ -219,21 +152,11 @@ FUNCTION(fmi2Status, fmi2GetDirectionalDerivative,
 
 /* ------------------------------------------------------------ Model exchange. */
 
-FUNCTION(fmi2Status, fmi2EnterEventMode, fmi2Component c)
-{
-    return fmi2OK;
-}
-
 FUNCTION(fmi2Status, fmi2NewDiscreteStates, fmi2Component c, fmi2EventInfo *info)
 {
     instance *of = c;
     (void)memset(info, 0, sizeof *info);
     info->nextEventTimeDefined = servotwin_fmu_tick(&of->fmu, &info->nextEventTime) ? 1 : 0;
-    return fmi2OK;
-}
-
-FUNCTION(fmi2Status, fmi2EnterContinuousTimeMode, fmi2Component c)
-{
     return fmi2OK;
 }
 
@@ -245,18 +168,6 @@ FUNCTION(fmi2Status, fmi2CompletedIntegratorStep,
     return fmi2OK;
 }
 
-FUNCTION(fmi2Status, fmi2SetTime, fmi2Component c, fmi2Real time_s)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_set_time(&of->fmu, time_s), SERVOTWIN_FMU_NO_TIME);
-}
-
-FUNCTION(fmi2Status, fmi2SetContinuousStates, fmi2Component c, const fmi2Real x[], size_t count)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_set_states(&of->fmu, x, count), SERVOTWIN_FMU_NO_STATES);
-}
-
 FUNCTION(fmi2Status, fmi2GetDerivatives, fmi2Component c, fmi2Real derivatives[], size_t count)
 {
     instance *of = c;
@@ -266,18 +177,6 @@ FUNCTION(fmi2Status, fmi2GetDerivatives, fmi2Component c, fmi2Real derivatives[]
 FUNCTION(fmi2Status, fmi2GetEventIndicators, fmi2Component c, fmi2Real indicators[], size_t count)
 {
     return well(c, count == 0U, "there are no event indicators");
-}
-
-FUNCTION(fmi2Status, fmi2GetContinuousStates, fmi2Component c, fmi2Real x[], size_t count)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_states(&of->fmu, x, count), SERVOTWIN_FMU_UNKNOWN);
-}
-
-FUNCTION(fmi2Status, fmi2GetNominalsOfContinuousStates, fmi2Component c, fmi2Real nominals[], size_t count)
-{
-    servotwin_fmu_nominals(nominals, count);
-    return fmi2OK;
 }
 
 /* ------------------------------------------------------------- Co-simulation. */
@@ -296,15 +195,7 @@ FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives,
 
 FUNCTION(fmi2Status, fmi2DoStep, fmi2Component c, fmi2Real time_s, fmi2Real step_s, fmi2Boolean no_set_before)
 {
-    instance *of = c;
-    const char *warning = servotwin_fmu_step_warning(step_s);
-    const char *refusal = servotwin_fmu_step(&of->fmu, time_s, step_s);
-    fmi2Status status = well(of, refusal == NULL, refusal);
-    if ((status == fmi2OK) && (warning != NULL) && !of->has_warned) {
-        of->has_warned = true;
-        status = logged(of, fmi2Warning, warning);
-    }
-    return status;
+    return stepped(c, time_s, step_s);
 }
 
 FUNCTION(fmi2Status, fmi2CancelStep, fmi2Component c)

@@ -51,15 +51,10 @@ static fmi3Status logged(const instance *of, fmi3Status status, const char *why)
     return status;
 }
 
-static fmi3Status failed(const instance *of, const char *why)
-{
-    return logged(of, fmi3Error, why);
-}
-
-static fmi3Status well(const instance *of, bool is_well, const char *why)
-{
-    return is_well ? fmi3OK : failed(of, why);
-}
+#define NAME(name) fmi3##name
+#define STATE(verb) fmi3##verb##FMUState
+#define DESERIALIZE fmi3DeserializeFMUState
+#include "servotwin_fmi.h"
 
 static const char no_clock[] = "there are no clocks";
 
@@ -108,11 +103,6 @@ FUNCTION(fmi3Instance, fmi3InstantiateScheduledExecution, fmi3String name, fmi3S
     return NULL;
 }
 
-FUNCTION(void, fmi3FreeInstance, fmi3Instance c)
-{
-    free(c);
-}
-
 FUNCTION(fmi3Status, fmi3EnterInitializationMode, fmi3Instance c, fmi3Boolean has_tolerance, fmi3Float64 tolerance,
     fmi3Float64 start, fmi3Boolean has_stop, fmi3Float64 stop)
 {
@@ -120,31 +110,8 @@ FUNCTION(fmi3Status, fmi3EnterInitializationMode, fmi3Instance c, fmi3Boolean ha
     return well(of, servotwin_fmu_start_at(&of->fmu, start), SERVOTWIN_FMU_NO_TIME);
 }
 
-FUNCTION(fmi3Status, fmi3ExitInitializationMode, fmi3Instance c)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_begin(&of->fmu), SERVOTWIN_FMU_NO_BEGINNING);
-}
-
-FUNCTION(fmi3Status, fmi3Reset, fmi3Instance c)
-{
-    instance *of = c;
-    servotwin_fmu_reset(&of->fmu);
-    return fmi3OK;
-}
-
-/* Changes of mode that need nothing. */
-#define NOTHING_TO_DO(name) \
-    FUNCTION(fmi3Status, name, fmi3Instance c) \
-    { \
-        return fmi3OK; \
-    }
-
-NOTHING_TO_DO(fmi3EnterEventMode)
-NOTHING_TO_DO(fmi3Terminate)
 NOTHING_TO_DO(fmi3EnterConfigurationMode)
 NOTHING_TO_DO(fmi3ExitConfigurationMode)
-NOTHING_TO_DO(fmi3EnterContinuousTimeMode)
 NOTHING_TO_DO(fmi3EnterStepMode)
 NOTHING_TO_DO(fmi3EvaluateDiscreteStates)
 
@@ -224,46 +191,10 @@ FUNCTION(fmi3Status, fmi3GetVariableDependencies, fmi3Instance c, fmi3ValueRefer
     return failed(c, "dependencies do not change: see the model description");
 }
 
-FUNCTION(fmi3Status, fmi3GetFMUState, fmi3Instance c, fmi3FMUState *into)
-{
-    const instance *of = c;
-    *into = servotwin_fmu_copied(&of->fmu, *into);
-    return well(of, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
-}
-
-FUNCTION(fmi3Status, fmi3SetFMUState, fmi3Instance c, fmi3FMUState from)
-{
-    instance *of = c;
-    (void)servotwin_fmu_copied(from, &of->fmu);
-    return well(of, from != NULL, SERVOTWIN_FMU_NO_STATE);
-}
-
-FUNCTION(fmi3Status, fmi3FreeFMUState, fmi3Instance c, fmi3FMUState *saved)
-{
-    free(*saved);
-    *saved = NULL;
-    return fmi3OK;
-}
-
 FUNCTION(fmi3Status, fmi3SerializedFMUStateSize, fmi3Instance c, fmi3FMUState saved, size_t *size)
 {
     *size = SERVOTWIN_FMU_BYTES;
     return fmi3OK;
-}
-
-FUNCTION(fmi3Status, fmi3SerializeFMUState, fmi3Instance c, fmi3FMUState saved, fmi3Byte bytes[], size_t size)
-{
-    return well(c, servotwin_fmu_serialize(saved, bytes, size), SERVOTWIN_FMU_TOO_SHORT);
-}
-
-FUNCTION(fmi3Status, fmi3DeserializeFMUState, fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *into)
-{
-    const void *state = servotwin_fmu_state_in(bytes, size);
-    if (state == NULL) {
-        return failed(c, SERVOTWIN_FMU_NO_STATE);
-    }
-    *into = servotwin_fmu_copied(state, *into);
-    return well(c, *into != NULL, SERVOTWIN_FMU_NO_MEMORY);
 }
 
 FUNCTION(fmi3Status, fmi3GetDirectionalDerivative, fmi3Instance c, const fmi3ValueReference unknowns[],
@@ -327,18 +258,6 @@ FUNCTION(fmi3Status, fmi3CompletedIntegratorStep, fmi3Instance c, fmi3Boolean no
     return fmi3OK;
 }
 
-FUNCTION(fmi3Status, fmi3SetTime, fmi3Instance c, fmi3Float64 time_s)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_set_time(&of->fmu, time_s), SERVOTWIN_FMU_NO_TIME);
-}
-
-FUNCTION(fmi3Status, fmi3SetContinuousStates, fmi3Instance c, const fmi3Float64 states[], size_t count)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_set_states(&of->fmu, states, count), SERVOTWIN_FMU_NO_STATES);
-}
-
 FUNCTION(fmi3Status, fmi3GetContinuousStateDerivatives, fmi3Instance c, fmi3Float64 derivatives[], size_t count)
 {
     instance *of = c;
@@ -348,18 +267,6 @@ FUNCTION(fmi3Status, fmi3GetContinuousStateDerivatives, fmi3Instance c, fmi3Floa
 FUNCTION(fmi3Status, fmi3GetEventIndicators, fmi3Instance c, fmi3Float64 indicators[], size_t count)
 {
     return well(c, count == 0U, SERVOTWIN_FMU_OTHER_LENGTH);
-}
-
-FUNCTION(fmi3Status, fmi3GetContinuousStates, fmi3Instance c, fmi3Float64 states[], size_t count)
-{
-    instance *of = c;
-    return well(of, servotwin_fmu_states(&of->fmu, states, count), SERVOTWIN_FMU_UNKNOWN);
-}
-
-FUNCTION(fmi3Status, fmi3GetNominalsOfContinuousStates, fmi3Instance c, fmi3Float64 nominals[], size_t count)
-{
-    servotwin_fmu_nominals(nominals, count);
-    return fmi3OK;
 }
 
 FUNCTION(fmi3Status, fmi3GetNumberOfEventIndicators, fmi3Instance c, size_t *count)
@@ -389,13 +296,7 @@ FUNCTION(fmi3Status, fmi3DoStep, fmi3Instance c, fmi3Float64 time_s, fmi3Float64
     *needs_event = false;
     *terminate = false;
     *returns_early = false;
-    const char *warning = servotwin_fmu_step_warning(step_s);
-    const char *refusal = servotwin_fmu_step(&of->fmu, time_s, step_s);
-    fmi3Status status = well(of, refusal == NULL, refusal);
-    *last_time_s = (status == fmi3OK) ? (time_s + step_s) : servotwin_fmu_time_s(&of->fmu);
-    if ((status == fmi3OK) && (warning != NULL) && !of->has_warned) {
-        of->has_warned = true;
-        status = logged(of, fmi3Warning, warning);
-    }
+    const fmi3Status status = stepped(of, time_s, step_s);
+    *last_time_s = (status == fmi3Error) ? servotwin_fmu_time_s(&of->fmu) : (time_s + step_s);
     return status;
 }

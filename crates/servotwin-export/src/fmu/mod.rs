@@ -30,7 +30,8 @@ use zip::write::SimpleFileOptions;
 /// Name and text of hand-written files.
 type Written = [(&'static str, &'static str); 2];
 
-const COMMON: Written = [
+const COMMON: [(&str, &str); 3] = [
+    ("servotwin_fmi.h", include_str!("../../runtime/fmu/servotwin_fmi.h")),
     ("servotwin_fmu.h", include_str!("../../runtime/fmu/servotwin_fmu.h")),
     ("servotwin_fmu.c", include_str!("../../runtime/fmu/servotwin_fmu.c")),
 ];
