@@ -54,7 +54,7 @@ async function visit(browser) {
   const latency = await page.$eval("body", (body) => body.dataset.latency);
   const events = await page.evaluate(async () => (await fetch("events" + location.search)).json());
   const action = events.findLast((event) => event.kind === "action");
-  assert.equal(action.command, "shut_down");
+  assert.equal(action.action, "shut_down");
   // The headline stays when the diagnosis has nothing new to say, and the chart shows the sensor that was farthest out.
   await page.waitForSelector('body[data-finding="healthy"]');
   // What has failed follows where the evidence told it before the actuator was off.

@@ -254,9 +254,9 @@ fn one_unit_without_a_name_is_flown_and_watched() {
     let said = run(&watch);
     assert!(said.contains("raised: stop, valve"), "{said}");
     let page = std::fs::read_to_string(html).unwrap();
-    assert!(page.contains("\"kind\":\"action\",\"at\":") && page.contains("\"command\":\"stop\""));
+    assert!(page.contains("\"kind\":\"action\",\"at\":") && page.contains("\"action\":\"stop\""));
     let lines = run(&[&watch[..], &["--json"]].concat());
-    assert!(lines.contains("\"actuator\":1,\"unit\":null,\"command\":\"stop\""), "{lines}");
+    assert!(lines.contains("\"actuator\":1,\"unit\":null,\"action\":\"stop\""), "{lines}");
 }
 
 #[test]
