@@ -586,14 +586,14 @@ static bool is_blind(const servotwin_session *session)
 }
 
 /* Whether a sensor is one of an actuator that is off or not judged. */
-static bool is_off(const servotwin_session *session, int32_t sensor)
+static bool has_masked_actuator(const servotwin_session *session, int32_t sensor)
 {
     const int32_t actuator = servotwin_sensors[sensor].actuator;
     return (actuator != SERVOTWIN_NONE) && is_masked(session, actuator);
 }
 
 /* Whether a sensor gives no value. */
-static bool is_lacking(const servotwin_session *session, int32_t sensor)
+static bool gives_no_value(const servotwin_session *session, int32_t sensor)
 {
     return session->is_taken_out[sensor] || session->is_lost[sensor];
 }
@@ -604,7 +604,7 @@ static bool lacks_peer(const servotwin_session *session, int32_t sensor)
     bool lacks = false;
     for (int32_t view = 1; view < SERVOTWIN_VIEWS; view++) {
         const int32_t peer = servotwin_orders[view][sensor];
-        lacks = lacks || (is_lacking(session, peer) && !is_off(session, peer));
+        lacks = lacks || (gives_no_value(session, peer) && !has_masked_actuator(session, peer));
     }
     return lacks;
 }
@@ -623,7 +623,7 @@ static void notice_sensors(servotwin_session *session, const servotwin_real *mea
         const servotwin_real expected = twin[sensor];
         const bool is_there = is_sound(sensor, twin) && (usability_of(value, expected, scale) == USABLE);
         const servotwin_real difference = value - expected;
-        if (session->is_taken_out[sensor] || is_off(session, sensor)) {
+        if (session->is_taken_out[sensor] || has_masked_actuator(session, sensor)) {
             session->is_lost[sensor] = false;
             session->against[sensor] = 0U;
         } else if (is_sound(sensor, twin)) {
@@ -643,7 +643,7 @@ static usability copy_measured(servotwin_session *session, const servotwin_real 
     for (int32_t sensor = 0; sensor < SERVOTWIN_SENSORS; sensor++) {
         const servotwin_real expected = twin[sensor];
         servotwin_real value = measured[sensor];
-        session->stands_in[sensor] = is_off(session, sensor) || is_lacking(session, sensor);
+        session->stands_in[sensor] = has_masked_actuator(session, sensor) || gives_no_value(session, sensor);
         session->unpaired[sensor] = lacks_peer(session, sensor);
         if (session->stands_in[sensor]) {
             value = with_noise(session, sensor, expected);
@@ -696,8 +696,8 @@ static bool is_comparable(const servotwin_session *session, int32_t actuator)
     bool holds = true;
     for (int32_t sensor = 0; (sensor < SERVOTWIN_SENSORS) && (SERVOTWIN_VIEWS == 1); sensor++) {
         const int32_t own = servotwin_sensors[sensor].actuator;
-        const bool is_elsewhere = (own != SERVOTWIN_NONE) && (own != actuator) && !is_off(session, sensor);
-        holds = holds && !(is_elsewhere && is_lacking(session, sensor));
+        const bool is_elsewhere = (own != SERVOTWIN_NONE) && (own != actuator) && !has_masked_actuator(session, sensor);
+        holds = holds && !(is_elsewhere && gives_no_value(session, sensor));
     }
     return holds;
 }
