@@ -161,33 +161,38 @@ static void compute_rows(
 
 /* The features of the own view as if the unpaired sensors had stand-in values, too. A stand-in looks healthy. So that no
    actuator looks healthier than another one, this row tells them apart. */
-static void compute_paired(
+static const servotwin_real *paired_row(
     servotwin_scratch *scratch, const servotwin_window *window, const bool *stands_in, const bool *unpaired)
 {
     servotwin_real flags[SERVOTWIN_SENSORS];
+    bool is_any = false;
     servotwin_window_reorder(window, servotwin_orders[0], &scratch->reordered);
     for (int32_t i = 0; i < SERVOTWIN_SENSORS; i++) {
         flags[i] = (stands_in[i] || unpaired[i]) ? 1.0 : 0.0;
         if (unpaired[i]) {
+            is_any = true;
             servotwin_window_hide(&scratch->reordered, i, servotwin_sensors[i].stand_in_noise);
         }
     }
-    servotwin_features(&scratch->reordered, flags, scratch->paired);
+    if (is_any) {
+        servotwin_features(&scratch->reordered, flags, scratch->paired);
+    }
+    return is_any ? scratch->paired : scratch->rows[0];
 }
 
-static void judge_outside_band(servotwin_judgement *judgement, const servotwin_scratch *scratch, int32_t length,
-    const servotwin_window *window, const bool *is_masked)
+static void judge_outside_band(servotwin_judgement *judgement, const servotwin_scratch *scratch,
+    const servotwin_real *paired, int32_t length, const servotwin_window *window, const bool *is_masked)
 {
     const servotwin_length *of_length = &servotwin_lengths[length];
     const servotwin_real *views[SERVOTWIN_VIEWS];
     for (int32_t view = 0; view < SERVOTWIN_VIEWS; view++) {
         views[view] = scratch->rows[view];
     }
-    const servotwin_diagnosis said = servotwin_diagnose(of_length->trees, scratch->paired, views);
+    const servotwin_diagnosis said = servotwin_diagnose(of_length->trees, paired, views);
     const bool has_action = (said.actuator != SERVOTWIN_NONE) && (said.action != SERVOTWIN_NONE);
     judgement->of_trees = has_action ? servotwin_hypothesis_of(said.actuator, said.action) : SERVOTWIN_HEALTHY;
     judgement->detail_of_trees = said.detail;
-    servotwin_probabilities(of_length->committee, scratch->paired, views, judgement->probabilities);
+    servotwin_probabilities(of_length->committee, paired, views, judgement->probabilities);
     mask(judgement->probabilities, is_masked);
     judgement->likeliest = servotwin_largest(judgement->probabilities, SERVOTWIN_HYPOTHESES);
     int32_t view = 0;
@@ -221,9 +226,9 @@ void servotwin_judge(servotwin_judgement *judgement, servotwin_scratch *scratch,
     if (judgement->is_in_band) {
         judgement->probabilities[SERVOTWIN_HEALTHY] = servotwin_tuning.in_band_share;
     } else {
-        compute_paired(scratch, window, stands_in, unpaired);
         compute_rows(scratch, window, of_length->views, stands_in);
-        judge_outside_band(judgement, scratch, length, window, is_masked);
+        const servotwin_real *paired = paired_row(scratch, window, stands_in, unpaired);
+        judge_outside_band(judgement, scratch, paired, length, window, is_masked);
     }
 }
 
