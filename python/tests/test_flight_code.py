@@ -153,7 +153,7 @@ def open_properties(folder):
     with open(table) as file:
         rows = list(csv.DictReader(file, delimiter="\t"))
     assert len(rows) > 500, len(rows)
-    decided = re.compile("valid$", re.IGNORECASE)
+    decided = re.compile("(?<!in)valid$", re.IGNORECASE)
     return {(row["function"], row["property kind"]) for row in rows if not decided.search(row["status"])}
 
 
@@ -166,10 +166,11 @@ def test_frama_c_finds_what_is_sown(exported, tmp_path):
     sown = changed(
         exported,
         tmp_path,
-        (windows, "ring->panes[(ring->next + i) % span->panes]", "ring->panes[ring->next + i]"),
+        # So far beyond that it leaves the session: Eva does not tell one array from another within a struct.
+        (windows, "ring->panes[(ring->next + i) % span->panes]", "ring->panes[(ring->next + i) * 2]"),
         (windows, "(ring->next + 1) % span->panes", "(ring->next + 1) % (span->panes - ring->ended)"),
         ("servotwin_models.c", "[SERVOTWIN_MOST_CLASSES] = { 0 };", "[SERVOTWIN_MOST_CLASSES];"),
     )
     new = open_properties(sown) - set(OPEN)
     assert {"division_by_zero", "initialization"} <= {kind for _, kind in new}, new
-    assert ("merge", "mem_access") in new, new
+    assert ("absorb", "mem_access") in new, new

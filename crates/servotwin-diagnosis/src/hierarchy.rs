@@ -292,18 +292,29 @@ impl Hierarchy {
         scratch: &mut Scratch,
     ) -> Result<Diagnosis, Error> {
         self.check_views(views)?;
-        self.diagnose_paired(views[0].as_ref(), views, scratch)
+        Ok(self.answer(views[0].as_ref(), views, scratch))
     }
 
-    /// As [`Hierarchy::diagnose`], with a row of its own for the question which actuator it is: it reads of no actuator
+    /// As [`Hierarchy::diagnose`], with a row of its own for the question which actuator failed: it reads of no actuator
     /// what another one lacks.
+    ///
+    /// # Errors
+    /// As [`Hierarchy::diagnose`].
     pub(crate) fn diagnose_paired<V: AsRef<[f64]>>(
+        &self,
+        (paired, views): (&[f64], &[V]),
+        scratch: &mut Scratch,
+    ) -> Result<Diagnosis, Error> {
+        self.check_rows(paired, views)?;
+        Ok(self.answer(paired, views, scratch))
+    }
+
+    fn answer<V: AsRef<[f64]>>(
         &self,
         paired: &[f64],
         views: &[V],
         scratch: &mut Scratch,
-    ) -> Result<Diagnosis, Error> {
-        self.check_views(views)?;
+    ) -> Diagnosis {
         let sure = StageAnswer { class: 0, probability: 1.0 };
         let of_actuators = self.stage(Question::Actuator, 0, 0);
         let first = of_actuators.map_or(sure, |stage| stage.answer(paired, scratch));
@@ -319,7 +330,7 @@ impl Hierarchy {
             detail_confidence: 1.0,
         };
         if first.class == self.names.healthy() {
-            return Ok(said);
+            return said;
         }
         said.actuator = Some(first.class);
         if let Some(action) = ask(Question::Action, first.class, 0) {
@@ -330,7 +341,12 @@ impl Hierarchy {
                 said.detail_confidence = detail.probability;
             }
         }
-        Ok(said)
+        said
+    }
+
+    fn check_rows<V: AsRef<[f64]>>(&self, paired: &[f64], views: &[V]) -> Result<(), Error> {
+        same_length("features", self.names.features.len(), paired.len())?;
+        self.check_views(views)
     }
 
     fn check_views<V: AsRef<[f64]>>(&self, views: &[V]) -> Result<(), Error> {
@@ -353,7 +369,7 @@ impl Hierarchy {
         scratch: &mut Scratch,
         into: &mut [f64],
     ) -> Result<(), Error> {
-        self.check_views(views)?;
+        self.check_rows(paired, views)?;
         let (actuators, actions) = (self.names.actuators.len(), self.names.actions.len());
         same_length("probabilities", 1 + actuators * actions, into.len())?;
         into.fill(0.0);
@@ -407,15 +423,16 @@ impl Hierarchy {
         Ok(stage.map(answer))
     }
 
-    /// The stages that a diagnosis passes through, each with its nodes from root to leaf.
+    /// The stages that a diagnosis passes through, each with its nodes from root to leaf, for the row that tells actuators
+    /// apart and the row in every view.
     ///
     /// # Errors
     /// As [`Hierarchy::diagnose`].
     pub fn explain<V: AsRef<[f64]>>(
         &self,
-        views: &[V],
+        (paired, views): (&[f64], &[V]),
     ) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
-        let diagnosis = self.diagnose(views, &mut self.scratch())?;
+        let diagnosis = self.diagnose_paired((paired, views), &mut self.scratch())?;
         let Diagnosis { actuator, action, .. } = diagnosis;
         let below = |question, action| self.stage(question, actuator?, action);
         let asked = [
@@ -423,8 +440,11 @@ impl Hierarchy {
             below(Question::Action, 0),
             action.and_then(|action| below(Question::Detail, action)),
         ];
-        let view = |stage: &Stage| views[stage.place.view(actuator.unwrap_or(0))].as_ref();
-        let with_path = |stage: &'_ Stage| stage.path(view(stage));
+        let row = |stage: &Stage| match stage.place.question {
+            Question::Actuator => paired,
+            _ => views[stage.place.view(actuator.unwrap_or(0))].as_ref(),
+        };
+        let with_path = |stage: &'_ Stage| stage.path(row(stage));
         let asked = asked.into_iter().flatten();
         Ok(asked.map(|stage| (stage, with_path(stage))).collect())
     }

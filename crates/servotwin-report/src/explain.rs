@@ -106,7 +106,7 @@ pub fn explain(
     let words = Vocabulary::of(study);
     let truth = truth(study, &words, &explanation.fault);
     let rows: Vec<&[f64]> = views.iter().map(Vec::as_slice).collect();
-    let asked = hierarchy.explain(&rows).map_err(EvaluationError::from)?;
+    let asked = hierarchy.explain((rows[0], &rows)).map_err(EvaluationError::from)?;
     let mut said_actuator = 0;
     for (stage, nodes) in asked {
         let view = stage.place.view(said_actuator);

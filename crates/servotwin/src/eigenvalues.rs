@@ -99,6 +99,30 @@ mod tests {
         expect(cycle, &[(-0.5, s), (-0.5, -s), (1.0, 0.0)], 1e-14);
     }
 
+    #[test]
+    fn a_companion_matrix_gives_the_roots_of_its_polynomial() {
+        // (x + 1)(x + 2) … (x + 10), by multiplying out.
+        let mut coefficients = vec![1.0];
+        for root in 1..=10 {
+            let mut next = coefficients.clone();
+            next.push(0.0);
+            for (place, c) in coefficients.iter().enumerate() {
+                next[place + 1] += f64::from(root) * c;
+            }
+            coefficients = next;
+        }
+        let mut matrix = vec![vec![0.0; 10]; 10];
+        for i in 0..10 {
+            matrix[0][i] = -coefficients[i + 1];
+            if i > 0 {
+                matrix[i][i - 1] = 1.0;
+            }
+        }
+        for (k, value) in eigenvalues(&matrix).unwrap().iter().enumerate() {
+            assert!((value.re + (k + 1) as f64).abs() < 1e-6 && value.im.abs() < 1e-6, "{value:?}");
+        }
+    }
+
     /// Code that shows one of each pair must not lose a real eigenvalue.
     #[test]
     fn as_many_have_a_positive_imaginary_part_as_a_negative_one() {

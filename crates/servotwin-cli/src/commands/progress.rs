@@ -53,6 +53,14 @@ impl Stages {
         self.bar.set_position((PARTS as f64 * share) as u64);
     }
 
+    /// As [`Stages::show`] after one of many small tasks, most of which change nothing on the screen.
+    pub(crate) fn count(&self, what: &str, done: usize, all: usize) {
+        let part = |done: usize| done * PARTS as usize / all.max(1);
+        if part(done) > part(done - 1) {
+            self.show(what, done as f64 / all as f64);
+        }
+    }
+
     /// Removes the line.
     pub(crate) fn end(&self) {
         self.bar.finish_and_clear();

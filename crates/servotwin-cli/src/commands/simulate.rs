@@ -112,8 +112,7 @@ impl Run for Options {
         let (stages, done) = (Stages::new(global), AtomicUsize::new(0));
         let count = |progress| {
             if progress == SimulationProgress::Sample {
-                let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-                stages.show("simulating", count as f64 / all as f64);
+                stages.count("simulating", done.fetch_add(1, Ordering::Relaxed) + 1, all);
             }
         };
         let results = plan.prepared.run(&count, Some(stop::flag()));

@@ -254,8 +254,8 @@ impl LengthEvidence {
         self.state.last.as_ref()
     }
 
-    /// The feature rows of the last window outside its bands, one for each view.
-    pub(super) fn rows(&self) -> &[Vec<f64>] {
+    /// The feature rows of the last window outside its bands: the one that tells actuators apart, and one for each view.
+    pub(super) fn rows(&self) -> (&[f64], &[Vec<f64>]) {
         self.views.rows()
     }
 
@@ -321,7 +321,7 @@ impl LengthEvidence {
 
     /// Judges a window; `None` if every residual is in its band. Masked actuators are no possible answers, and stand-in
     /// sensor values do not count in relations with others. A stand-in looks healthy. So that no actuator looks healthier
-    /// than another one, which of them it is is asked without the sensors that one of them lacks.
+    /// than another one, the question which of them failed is asked without the sensors that one of them lacks.
     fn judge(
         &mut self,
         length: &Length,
@@ -348,7 +348,7 @@ impl LengthEvidence {
         self.views.stand_in(&guard.stands_in, &guard.unpaired);
         let (paired, rows) = self.views.compute(window)?;
         let (trees, committee) = (&length.panel.trees, &length.panel.committee);
-        let of_trees = trees.diagnose_paired(paired, rows, &mut self.of_trees)?;
+        let of_trees = trees.diagnose_paired((paired, rows), &mut self.of_trees)?;
         said.of_trees = Some(place(self.hypotheses, of_trees));
         said.detail_of_trees = of_trees.detail;
         committee.probabilities_into((paired, rows), &mut self.of_committee, probabilities)?;

@@ -24,6 +24,7 @@ use super::environment::{InputChecks, InputDifference, InputRange, Why};
 use super::outcome::{Alarm, IndexedFinding};
 use super::{DiagnosedSensor, Diagnoser, LARGEST_COUNT};
 use crate::error::{Error, require_sound};
+use crate::features::Sensor;
 use crate::random::Random;
 
 /// Upper limit of residuals and twin signals, in parts of scale; larger ones are no measurements.
@@ -82,6 +83,8 @@ pub(super) struct Guard {
     until_back: u64,
     /// Number of samples that are not judged after a start or a restart.
     settle_samples: u64,
+    /// For each sensor, the noise of a value that stands in for it, in parts of scale.
+    noise: Vec<f64>,
     /// For each sensor, the corresponding ones of the other actuators; none where actuators are not alike.
     peers: Vec<Vec<usize>>,
     /// The measured values, with stand-ins for masked and lost sensors.
@@ -142,7 +145,8 @@ impl Guard {
             sensors: vec![SensorState::default(); sensors],
         };
         let settle_samples = diagnoser.samples(diagnoser.tuning.settle_s);
-        let rotations = diagnoser.sensors_seen().rotations(diagnoser.views()).unwrap_or_default();
+        let seen = diagnoser.sensors_seen();
+        let rotations = seen.rotations(diagnoser.views()).unwrap_or_default();
         let peers = |sensor: usize| rotations.iter().map(|order| order[sensor]).collect();
         let mut guard = Guard {
             frozen_after: checks.inputs.iter().map(frozen_after).collect(),
@@ -152,6 +156,7 @@ impl Guard {
             until_lost: diagnoser.samples(diagnoser.tuning.no_data_after_s).max(1),
             until_back: settle_samples.max(1),
             settle_samples,
+            noise: seen.0.iter().map(Sensor::noise_of_stand_in).collect(),
             peers: (0..sensors).map(peers).collect(),
             measured: vec![0.0; sensors],
             stands_in: vec![false; sensors],
@@ -297,12 +302,12 @@ impl Guard {
                 state.notice(is_there, limit);
             }
             let residual = is_there.then(|| (measured[place] - twin[place]) / sensor.scale);
-            state.measure_noise(residual, sensor.noise_of_stand_in());
+            state.measure_noise(residual, self.noise[place]);
         }
         self.find_stand_ins(sensors, is_masked);
         let mut usable = Ok(());
         for (place, sensor) in sensors.iter().enumerate() {
-            let noise = sensor.noise_of_stand_in();
+            let noise = self.noise[place];
             let of_noise = || {
                 let mut random = Random::stream(place as u64, sample + 1);
                 sensor.scale * noise * normal(&mut random)

@@ -96,11 +96,6 @@ impl DiagnosedSensor {
         }
     }
 
-    /// The noise of a value that stands in for a measured one, in parts of scale.
-    pub(crate) fn noise_of_stand_in(&self) -> f64 {
-        if self.is_noisy { self.noise } else { 0.0 }
-    }
-
     /// What its residual is divided by, in words: its scale, and its spread if that grows.
     pub fn residual_divisor(&self) -> &'static str {
         if self.spread.is_some() { "scale and spread" } else { "scale" }

@@ -375,7 +375,7 @@ impl Session {
 
     /// The feature rows of a length's last window outside its bands, one for each view.
     pub fn features(&self, length: usize) -> &[Vec<f64>] {
-        self.evidence.lengths[length].rows()
+        self.evidence.lengths[length].rows().1
     }
 
     /// The probability of a hypothesis by a length's committee in its last window: an actuator and its action, or
@@ -433,7 +433,7 @@ impl Session {
     /// # Errors
     /// As [`crate::hierarchy::Hierarchy::explain`].
     pub fn explain(&self, length: usize) -> Result<Vec<(&Stage, Vec<usize>)>, Error> {
-        self.diagnoser.lengths[length].panel.trees.explain(self.features(length))
+        self.diagnoser.lengths[length].panel.trees.explain(self.evidence.lengths[length].rows())
     }
 
     /// Returns the complete state for storing.

@@ -93,6 +93,11 @@ pub struct Sensor {
 }
 
 impl Sensor {
+    /// The noise of a value that stands in for a measured one, in parts of scale.
+    pub fn noise_of_stand_in(&self) -> f64 {
+        if self.is_noisy { self.noise } else { 0.0 }
+    }
+
     /// A feature of this sensor alone; `{}` in its meaning stands for the sensor.
     fn feature(&self, kind: &str, unit: &'static str, meaning: &str) -> Feature {
         let meaning = meaning.replace("{}", &self.name);

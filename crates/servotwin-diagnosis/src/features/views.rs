@@ -62,11 +62,6 @@ struct Paired<'w> {
 }
 
 impl Paired<'_> {
-    fn noise(&self, sensor: usize) -> f64 {
-        let own = &self.sensors.0[sensor];
-        if own.is_noisy { own.noise } else { 0.0 }
-    }
-
     /// Whether a channel is the residual of an unpaired sensor.
     fn is_hidden(&self, channel: usize) -> bool {
         self.unpaired.get(channel).is_some_and(|unpaired| *unpaired)
@@ -91,7 +86,8 @@ impl Statistics for Paired<'_> {
     fn covariance_of(&self, a: usize, b: usize) -> f64 {
         match self.is_hidden(a) || self.is_hidden(b) {
             true if a == b => {
-                let noise = self.noise(a);
+                let noise = self.sensors.0[a].noise_of_stand_in();
+                // As C divides the sum that it stores.
                 noise * noise * self.samples() / self.samples()
             }
             true => 0.0,
@@ -101,7 +97,7 @@ impl Statistics for Paired<'_> {
 
     fn largest(&self, sensor: usize) -> f64 {
         match self.unpaired[sensor] {
-            true => LARGEST_OF_STAND_IN * self.noise(sensor),
+            true => LARGEST_OF_STAND_IN * self.sensors.0[sensor].noise_of_stand_in(),
             false => self.window.largest(sensor),
         }
     }
@@ -179,15 +175,18 @@ impl Views {
     pub fn compute(&mut self, window: &Window) -> Result<(&[f64], &[Vec<f64>]), Error> {
         same_length("sensors", self.sensors.0.len(), window.sensors())?;
         self.compute_views(window);
-        if !self.unpaired.contains(&true) {
-            return Ok((&self.rows[0], &self.rows));
+        if self.has_unpaired() {
+            let Views { sensors, stands_in, unpaired, all, paired, .. } = self;
+            values_into(sensors, &Paired { window, sensors, stands_in, unpaired }, all);
+            for (value, &place) in paired.iter_mut().zip(&self.places) {
+                *value = all[place];
+            }
         }
-        let Views { sensors, stands_in, unpaired, all, paired, .. } = self;
-        values_into(sensors, &Paired { window, sensors, stands_in, unpaired }, all);
-        for (value, &place) in paired.iter_mut().zip(&self.places) {
-            *value = all[place];
-        }
-        Ok((paired, &self.rows))
+        Ok(self.rows())
+    }
+
+    fn has_unpaired(&self) -> bool {
+        self.unpaired.contains(&true)
     }
 
     fn compute_views(&mut self, window: &Window) {
@@ -205,8 +204,9 @@ impl Views {
         }
     }
 
-    /// The rows of the last computed window.
-    pub fn rows(&self) -> &[Vec<f64>] {
-        &self.rows
+    /// The rows of the last computed window, as [`Views::compute`] gives them.
+    pub fn rows(&self) -> (&[f64], &[Vec<f64>]) {
+        let paired = if self.has_unpaired() { &self.paired } else { &self.rows[0] };
+        (paired, &self.rows)
     }
 }

@@ -405,6 +405,13 @@ fn without_a_sensor_of_either_actuator_the_right_one_is_accused() {
         let raised = found.raised.expect("the other sensors show the jam");
         assert_eq!((raised.actuator, raised.action), (actuator as u32, Kind::Jam.action()));
         assert_eq!(found.lost, u32::from(!is_taken_out));
+        let path = session.explain(raised.length as usize).unwrap();
+        assert_eq!(path.len(), 3, "actuator, action, detail");
+        session.take_out(3, false).unwrap();
+        let back = fly(&mut session, &mut flight, jam, 1000);
+        let raised = back.raised.expect("all sensors show the jam");
+        let shown = (raised.actuator as usize, raised.action, back.lost);
+        assert_eq!(shown, (actuator, Kind::Jam.action(), 0));
     }
 }
 

@@ -31,7 +31,7 @@ impl Lessons {
         let views = if sensors.rotations(actuators).is_some() { actuators } else { 1 };
         let views = Views::new(sensors, &names, views)?;
         Ok(Lessons {
-            rows: vec![vec![]; views.rows().len()],
+            rows: vec![vec![]; views.rows().1.len()],
             features,
             views,
             labels: vec![],

@@ -3,7 +3,8 @@
 use crate::notation::{
     place, quoted, record, write_array, write_list, write_numbers, write_public,
 };
-use servotwin_diagnosis::diagnoser::{Diagnoser, common_mode};
+use servotwin_diagnosis::diagnoser::{DiagnosedSensor, Diagnoser, common_mode};
+use servotwin_diagnosis::features::Sensor;
 use servotwin_diagnosis::spread::DELAY_S;
 use servotwin_model::c_source::hexadecimal;
 
@@ -20,16 +21,16 @@ pub(super) fn write(text: &mut String, diagnoser: &Diagnoser) {
 }
 
 fn sensors(text: &mut String, diagnoser: &Diagnoser) {
-    let entry = |sensor: &servotwin_diagnosis::diagnoser::DiagnosedSensor| {
-        let stand_in_noise = if sensor.is_noisy { sensor.noise } else { 0.0 };
+    let entry = |(sensor, seen): (&DiagnosedSensor, &Sensor)| {
         let growth = sensor.spread.map_or(0.0, |spread| spread.growth);
         let [scale, noise, stand_in_noise, growth] =
-            [sensor.scale, sensor.noise, stand_in_noise, growth].map(hexadecimal);
+            [sensor.scale, sensor.noise, seen.noise_of_stand_in(), growth].map(hexadecimal);
         let actuator = place(sensor.actuator.map(|actuator| actuator as usize));
         let spool = place(sensor.spread.map(|spread| spread.spool as usize));
         record(&[scale, noise, stand_in_noise, growth, actuator, spool])
     };
-    let entries: Vec<String> = diagnoser.sensors.iter().map(entry).collect();
+    let seen = diagnoser.sensors_seen();
+    let entries: Vec<String> = diagnoser.sensors.iter().zip(&seen.0).map(entry).collect();
     let empty = "{ 0x1p+0, 0x0p+0, 0x0p+0, 0x0p+0, -1, -1 }";
     write_list(text, "servotwin_sensor", "sensors", &entries, empty);
 }

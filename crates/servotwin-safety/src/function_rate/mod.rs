@@ -298,8 +298,8 @@ impl FunctionModel {
                 inputs.push(TreeParameter { id, value, evidence: rate.source.clone() });
                 inputs.len() - 1
             });
-            let command = &study.classes[fault.class].action;
-            let action = actions.iter().position(|action| action == command);
+            let action = &study.classes[fault.class].action;
+            let action = actions.iter().position(|known| known == action);
             faults[fault.unit].extend(action.map(|action| (place, action)));
         }
         let keeps_last = study.least_on() > 0;

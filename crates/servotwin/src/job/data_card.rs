@@ -76,14 +76,14 @@ impl DataFile {
     }
 
     fn add(&mut self, part: &Table) -> Result<(), TableError> {
-        let [kinds, commands, details, splits, reasons] =
+        let [kinds, actions, details, splits, reasons] =
             ["kind", "action", "detail", "split", "failure"].map(|name| part.text(name));
-        let (kinds, commands, details) = (kinds?, commands?, details?);
+        let (kinds, actions, details) = (kinds?, actions?, details?);
         let (splits, reasons, folds) = (splits?, reasons?, part.u32("fold")?);
         for row in 0..part.row_count() {
             self.rows += 1;
             self.failed += usize::from(!reasons[row].is_empty());
-            let class = [&commands[row], &details[row], &kinds[row]].map(Clone::clone);
+            let class = [&actions[row], &details[row], &kinds[row]].map(Clone::clone);
             *self.classes.entry(class).or_default() += 1;
             *self.splits.entry(splits[row].clone()).or_default() += 1;
             self.folds[folds[row] as usize % FOLDS] += 1;

@@ -106,7 +106,7 @@ impl FlownSuite {
             .map(|run| Truth::planned(study, &run).run)
             .collect();
         let (names, mut scratch) = (data.examples.names(), panel.scratch());
-        let shutdowns = data.commands(&study.shutdowns());
+        let shutdowns = data.actions(&study.shutdowns());
         let mut views = vec![vec![0.0; data.features.len()]; data.examples.views()];
         for row in data.rows_where(Purpose::Test, |_| true) {
             let own = &data.rows[row];

@@ -66,7 +66,7 @@ pub(crate) fn evaluate(
     workers: Workers,
 ) -> Result<Vec<ProtocolResult>, EvaluationError> {
     let Some((data, training)) = prepared(data)? else { return Ok(vec![]) };
-    let shutdowns = data.commands(&settings.shutdowns);
+    let shutdowns = data.actions(&settings.shutdowns);
     let mut results = vec![];
     for protocol in PROTOCOLS {
         let holding = settings.holding;

@@ -132,14 +132,14 @@ struct Origin<'t> {
 }
 
 impl DataSet {
-    /// The indices of named commands; names without a row are left out.
-    pub(crate) fn commands(&self, names: &[String]) -> Vec<u32> {
+    /// The indices of named actions; names without a row are left out.
+    pub(crate) fn actions(&self, names: &[String]) -> Vec<u32> {
         let known = self.examples.names().actions.iter().enumerate();
         known.filter(|(_, name)| names.contains(name)).map(|(place, _)| place as u32).collect()
     }
 
     /// Reads the tables of one scenario. `units` lists the actuators in the order in which features count them; if
-    /// empty, they are sorted by name. `urgency` lists the commands, the most urgent first; others follow by name.
+    /// empty, they are sorted by name. `urgency` lists the actions, the most urgent first; others follow by name.
     ///
     /// # Errors
     /// A column is missing or of another type, a feature is NaN or infinite, or there is no fault.

@@ -268,7 +268,7 @@ pub(crate) fn novelty(
 /// # Errors
 /// Training fails.
 pub fn of_trees(data: &DataSet, settings: &EvaluationSettings) -> Result<Rates, EvaluationError> {
-    let (protocol, shutdowns) = (Protocol::headline(data), data.commands(&settings.shutdowns));
+    let (protocol, shutdowns) = (Protocol::headline(data), data.actions(&settings.shutdowns));
     let (training, alone) = (&settings.training, Workers::new(1));
     let holding = settings.holding;
     let judged = match protocol::evaluate(protocol, data, training, holding, &shutdowns, alone) {
@@ -309,7 +309,7 @@ pub fn evaluate(
     };
     let (data, bands) = banded(data, settings, context.pools);
     let data = &data;
-    let shutdowns = data.commands(&settings.shutdowns);
+    let shutdowns = data.actions(&settings.shutdowns);
     let of_healthy = |hierarchy| protocol::of_healthy(data, hierarchy, &shutdowns);
     let mut evaluation = Evaluation {
         in_band: protocol::in_bands(data),
@@ -346,7 +346,7 @@ fn under_protocols(
     evaluation: &mut Evaluation,
 ) -> Result<(), EvaluationError> {
     let Context { trained, workers, progress, .. } = *context;
-    let (holding, shutdowns) = (settings.holding, data.commands(&settings.shutdowns));
+    let (holding, shutdowns) = (settings.holding, data.actions(&settings.shutdowns));
     let of_committee = data.for_committee()?;
     let answers = |protocol: Protocol, data: &DataSet, hierarchy, training, splits: &[Split]| {
         match protocol {

@@ -4,7 +4,6 @@
 //! flown in it beside one virtual twin. The twin knows the environment, because its boundary values are
 //! measured, but not the specimen. How many flights there are, and for what, is said by suites ([`super::suites`]).
 
-use super::Study;
 use super::faults::full_name;
 use super::keys::{FLIGHT_S, some};
 use super::other_plant::{self, DrawText, OtherPlant, PlantDraw};
@@ -13,6 +12,7 @@ use super::seed::{Seed, Stream};
 use super::training::{check_pattern, count_ranges, filled_at, halton_in};
 use crate::format::{At, Names, Value, section, usual};
 use crate::signal::bus;
+use crate::system::System;
 use crate::toml_text::Diagnostic;
 use servotwin_diagnosis::features::MAX_ACTUATORS;
 use servotwin_model::signal::Piecewise;
@@ -80,18 +80,13 @@ pub struct Environment {
 
 impl Environment {
     /// The value of an input at the beginning, or of a parameter that the environment changes, SI.
-    pub(crate) fn value_of(&self, study: &Study, name: &str) -> Option<f64> {
-        let network = study.system.network();
-        let input = network.inputs.iter().position(|input| input.id == name);
-        let of_parameter = || {
-            let is_it = |&&(component, place, _): &&(usize, usize, f64)| {
-                let own = &network.components[component];
-                let parameter = &own.component.parameters[place];
-                name == format!("{}.{}", own.id, parameter.name)
-            };
-            self.parameters.iter().find(is_it).map(|&(_, _, value)| value)
-        };
-        input.map(|input| self.inputs[input].value(0.0)).or_else(of_parameter)
+    pub(crate) fn value_of(&self, system: &System, name: &str) -> Option<f64> {
+        if let Ok(input) = system.find_input(name) {
+            return Some(self.inputs[input].value(0.0));
+        }
+        let place = system.parameter(name)?;
+        let mut parameters = self.parameters.iter();
+        parameters.find(|own| (own.0, own.1) == place).map(|own| own.2)
     }
 }
 

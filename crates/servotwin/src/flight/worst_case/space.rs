@@ -223,7 +223,7 @@ impl SearchSpace {
         let values = flown.iter().flat_map(|environment| {
             self.environment().map(|(_, dimension)| {
                 let (name, unit) = (&dimension.name, study.system.unit_of(&dimension.name));
-                let value = environment.value_of(study, name).unwrap_or(f64::NAN);
+                let value = environment.value_of(&study.system, name).unwrap_or(f64::NAN);
                 format!("{name} {}", shown(value, unit))
             })
         });
