@@ -43,7 +43,7 @@ pub mod tuning;
 
 pub use boundary::Boundary;
 pub use environment::{InputChecks, Why};
-pub use healthy_evidence::{HealthyEvidence, ShutdownMargin};
+pub use healthy_evidence::HealthyEvidence;
 pub use novelty::Novelty;
 pub use outcome::{Alarm, IndexedFinding, Outcome, Raised};
 pub use recorded::{Nominal, Nominals, Recorded};
@@ -201,13 +201,13 @@ impl Diagnoser {
         }
     }
 
-    /// The same diagnoser with larger allowances of a shutdown against health.
+    /// The same diagnoser with larger allowances of a shutdown against health, in windows of all kinds.
     #[must_use]
-    pub fn with_shutdown_margin(&self, margin: ShutdownMargin) -> Self {
+    pub fn with_shutdown_margin(&self, added_nats: f64) -> Self {
         let mut changed = self.clone();
-        changed.tuning.off_allowance_nats += margin.uncorrected_nats;
+        changed.tuning.off_allowance_nats += added_nats;
         let corrected = changed.lengths.iter_mut().filter_map(|l| l.baseline_corrected.as_mut());
-        corrected.for_each(|allowances| allowances.off_nats += margin.baseline_corrected_nats);
+        corrected.for_each(|allowances| allowances.off_nats += added_nats);
         changed
     }
 

@@ -6,8 +6,8 @@ use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 pub(super) struct EvidencePeak {
     /// Actuators with their actions.
     pub(crate) claims: Vec<(usize, usize)>,
-    /// For each length of windows.
-    pub(crate) by_length: Vec<f64>,
+    /// The largest evidence so far.
+    pub(crate) largest: f64,
     /// The largest probability that the committee gave any of the claims.
     pub(crate) probability: f64,
 }
@@ -20,22 +20,17 @@ impl EvidencePeak {
         let all = (0..names.actuators.len())
             .flat_map(|actuator| actions.clone().map(move |action| (actuator, action)));
         let claims = all.filter(|&(actuator, action)| is_chosen(actuator, action)).collect();
-        EvidencePeak { claims, by_length: vec![0.0; diagnoser.lengths.len()], probability: 0.0 }
-    }
-
-    /// The largest evidence of windows of any length.
-    pub(crate) fn largest(&self) -> f64 {
-        self.by_length.iter().copied().fold(0.0, f64::max)
+        EvidencePeak { claims, largest: 0.0, probability: 0.0 }
     }
 
     /// Takes the evidence of the windows that end at the session's last sample.
     pub(crate) fn take(&mut self, session: &Session) {
-        for (length, largest) in self.by_length.iter_mut().enumerate() {
+        for length in 0..session.diagnoser().lengths.len() {
             if !session.has_new_window(length) {
                 continue;
             }
             for &(actuator, action) in &self.claims {
-                *largest = largest.max(session.evidence(length, actuator, action));
+                self.largest = self.largest.max(session.evidence(length, actuator, action));
                 let probability = session.probability(length, Some((actuator, action)));
                 self.probability = self.probability.max(probability);
             }

@@ -139,7 +139,7 @@ impl MarginWatch {
         let is_counted = |own: &&Raised| {
             self.peak.claims.contains(&(own.actuator as usize, own.action as usize))
         };
-        let evidence = self.peak.largest();
+        let evidence = self.peak.largest;
         match (self.objective, self.since_onset(raised).find(is_counted)) {
             (SearchObjective::MissedShutdown, Some(raised)) => {
                 let left_s = row.duration_s - raised.sample as f64 * period_s;

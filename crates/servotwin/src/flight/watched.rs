@@ -331,12 +331,6 @@ impl SessionWatch {
         let off = |among: &dyn Fn(usize) -> bool| {
             late.iter().filter(is_off).any(|raised| among(actuator(raised)))
         };
-        let evidence = |is_corrected: bool| {
-            let lengths = diagnoser.lengths.iter().zip(&self.of_shutdown.by_length);
-            let own =
-                lengths.filter(|(length, _)| length.baseline_corrected.is_some() == is_corrected);
-            own.map(|(_, evidence)| *evidence).fold(0.0, f64::max)
-        };
         let outcome = RunOutcome {
             visible_s: self.out_of_bands.seen.map(after),
             visible_by_chance: self.out_of_bands.by_chance,
@@ -359,9 +353,8 @@ impl SessionWatch {
             shutdown_at_fault: off(&|own| truth.at_fault.contains(&own)),
             shutdown_misinformed: off(&|own| truth.misinformed.contains(&own)),
             shutdown_healthy: off(&|own| !truth.concerns(own)),
-            evidence: self.of_any.largest(),
-            shutdown_evidence: evidence(false),
-            corrected_shutdown_evidence: evidence(true),
+            evidence: self.of_any.largest,
+            shutdown_evidence: self.of_shutdown.largest,
             is_finished: true,
             ..run
         };

@@ -33,7 +33,7 @@ pub enum JobError {
         "{scenario}: unsafe in health: with {} nats more against a shutdown, the evidence for one still reaches {:.2} of its \
          limit in {} held-out healthy flights (at most {allowed} is safe); training had {} environments: add {missing} to \
          'environments' in [suites.hard_negatives]",
-        .evidence.added.larger_nats(), .evidence.largest, .evidence.held_out, .evidence.learned
+        .evidence.added_nats, .evidence.largest, .evidence.held_out, .evidence.learned
     )]
     UnsafeInHealth { scenario: &'static str, evidence: HealthyEvidence, allowed: f64, missing: u64 },
     /// A name of no run.

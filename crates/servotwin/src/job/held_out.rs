@@ -10,10 +10,10 @@ use crate::parallel::Workers;
 use crate::run::part;
 use crate::study::suites::{HARD_NEGATIVES, HELD_OUT, LEARN};
 use crate::study::{Scenario, Study, Suite};
-use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence, ShutdownMargin};
+use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence};
 use std::sync::Arc;
 
-/// By how much an allowance grows at a time, nats.
+/// By how much the allowance grows at a time, nats.
 const STEP_NATS: f64 = 1.0;
 
 /// Flies a trained diagnoser in the held-out environments of a study, and returns it with the smallest margin of a
@@ -48,7 +48,7 @@ pub(crate) fn with_margin(
         });
     }
     let healthy_evidence = Some(evidence);
-    Ok(Diagnoser { healthy_evidence, ..diagnoser.with_shutdown_margin(evidence.added) })
+    Ok(Diagnoser { healthy_evidence, ..diagnoser.with_shutdown_margin(evidence.added_nats) })
 }
 
 /// Refuses evidence of which a flight is missing.
@@ -58,34 +58,20 @@ fn finished(scenario: Scenario, evidence: &HealthyEvidence) -> Result<(), JobErr
     if failed == 0 { Ok(()) } else { Err(JobError::HeldOutFailed { scenario, failed, of }) }
 }
 
-/// Lets each allowance grow until no flight has more than the allowed evidence in windows of its kind, or the largest
-/// allowance is reached.
+/// Lets the allowance grow until no flight has more than the allowed evidence, or the largest allowance is reached.
 fn smallest_margin(
     (learned, scatter): (usize, f64),
     (allowed, most_nats): (f64, f64),
-    mut fly: impl FnMut(ShutdownMargin) -> Result<Vec<RunOutcome>, JobError>,
+    mut fly: impl FnMut(f64) -> Result<Vec<RunOutcome>, JobError>,
 ) -> Result<HealthyEvidence, JobError> {
-    let (mut added, mut shutdowns_before) = (ShutdownMargin::default(), None);
+    let (mut added_nats, mut shutdowns_before) = (0.0, None);
     loop {
-        let outcomes = fly(added)?;
+        let outcomes = fly(added_nats)?;
         let finished = || outcomes.iter().filter(|row| row.is_finished);
         let shutdowns = finished().filter(|row| row.early_shutdowns > 0).count() as u64;
         let shutdowns_before = *shutdowns_before.get_or_insert(shutdowns);
-        let largest = |of: fn(&RunOutcome) -> f64| finished().map(of).fold(0.0, f64::max);
-        let [uncorrected, corrected] =
-            [largest(|row| row.shutdown_evidence), largest(|row| row.corrected_shutdown_evidence)];
-        let mut has_grown = false;
-        let kinds = [
-            (uncorrected, &mut added.uncorrected_nats),
-            (corrected, &mut added.baseline_corrected_nats),
-        ];
-        for (largest, nats) in kinds {
-            if largest > allowed && *nats < most_nats {
-                *nats += STEP_NATS;
-                has_grown = true;
-            }
-        }
-        if !has_grown {
+        let largest = finished().map(|row| row.shutdown_evidence).fold(0.0, f64::max);
+        if largest <= allowed || added_nats >= most_nats {
             let held_out = finished().count() as u64;
             return Ok(HealthyEvidence {
                 learned: learned as u64,
@@ -93,10 +79,11 @@ fn smallest_margin(
                 failed: outcomes.len() as u64 - held_out,
                 scatter,
                 shutdowns_before,
-                added,
-                largest: uncorrected.max(corrected),
+                added_nats,
+                largest,
             });
         }
+        added_nats += STEP_NATS;
     }
 }
 
@@ -122,22 +109,14 @@ fn fly(
 mod tests {
     use super::*;
 
-    /// Flights with evidence of uncorrected and of baseline-corrected windows, each of which falls by a quarter of its
-    /// limit for each nat.
-    fn falling(
-        evidence: &[[f64; 2]],
-    ) -> impl FnMut(ShutdownMargin) -> Result<Vec<RunOutcome>, JobError> {
-        move |margin| {
-            let flight = |[uncorrected, corrected]: &[f64; 2]| {
-                let fallen = |evidence: f64, nats: f64| (evidence - 0.25 * nats).max(0.0);
-                let outcome = RunOutcome {
-                    is_finished: true,
-                    shutdown_evidence: fallen(*uncorrected, margin.uncorrected_nats),
-                    corrected_shutdown_evidence: fallen(*corrected, margin.baseline_corrected_nats),
-                    ..RunOutcome::default()
-                };
-                let early_shutdowns = u64::from(outcome.largest_shutdown_evidence() >= 1.0);
-                RunOutcome { early_shutdowns, ..outcome }
+    /// Flights with evidence that falls by a quarter of its limit for each nat, and one that failed.
+    fn falling(evidence: &[f64]) -> impl FnMut(f64) -> Result<Vec<RunOutcome>, JobError> {
+        move |added_nats| {
+            let flight = |evidence: &f64| {
+                let shutdown_evidence = (evidence - 0.25 * added_nats).max(0.0);
+                let early_shutdowns = u64::from(shutdown_evidence >= 1.0);
+                let is_finished = true;
+                RunOutcome { is_finished, shutdown_evidence, early_shutdowns, ..Default::default() }
             };
             let failed = RunOutcome { shutdown_evidence: 9.0, ..RunOutcome::default() };
             Ok(evidence.iter().map(flight).chain([failed]).collect())
@@ -145,14 +124,12 @@ mod tests {
     }
 
     #[test]
-    fn each_margin_is_the_smallest_that_held_out_flights_allow() {
+    fn the_margin_is_the_smallest_that_held_out_flights_allow() {
         let found = |evidence| smallest_margin((24, 1.5), (0.5, 8.0), falling(evidence)).unwrap();
-        let quiet = found(&[[0.0, 0.0], [0.25, 0.5]]);
-        assert_eq!((quiet.added, quiet.shutdowns_before), (ShutdownMargin::default(), 0));
-        assert_eq!(quiet.largest, 0.5);
-        let loud = found(&[[0.75, 1.25], [0.0, 0.1], [0.0, 1.0]]);
-        let added = ShutdownMargin { uncorrected_nats: 1.0, baseline_corrected_nats: 3.0 };
-        assert_eq!((loud.added, loud.shutdowns_before, loud.largest), (added, 2, 0.5));
+        let quiet = found(&[0.25, 0.5]);
+        assert_eq!((quiet.added_nats, quiet.shutdowns_before, quiet.largest), (0.0, 0, 0.5));
+        let loud = found(&[0.75, 1.25, 1.0]);
+        assert_eq!((loud.added_nats, loud.shutdowns_before, loud.largest), (3.0, 2, 0.5));
         assert_eq!((loud.learned, loud.held_out, loud.failed), (24, 3, 1));
         let refused = finished(Scenario::Noise, &loud).unwrap_err().to_string();
         assert!(refused.contains("noise: 1 of 4 held-out healthy flights"), "{refused}");
@@ -161,9 +138,7 @@ mod tests {
 
     #[test]
     fn a_search_for_a_margin_ends_at_the_largest_one() {
-        let evidence = [[1.5, 0.0]];
-        let found = smallest_margin((24, 1.5), (0.5, 2.0), falling(&evidence)).unwrap();
-        assert_eq!((found.added.uncorrected_nats, found.added.baseline_corrected_nats), (2.0, 0.0));
-        assert_eq!(found.largest, 1.0);
+        let found = smallest_margin((24, 1.5), (0.5, 2.0), falling(&[1.5])).unwrap();
+        assert_eq!((found.added_nats, found.largest), (2.0, 1.0));
     }
 }

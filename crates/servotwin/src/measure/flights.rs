@@ -115,7 +115,7 @@ impl Nearness {
         };
         let largest = |maxima: &[f64]| maxima.iter().copied().fold(0.0, f64::max);
         let of_any = maxima(|row| row.evidence);
-        let of_shutdown = maxima(RunOutcome::largest_shutdown_evidence);
+        let of_shutdown = maxima(|row| row.shutdown_evidence);
         Nearness {
             largest_evidence: largest(&of_any),
             largest_shutdown_evidence: largest(&of_shutdown),

@@ -144,10 +144,8 @@ outcome! {
     shutdown_healthy: bool, "";
     /// The largest evidence for any action in the whole flight, in parts of its limit.
     evidence: f64, DIMENSIONLESS;
-    /// The largest evidence for a shutdown in windows of uncorrected residuals, in parts of its limit.
+    /// The largest evidence for a shutdown in the whole flight, in parts of its limit.
     shutdown_evidence: f64, DIMENSIONLESS;
-    /// The same in windows of baseline-corrected residuals.
-    corrected_shutdown_evidence: f64, DIMENSIONLESS;
     /// What a search chose of the flight: the number from which specimen and noise follow, then the place of each
     /// number of the search in its range, or its choice; empty for other flights.
     point: String, "";
@@ -266,11 +264,6 @@ impl RunOutcome {
     /// Whether a healthy actuator with right boundary sensors was shut down at any time.
     pub fn shuts_down_healthy(&self) -> bool {
         self.shutdown_healthy || self.early_shutdowns > 0
-    }
-
-    /// The largest evidence for a shutdown in windows of any kind.
-    pub(crate) fn largest_shutdown_evidence(&self) -> f64 {
-        self.shutdown_evidence.max(self.corrected_shutdown_evidence)
     }
 }
 

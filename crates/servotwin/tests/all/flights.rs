@@ -23,7 +23,7 @@ use servotwin::study::suites::{
 };
 use servotwin::study::{Scenario, Study, Suite};
 use servotwin::table::Table;
-use servotwin_diagnosis::diagnoser::{Diagnoser, Session, ShutdownMargin};
+use servotwin_diagnosis::diagnoser::{Diagnoser, Session};
 use servotwin_model::program::FaultAt;
 use servotwin_model::signal::Piecewise;
 use std::collections::BTreeMap;
@@ -140,7 +140,7 @@ fn a_diagnoser_states_the_healthy_flights_behind_its_margin() {
     assert_eq!((evidence.learned, evidence.held_out), (7, 3));
     assert!(evidence.largest <= diagnoser().tuning.pending_share, "{evidence:?}");
     assert_eq!(evidence.scatter, 1.5);
-    let wider = diagnoser().with_shutdown_margin(ShutdownMargin::of_both(2.0));
+    let wider = diagnoser().with_shutdown_margin(2.0);
     let limits = [&**diagnoser(), &wider].map(|d| d.limits_of(&d.lengths[0]));
     let added = limits[1].allowances_nats().iter().zip(limits[0].allowances_nats());
     let added: Vec<f64> = added.map(|(wider, usual)| wider - usual).collect();
