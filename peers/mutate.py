@@ -36,7 +36,7 @@ system = "SYSTEM"
 duration_s = 3
 sample_hz = 100
 intensities = [0.5, 1.0]
-units = [""]
+actuators = [""]
 [command]
 input = "command"
 signals.slow = "noise:rms=4deg,bandwidth=1Hz,seed=1"
@@ -46,10 +46,10 @@ input = "supply_pressure"
 values.full = 20e6
 values.low = 18e6
 [sensors]
-p_a = { quantity = "pressure_a", unit = 1 }
-p_b = { quantity = "pressure_b", unit = 1 }
-x_p = { quantity = "ram", unit = 1 }
-x_v = { quantity = "spool", unit = 1, follows = { x_p = 0.1 } }
+p_a = { quantity = "pressure_a", actuator = 1 }
+p_b = { quantity = "pressure_b", actuator = 1 }
+x_p = { quantity = "ram", actuator = 1 }
+x_v = { quantity = "spool", actuator = 1, follows = { x_p = 0.1 } }
 [[classes]]
 detail = "leakage"
 action = "stop"

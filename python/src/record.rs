@@ -58,7 +58,7 @@ pub(crate) fn watch(
         Column { unit: "s".into(), ..lines.number("time_s", |(time_s, _)| *time_s) },
         lines.text("state", |(_, finding)| finding.state.words().into()),
         lines.text("phase", |(_, finding)| finding.phase.words().into()),
-        lines.text("actuator", |(_, finding)| finding.unit.clone().unwrap_or_default()),
+        lines.text("actuator", |(_, finding)| finding.actuator.clone().unwrap_or_default()),
         lines.text("action", |(_, finding)| finding.action.clone()),
         lines.text("component", |(_, finding)| finding.detail.clone()),
         lines.number("confidence", |(_, finding)| finding.confidence),

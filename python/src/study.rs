@@ -116,7 +116,7 @@ impl Study {
         let lines = Lines(self.inner.faults.iter().collect());
         table_of(vec![
             lines.text("id", |fault| fault.id.clone()),
-            lines.text("unit", |fault| self.inner.units[fault.unit].clone()),
+            lines.text("actuator", |fault| self.inner.actuators[fault.actuator].clone()),
             lines.text("kind", |fault| fault.kind.clone()),
             lines.number("intensity", |fault| fault.at.intensity),
         ])

@@ -25,7 +25,7 @@ def test_no_feature_column_holds_the_answer(results, study):
         assert features == servotwin.feature_columns(table.to_pandas())
         assert len(features) > 50
         answers = {"variant", "case", "flown", "seed", "fault", "kind", "intensity", "grade"}
-        answers |= {"actuator", "command", "detail", "detectable", "deviates", "failure"}
+        answers |= {"actuator", "action", "detail", "detectable", "deviates", "failure"}
         assert not answers & set(features)
         assert not [name for name in features if name.startswith(("i:", "largest"))]
         assert [name for name in table.columns if name.startswith("i:")], "they are in the table"
@@ -50,7 +50,7 @@ def test_mistakes_of_a_study_have_their_places():
 
 def test_the_data_set_has_labels_and_features(results, study):
     table = servotwin.data_set(results, "noise")
-    assert {"unit", "command", "detail"} <= set(table.columns) or len(table.columns) > 50
+    assert {"actuator", "action", "detail"} <= set(table.columns) and len(table.columns) > 50
     assert len(table) == len(study.faults) + 4
     training = servotwin.data_set(results, "noise", training=True)
     assert len(training) > len(table)

@@ -211,8 +211,8 @@ fn truth(study: &Study, words: &Vocabulary, fault: &str) -> [String; 3] {
     let known = study.faults.iter().find(|known| known.id == fault);
     known.map_or(["healthy"; 3].map(Into::into), |known| {
         let class = &study.classes[known.class];
-        let unit = words.class(Question::Actuator, &study.units[known.unit]);
-        [unit.to_owned(), class.action.clone(), class.detail.clone()]
+        let actuator = words.class(Question::Actuator, &study.actuators[known.actuator]);
+        [actuator.to_owned(), class.action.clone(), class.detail.clone()]
     })
 }
 

@@ -73,10 +73,12 @@ pub fn alarms_in_words(healthy: &HealthyMetrics) -> String {
 /// What the flights cover: the ranges of inputs and of the parameters of one actuator, with their units.
 pub fn flown_ranges(study: &Study) -> Option<String> {
     let ranges = study.environment_ranges()?.ranges;
-    let other =
-        |name: &str| study.units.iter().skip(1).any(|unit| name.starts_with(&format!("{unit}.")));
+    let other = |name: &str| {
+        study.actuators.iter().skip(1).any(|actuator| name.starts_with(&format!("{actuator}.")))
+    };
     let own = ranges.iter().filter(|(name, _)| !other(name)).map(|(name, [low, high])| {
-        let short = study.units.first().and_then(|unit| name.strip_prefix(&format!("{unit}.")));
+        let short =
+            study.actuators.first().and_then(|actuator| name.strip_prefix(&format!("{actuator}.")));
         let unit = study.system.unit_of(name);
         let short = short.unwrap_or(name);
         let stem = short.strip_suffix(unit.suffix()).unwrap_or(short);
@@ -106,7 +108,7 @@ pub(crate) fn stages(words: &Vocabulary, results: &[&ProtocolResult]) -> Vec<(St
     let all = results.iter().flat_map(|result| &result.stages);
     for stage in all.filter(|stage| stage.actuator.is_none() && decides(stage)) {
         let finds = match (stage.question, &stage.action) {
-            (Question::Actuator, _) if words.has_several() => words.unit().to_owned(),
+            (Question::Actuator, _) if words.has_several() => words.actuator().to_owned(),
             (Question::Actuator, _) => words.question(stage.question),
             (Question::Action, _) => "action".into(),
             (Question::Detail, Some(action)) => format!("details of “{}”", spoken(action)),

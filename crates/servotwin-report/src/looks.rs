@@ -7,7 +7,7 @@ use servotwin_view::{Look, SemanticColor};
 /// The plot styles of a study's actuators, actions and failures.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Looks {
-    units: Vec<String>,
+    actuators: Vec<String>,
     actions: Vec<String>,
     /// Fault classes, each with the index of its action.
     details: Vec<(String, usize)>,
@@ -24,14 +24,16 @@ impl Looks {
                 details.push((class.detail.clone(), action.unwrap_or(0)));
             }
         }
-        Looks { units: study.units.clone(), actions, details }
+        Looks { actuators: study.actuators.clone(), actions, details }
     }
 
     /// The style of a class, by the question that it answers. Healthy is plain.
     pub(crate) fn class(&self, question: Question, name: &str) -> Look {
         let place = |names: &[String]| names.iter().position(|known| known == name);
         let found = match question {
-            Question::Actuator => place(&self.units).map(|place| SemanticColor::Unit(place).look()),
+            Question::Actuator => {
+                place(&self.actuators).map(|place| SemanticColor::Actuator(place).look())
+            }
             Question::Action => {
                 place(&self.actions).map(|place| SemanticColor::Action(place).look())
             }
@@ -66,6 +68,11 @@ mod tests {
             assert!(!all[place + 1..].contains(look), "{} is drawn twice", looks.details[place].0);
         }
         let healthy = looks.class(Question::Actuator, "healthy");
-        assert!(looks.units.iter().all(|unit| looks.class(Question::Actuator, unit) != healthy));
+        assert!(
+            looks
+                .actuators
+                .iter()
+                .all(|actuator| looks.class(Question::Actuator, actuator) != healthy)
+        );
     }
 }

@@ -264,12 +264,12 @@ fn of_flights(
         let [sentence, faults] = words.describe_measure(measure, &[metrics.limit_s]);
         push(sentence, &faults, Some(metrics.rates.of(measure)));
     }
-    let (unit, off) = (words.unit(), words.switched_off());
+    let (actuator, off) = (words.actuator(), words.switched_off());
     let Some(unseen) = unseen.filter(|_| words.has_off()) else { return rates };
     let healthy = unseen.rates.counted(&SHUTDOWN_HEALTHY);
-    push(format!("healthy {unit} {off}"), "faults unknown to training", healthy);
+    push(format!("healthy {actuator} {off}"), "faults unknown to training", healthy);
     for fault in &unseen.faults {
-        let measure = format!("healthy {unit} {off}: {}", fault.title);
+        let measure = format!("healthy {actuator} {off}: {}", fault.title);
         let rate = fault.rates.counted(&SHUTDOWN_MISINFORMED);
         push(measure, SHUTDOWN_MISINFORMED.of.words, rate);
     }

@@ -153,7 +153,7 @@ fn cards(result: &SubjectResult, words: &Vocabulary) -> Vec<Fact> {
     };
     let rate = |measure| headline.and_then(|headline| headline.rates.counted(measure));
     push(
-        format!("Healthy {} {} beside a listed fault", words.unit(), words.switched_off()),
+        format!("Healthy {} {} beside a listed fault", words.actuator(), words.switched_off()),
         rate(&measure::WRONG_SHUTDOWN),
         Target::Never,
     );

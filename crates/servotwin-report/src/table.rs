@@ -18,7 +18,7 @@ pub struct FaultRow {
 /// Returns the rows in the order of the study's classes.
 pub fn rows(study: &Study) -> Vec<FaultRow> {
     let row = |(place, class): (usize, &servotwin::study::Class)| {
-        let own = study.faults.iter().filter(|fault| fault.class == place && fault.unit == 0);
+        let own = study.faults.iter().filter(|fault| fault.class == place && fault.actuator == 0);
         FaultRow {
             action: class.action.clone(),
             detail: class.detail.clone(),
@@ -32,5 +32,5 @@ pub fn rows(study: &Study) -> Vec<FaultRow> {
 /// Counts components and faults over all actuators.
 pub fn sum(study: &Study) -> (usize, usize) {
     let components: usize = rows(study).iter().map(|row| row.components).sum();
-    (components * study.units.len(), study.faults.len())
+    (components * study.actuators.len(), study.faults.len())
 }

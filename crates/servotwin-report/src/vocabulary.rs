@@ -16,8 +16,8 @@ pub const PAPER: &str = "paper";
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Vocabulary {
     /// The name of one actuator, e.g. `actuator`.
-    unit: String,
-    units: usize,
+    actuator: String,
+    actuators: usize,
     /// The actions that switch an actuator off.
     off: Vec<String>,
     is_paper: bool,
@@ -27,31 +27,31 @@ impl Vocabulary {
     /// Collects the words of a study.
     pub fn of(study: &Study) -> Self {
         Vocabulary {
-            unit: common_name(&study.units),
-            units: study.units.len(),
+            actuator: common_name(&study.actuators),
+            actuators: study.actuators.len(),
             off: study.shutdowns(),
             is_paper: study.name == PAPER,
         }
     }
 
     /// What the study calls its actuators: `actuator` for `actuator_1` and `actuator_2`.
-    pub fn unit(&self) -> &str {
-        &self.unit
+    pub fn actuator(&self) -> &str {
+        &self.actuator
     }
 
-    /// The plural of [`Vocabulary::unit`].
-    pub(crate) fn units(&self) -> String {
-        format!("{}s", self.unit)
+    /// The plural of [`Vocabulary::actuator`].
+    pub(crate) fn actuators(&self) -> String {
+        format!("{}s", self.actuator)
     }
 
     /// Refers to two actuators: `both` if there are exactly two, else `two`.
     pub(crate) fn two(&self) -> &'static str {
-        if self.units == 2 { "both" } else { "two" }
+        if self.actuators == 2 { "both" } else { "two" }
     }
 
     /// Whether one actuator can be confused with another.
     pub fn has_several(&self) -> bool {
-        self.units > 1
+        self.actuators > 1
     }
 
     /// The text if there are several actuators, else an empty string.
@@ -75,13 +75,13 @@ impl Vocabulary {
 
     /// The clause about the number of actuators that must stay on; empty if all may be switched off.
     pub(crate) fn kept_on(&self, least_on: u32) -> String {
-        let unit = &self.unit;
-        match (least_on, self.units) {
+        let actuator = &self.actuator;
+        match (least_on, self.actuators) {
             _ if !self.has_off() => String::new(),
             (0, _) => String::new(),
-            (1, 2) => format!(", and once one {unit} is off no other can be switched off"),
-            (1, _) => format!(", and the last {unit} that is on can never be switched off"),
-            (kept, _) => format!(", and {kept} {unit}s can never be switched off"),
+            (1, 2) => format!(", and once one {actuator} is off no other can be switched off"),
+            (1, _) => format!(", and the last {actuator} that is on can never be switched off"),
+            (kept, _) => format!(", and {kept} {actuator}s can never be switched off"),
         }
     }
 
@@ -111,7 +111,7 @@ impl Vocabulary {
     /// What every answer names: the action and, with several actuators, the actuator.
     pub(crate) fn action(&self) -> String {
         match self.has_several() {
-            true => format!("{} and action", self.unit),
+            true => format!("{} and action", self.actuator),
             false => "action".into(),
         }
     }
@@ -134,7 +134,7 @@ impl Vocabulary {
         [measure.sentence, measure.of.words].map(|text| {
             text.replace("{action}", &self.action())
                 .replace("{off}", &self.off())
-                .replace("{unit}", self.unit())
+                .replace("{actuator}", self.actuator())
                 .replace("{switched_off}", self.switched_off())
                 .replace("{limit}", &limit)
                 .replace("{strong}", &chosen(STRONG))
@@ -144,7 +144,7 @@ impl Vocabulary {
     /// What a question of the hierarchy determines. For a single actuator that is whether it is faulty.
     pub(crate) fn question(&self, question: Question) -> String {
         match question {
-            Question::Actuator if self.has_several() => format!("the {}", self.unit),
+            Question::Actuator if self.has_several() => format!("the {}", self.actuator),
             Question::Actuator => "healthy or faulty".into(),
             Question::Action => "the action".into(),
             Question::Detail => "the detail".into(),
@@ -154,7 +154,7 @@ impl Vocabulary {
     /// A question of the hierarchy, as a question.
     pub fn asks(&self, question: Question) -> String {
         match question {
-            Question::Actuator if self.has_several() => format!("which {}?", self.unit),
+            Question::Actuator if self.has_several() => format!("which {}?", self.actuator),
             Question::Actuator => "is something wrong?".into(),
             Question::Action => "what is to be done?".into(),
             Question::Detail => "what is broken?".into(),
@@ -178,7 +178,7 @@ impl Vocabulary {
             true => text,
             false => text.replace(", actuator 1", "").replace(" of each actuator", ""),
         };
-        text.replace("actuator", &self.unit)
+        text.replace("actuator", &self.actuator)
     }
 
     /// The answer for an unseen fault. It does not name the actuator if there is only one.
@@ -191,16 +191,17 @@ impl Vocabulary {
     }
 }
 
-/// The common stem of the names: `actuator` for `actuator_1` and `actuator_2`, else `unit`.
-fn common_name(units: &[String]) -> String {
+/// The common stem of the names: `lane` for `lane_1` and `lane_2`, else `actuator`.
+fn common_name(actuators: &[String]) -> String {
     let stem = |name: &String| {
         let stem = name.trim_end_matches(|last: char| last.is_ascii_digit());
         let is_numbered = stem.len() < name.len();
         is_numbered.then(|| stem.trim_end_matches(['_', '-', '.']).to_owned())
     };
-    let first = units.first().and_then(stem).filter(|stem| !stem.is_empty());
-    let is_common = |name: &String| units.iter().all(|unit| stem(unit).as_ref() == Some(name));
-    first.filter(is_common).map_or_else(|| "unit".into(), |stem| spoken(&stem))
+    let first = actuators.first().and_then(stem).filter(|stem| !stem.is_empty());
+    let is_common =
+        |name: &String| actuators.iter().all(|actuator| stem(actuator).as_ref() == Some(name));
+    first.filter(is_common).map_or_else(|| "actuator".into(), |stem| spoken(&stem))
 }
 
 #[cfg(test)]
@@ -208,28 +209,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn units_are_called_what_they_have_in_common() {
+    fn actuators_are_called_what_they_have_in_common() {
         let cases: [(&[&str], &str); 5] = [
             (&["actuator_1", "actuator_2"], "actuator"),
-            (&["left", "right"], "unit"),
-            (&[""], "unit"),
-            (&["axis_1", "pump_1"], "unit"),
-            (&["1", "2"], "unit"),
+            (&["left", "right"], "actuator"),
+            (&[""], "actuator"),
+            (&["axis_1", "pump_1"], "actuator"),
+            (&["1", "2"], "actuator"),
         ];
-        for (units, name) in cases {
-            let units: Vec<String> = units.iter().map(|&unit| unit.into()).collect();
-            assert_eq!(common_name(&units), name, "{units:?}");
+        for (actuators, name) in cases {
+            let actuators: Vec<String> =
+                actuators.iter().map(|&actuator| actuator.into()).collect();
+            assert_eq!(common_name(&actuators), name, "{actuators:?}");
         }
     }
 
     #[test]
     fn the_only_unit_is_healthy_or_faulty() {
-        let one = of_units("unit", 1);
+        let one = of_actuators("actuator", 1);
         let names = ["", "lane_1", "healthy"].map(|name| one.class(Question::Actuator, name));
         assert_eq!(names, ["faulty", "faulty", "healthy"]);
         assert_eq!(one.class(Question::Action, "halt"), "halt");
         assert_eq!(one.asks(Question::Actuator), "is something wrong?");
-        let two = of_units("lane", 2);
+        let two = of_actuators("lane", 2);
         assert_eq!(two.class(Question::Actuator, "lane_1"), "lane_1");
         assert_eq!(two.asks(Question::Actuator), "which lane?");
     }
@@ -246,22 +248,22 @@ mod tests {
             ("a mean (the paper's)", "a mean", "a mean"),
         ];
         for (text, one, two) in cases {
-            assert_eq!(of_units("unit", 1).adapted(text), one);
-            assert_eq!(of_units("lane", 2).adapted(text), two);
-            let paper = Vocabulary { is_paper: true, ..of_units("actuator", 2) };
+            assert_eq!(of_actuators("actuator", 1).adapted(text), one);
+            assert_eq!(of_actuators("lane", 2).adapted(text), two);
+            let paper = Vocabulary { is_paper: true, ..of_actuators("actuator", 2) };
             assert_eq!(paper.adapted(text), text);
         }
     }
 
-    fn of_units(unit: &str, units: usize) -> Vocabulary {
-        Vocabulary { unit: unit.into(), units, off: vec![], is_paper: false }
+    fn of_actuators(actuator: &str, actuators: usize) -> Vocabulary {
+        Vocabulary { actuator: actuator.into(), actuators, off: vec![], is_paper: false }
     }
 
     #[test]
     fn commands_keep_their_names() {
         let words = |off: &[&str]| Vocabulary {
             off: off.iter().map(|&one| one.into()).collect(),
-            ..of_units("unit", 1)
+            ..of_actuators("actuator", 1)
         };
         assert_eq!(words(&["shut_down"]).off(), "shutdown");
         assert_eq!(

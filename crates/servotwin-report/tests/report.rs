@@ -288,7 +288,7 @@ fn the_report_of_one_unit_speaks_of_that_unit_alone() {
         "flight",
         "flown",
         "seed paper",
-        "both units",
+        "both actuators",
         "shutdown",
         "shut down",
     ] {
@@ -302,14 +302,14 @@ fn the_report_of_one_unit_speaks_of_that_unit_alone() {
 #[test]
 fn of_what_was_not_counted_nothing_is_said() {
     let html = press_report(PRESS);
-    // No unit but one, and no fault that calls for less: no such rows.
+    // No actuator but one, and no fault that calls for less: no such rows.
     for absent in ["needless “stop”", "wrong unit", "</b> none"] {
         assert!(!html.contains(absent), "{absent}");
     }
     let (before, rest) = PRESS.split_once("[reactions]").unwrap();
     let (_, after) = rest.split_once("[realistic]").unwrap();
     let html = press_report(&format!("{before}[realistic]{after}"));
-    assert!(html.contains("says of no action that it switches its unit off"));
+    assert!(html.contains("says of no action that it switches its actuator off"));
     for absent in ["missed (of", " 0.00 %", ">0.00 %", "</b> none", "healthy specimen switched off"]
     {
         assert!(!html.contains(absent), "{absent}");

@@ -67,7 +67,7 @@ pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
 
 /// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
 pub(crate) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
-    study.unit_of(fault).map(|unit| study.units[unit].as_str())
+    study.unit_of(fault).map(|actuator| study.actuators[actuator].as_str())
 }
 
 /// A fault's name without its actuator.

@@ -108,10 +108,10 @@ impl Signals {
     /// The largest evidence of all lengths. An action that is raised in this sample has reached its limit.
     fn evidence(&mut self, diagnoser: &Diagnoser) {
         let (names, lengths) = (diagnoser.names(), diagnoser.lengths.len());
-        for (actuator, unit) in names.actuators.iter().enumerate() {
+        for (actuator, own_name) in names.actuators.iter().enumerate() {
             for (action, name) in names.actions.iter().enumerate() {
-                let words = format!("{unit} {name}").trim().replace('_', " ");
-                let id = format!("evidence.{unit}.{name}");
+                let words = format!("{own_name} {name}").trim().replace('_', " ");
+                let id = format!("evidence.{own_name}.{name}");
                 let signal = PlayerSignal::new(&id, &words, "of limit", SignalGroup::Evidence);
                 let (own, band) = (Some(actuator), Some(1.0));
                 let signal = PlayerSignal { actuator: own, band, ..signal };
@@ -141,8 +141,8 @@ impl Signals {
     }
 
     fn modes(&mut self, study: &Study) {
-        for (actuator, unit) in study.units.iter().enumerate() {
-            let id = if unit.is_empty() { "mode".into() } else { format!("{unit}.mode") };
+        for (actuator, name) in study.actuators.iter().enumerate() {
+            let id = if name.is_empty() { "mode".into() } else { format!("{name}.mode") };
             let inputs = &study.system.network().inputs;
             if let Some(place) = inputs.iter().position(|input| input.id == id) {
                 let signal = PlayerSignal::new(&id, "mode", "", SignalGroup::Mode);

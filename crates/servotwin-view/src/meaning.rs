@@ -19,7 +19,7 @@ pub(super) type Shade = [&'static str; 2];
 /// Replacements on a dark background for palette colors without a meaning.
 const ON_DARK: [Shade; 2] = [["#009e73", "#2fc79b"], ["#7a5c00", "#cfa63a"]];
 
-const UNITS: [Shade; 4] = [
+const ACTUATORS: [Shade; 4] = [
     ["#0072b2", "#4fa8e0"],
     ["#d55e00", "#f08a3c"],
     ["#2b1fbf", "#8d86ff"],
@@ -47,7 +47,7 @@ const PLAIN: [Shade; 2] = [["#000000", "#ffffff"], ["#7f7f7f", "#9a9a9a"]];
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SemanticColor {
     /// An actuator, by index.
-    Unit(usize),
+    Actuator(usize),
     /// An action, by index.
     Action(usize),
     /// A fault class: the index of its action, and its own index below that.
@@ -72,7 +72,7 @@ impl SemanticColor {
             Look::new(shades[(place + round) % shades.len()][0], place)
         };
         match self {
-            SemanticColor::Unit(place) => of(&UNITS, place),
+            SemanticColor::Actuator(place) => of(&ACTUATORS, place),
             SemanticColor::Action(place) => Look { index: place, ..below(place, 0) },
             SemanticColor::Detail(action, place) => below(action, place),
             SemanticColor::Measured => of(&PLAIN, 0),
@@ -86,7 +86,7 @@ impl SemanticColor {
 /// Every color with a meaning, and its replacement on a dark background.
 pub(super) fn shades() -> Vec<Shade> {
     let actions = ACTIONS.concat();
-    [&UNITS[..], &actions, &[TWIN], &MEDIA, &PLAIN].concat()
+    [&ACTUATORS[..], &actions, &[TWIN], &MEDIA, &PLAIN].concat()
 }
 
 /// Style sheet rules that make a drawing's colors readable on a dark background; texts keep their colors.

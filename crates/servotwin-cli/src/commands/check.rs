@@ -80,7 +80,7 @@ fn of_study(study: &Study) -> Document {
     let mut section = Document::section("study", "");
     section.fact("name", "study", study.name.as_str());
     section.fact("system", "system", study.system.name.as_str());
-    section.fact("units", "", Value::list(study.units.iter()));
+    section.fact("actuators", "", Value::list(study.actuators.iter()));
     section.fact("cases", "cases", study.cases.len());
     section.fact("faults", "faults at their intensities", study.faults.len());
     section.fact("sensors", "sensors", study.measured.len());

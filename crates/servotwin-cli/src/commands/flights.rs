@@ -139,7 +139,7 @@ fn challenge_line(set: &UnseenFaultRates, words: &Vocabulary) -> String {
         [RIGHT_RESPONSE, OTHER_RESPONSE, NO_RESPONSE].map(|measure| set.count(&measure));
     let missed = rates.of(&NEVER_SHUT_DOWN);
     let wrong = match words.has_several() {
-        true => format!(", shutdowns of a healthy {} {}", words.unit(), wrong.len()),
+        true => format!(", shutdowns of a healthy {} {}", words.actuator(), wrong.len()),
         false => String::new(),
     };
     let latency = set.latency.as_ref().map_or(String::new(), |latency| {

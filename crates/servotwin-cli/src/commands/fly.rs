@@ -261,7 +261,7 @@ impl Flown<'_> {
         };
         let fight = both(&fight);
         if !fight.is_empty() {
-            let title = match self.study.units.len() {
+            let title = match self.study.actuators.len() {
                 2 => "Force fight: half the difference of the rods' forces",
                 _ => "Force fight: a rod's force beyond the mean of all, where it is farthest",
             };
@@ -429,15 +429,15 @@ impl Flown<'_> {
     /// What the flight control computer did.
     fn actions(&self, onset_s: f64) -> Rows {
         let mut table =
-            Rows::of("time | action:carried out | unit:_ | after_onset:after the onset");
+            Rows::of("time | action:carried out | actuator:_ | after_onset:after the onset");
         let names = self.diagnoser.names();
         for action in &self.with.actions {
-            let unit = names.actuators[action.raised.actuator as usize].as_str();
-            let unit = Some(unit).filter(|unit| !unit.is_empty());
+            let actuator = names.actuators[action.raised.actuator as usize].as_str();
+            let actuator = Some(actuator).filter(|actuator| !actuator.is_empty());
             table.push(row![
                 Value::seconds(action.time_s, 4),
                 Value::name(&names.actions[action.raised.action as usize]),
-                unit.map(Value::name),
+                actuator.map(Value::name),
                 Value::seconds(action.time_s - onset_s, 3),
             ]);
         }

@@ -39,10 +39,11 @@ impl AnsweredFault {
         let name = format!("{}.{}", instance.id, instance.component.faults[fault.fault].name);
         let same = |at: FaultAt| (at.component, at.fault) == (fault.component, fault.fault);
         let known = study.faults.iter().find(|case| same(case.at));
-        let begins = |unit: &&String| unit.is_empty() || name.starts_with(&format!("{unit}."));
+        let begins =
+            |actuator: &&String| actuator.is_empty() || name.starts_with(&format!("{actuator}."));
         let actuator = match known {
-            Some(case) => study.units.get(case.unit),
-            None => study.units.iter().find(begins),
+            Some(case) => study.actuators.get(case.actuator),
+            None => study.actuators.iter().find(begins),
         };
         let actuator = actuator.cloned().unwrap_or_default();
         let class = known.map(|case| &study.classes[case.class]);

@@ -185,8 +185,9 @@ fn explained(explanation: &Explanation, words: &Vocabulary) -> Document {
 /// Describes the combined answer of trees and committee.
 fn together(verdict: &ExplainedVerdict, words: &Vocabulary) -> String {
     // With one actuator there is no actuator stage.
-    let unit = verdict.actuator.as_deref().filter(|_| words.has_several());
-    let said: Vec<String> = unit.into_iter().chain(verdict.action.as_deref()).map(spoken).collect();
+    let actuator = verdict.actuator.as_deref().filter(|_| words.has_several());
+    let said: Vec<String> =
+        actuator.into_iter().chain(verdict.action.as_deref()).map(spoken).collect();
     let said = if said.is_empty() { "nothing".into() } else { said.join(", ") };
     let sure = percent(verdict.confidence);
     match verdict.outcome {

@@ -73,7 +73,7 @@ fn flights_are_learned_and_judged_and_a_flight_is_flown_with_what_was_learned() 
     let fly = ["fly", &study, "--out", &out, "--fault", fault, "--command", command];
     let output = servotwin(&[&fly[..], &["--duration", "5s", "--json"]].concat());
     let flown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(flown["actions"][0]["unit"], "actuator_1", "{flown}");
+    assert_eq!(flown["actions"][0]["actuator"], "actuator_1", "{flown}");
     assert_eq!(flown["actions"][0]["action"], "shut_down", "{flown}");
     let truth = &flown["faults"][0];
     assert_eq!((&truth["actuator"], &truth["action"]), (&"actuator_1".into(), &"shut_down".into()));

@@ -45,7 +45,7 @@ held_out = {{ environments = 0 }}
 judge = {{ environments = 2, repeats = 1, healthy = 1 }}
 unseen = {{ repeats = 1 }}
 [reactions]
-shut_down = {{ switches_off = true, unit_inputs = {{ mode = 0 }} }}
+shut_down = {{ switches_off = true, actuator_inputs = {{ mode = 0 }} }}
 "#,
         include_str!("../../../servotwin/tests/tiny.toml")
     )

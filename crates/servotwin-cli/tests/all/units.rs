@@ -112,7 +112,7 @@ fn whole_way(units: usize) {
         let command = "noise:rms=3deg,bandwidth=0.8Hz,seed=7";
         let fly = ["fly", study, "--out", out, "--duration", "5s", "--json"];
         let flown = json(&[&fly[..], &["--fault", &fault, "--command", command]].concat());
-        assert_eq!(flown["actions"][0]["unit"], last, "{flown}");
+        assert_eq!(flown["actions"][0]["actuator"], last, "{flown}");
         let mut rows = flown["benefit"].as_array().unwrap().iter();
         let fight = rows.find(|row| row["quantity"] == "rms force fight");
         let fight = fight.map_or(&serde_json::Value::Null, |row| &row["without"]);
@@ -193,7 +193,7 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
 fn three_units_with_unlike_sensors_are_learned_one_by_one() {
     let folder = Folder::new("lanes-unlike");
     let without =
-        |text: String| text.replace("p_b_3 = { quantity = \"pressure_b\", unit = 3 }\n", "");
+        |text: String| text.replace("p_b_3 = { quantity = \"pressure_b\", actuator = 3 }\n", "");
     let [study, out] = &lanes(&folder, 3, without);
     run(&["study", study, "--out", out]);
     let trained = results(out, "records-noise.json");
@@ -243,7 +243,7 @@ fn one_unit_without_a_name_is_flown_and_watched() {
     assert!(text.contains("carried out") && text.contains("stop"), "{text}");
     let flown = json(&[&fly[..], &["--json"]].concat());
     assert_eq!(flown["actions"][0]["action"], "stop");
-    assert!(flown["actions"][0]["unit"].is_null(), "{flown}");
+    assert!(flown["actions"][0]["actuator"].is_null(), "{flown}");
     let (log, html) = (&folder.file("log.csv"), &folder.file("log.html"));
     let command = "noise:rms=25mm,bandwidth=0.7Hz,limit=100mm,seed=5";
     let simulate = ["simulate", "press_axis", "--command", command, "--noise", "4"];

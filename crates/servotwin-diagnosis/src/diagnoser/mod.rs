@@ -87,7 +87,7 @@ impl DiagnosedSensor {
         DiagnosedSensor {
             name: seen.name,
             quantity: seen.quantity,
-            actuator: seen.actuator.map(|unit| unit as u32),
+            actuator: seen.actuator.map(|actuator| actuator as u32),
             scale,
             noise: seen.noise,
             is_noisy: seen.is_noisy,

@@ -143,7 +143,8 @@ impl Views {
             place.ok_or_else(|| Error::UnknownFeature { name: name.as_ref().into() })
         };
         let places = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
-        let unlike = Error::CorruptModel { broken: "the sensors of the units do not correspond" };
+        let unlike =
+            Error::CorruptModel { broken: "the sensors of the actuators do not correspond" };
         let orders = sensors.rotations(views).ok_or(unlike)?;
         Ok(Views {
             orders,

@@ -86,7 +86,7 @@ fn asks(hierarchy: &Hierarchy, stage: &Stage, words: &Vocabulary) -> String {
         Question::Actuator if !words.has_several() => "whether something is wrong".into(),
         Question::Actuator => format!(
             "which {} has failed{}",
-            words.unit(),
+            words.actuator(),
             words.paper(" (figure 9 of the seed paper)")
         ),
         Question::Action => "what must be done".into(),

@@ -32,7 +32,7 @@ pub fn write(material: &Material, page: &mut Document) {
             words.paper(", as the seed paper has it"),
             chosen(100.0 * ALARMS),
             match words.has_several() {
-                true => format!("; like sensors of the {} are pooled", words.units()),
+                true => format!("; like sensors of the {} are pooled", words.actuators()),
                 false => String::new(),
             }
         ));

@@ -50,7 +50,7 @@ fn isolation(results: &[&SubjectResult], words: &Vocabulary, page: &mut Document
          {}, nothing is {} because of it, and a person or the limits of the system decide. A fault is isolated where \
          trees and committee agree, and training rows of their answer resemble it, in units of the scatter of faults \
          of one kind and intensity.",
-        words.unit(),
+        words.actuator(),
         words.switched_off(),
     ));
     page.table(

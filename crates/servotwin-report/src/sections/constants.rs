@@ -17,7 +17,7 @@ pub fn write(material: &Material, page: &mut Document) {
                  are. Statistical: from an error rate, odds or a criterion of statistics. Tuned: the best of several \
                  in flights of a seed that no evaluation uses.",
                 names.join(" and "),
-                words.unit()
+                words.actuator()
             )));
     }
 }

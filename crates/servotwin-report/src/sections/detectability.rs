@@ -44,7 +44,7 @@ pub fn write(material: &Material, page: &mut Document) {
                      operating case{}, the hardest to see first.",
                 result.title,
                 match words.has_several() {
-                    true => format!(" (of all {} the worst)", words.units()),
+                    true => format!(" (of all {} the worst)", words.actuators()),
                     false => String::new(),
                 }
             ),

@@ -21,7 +21,7 @@ pub fn write(material: &Material, page: &mut Document) {
     let sum = table::sum(study);
     let words = material.words();
     let head = match words.has_several() {
-        true => format!("sum (× {})", study.units.len()),
+        true => format!("sum (× {})", study.actuators.len()),
         false => "sum".into(),
     };
     grid.push_strong(vec![head, String::new(), sum.0.to_string(), sum.1.to_string()]);
@@ -30,11 +30,11 @@ pub fn write(material: &Material, page: &mut Document) {
         grid.captioned(format!(
             "What can fail{}, and what must be done then{}. Each kind of fault has {} intensities.",
             match words.has_several() {
-                true => format!(" in one of the {} {}", study.units.len(), words.units()),
+                true => format!(" in one of the {} {}", study.actuators.len(), words.actuators()),
                 false => String::new(),
             },
             words.paper(" (table 1 of the seed paper)"),
-            study.faults.len() / (study.units.len() * kinds(study).len()).max(1),
+            study.faults.len() / (study.actuators.len() * kinds(study).len()).max(1),
         )),
     );
     page.table(

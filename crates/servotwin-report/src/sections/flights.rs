@@ -67,7 +67,7 @@ pub fn write(material: &Material, page: &mut Document) {
             "A fault is visible once windows leave the bands for longer than one is, so that no single sample \
              makes it so by chance; it is isolated when the right action{} is raised.",
             match words.has_several() {
-                true => format!(" for the right {}", words.unit()),
+                true => format!(" for the right {}", words.actuator()),
                 false => String::new(),
             }
         ));
@@ -316,9 +316,9 @@ impl SettingLimits<'_> {
             return;
         }
         let most = number(poisson_mean(healthy.shutdowns, 0.05) / healthy.hours);
-        let (unit, off) = (self.words.unit(), self.words.switched_off());
+        let (actuator, off) = (self.words.actuator(), self.words.switched_off());
         self.push(
-            format!("a healthy {unit} {off}, nothing being wrong"),
+            format!("a healthy {actuator} {off}, nothing being wrong"),
             "0".into(),
             format!(
                 "{} in {:.1} h\nat most {most} per hour (95 %)",
@@ -329,19 +329,19 @@ impl SettingLimits<'_> {
     }
 
     fn wrong_shutdowns(&mut self) {
-        let (unit, off) = (self.words.unit(), self.words.switched_off());
+        let (actuator, off) = (self.words.actuator(), self.words.switched_off());
         let metrics = self.metrics;
         if self.words.has_several() && metrics.flights > 0 {
-            let title = format!("the wrong {unit} {off}, all trained faults");
+            let title = format!("the wrong {actuator} {off}, all trained faults");
             let wrong = metrics.rates.of(&measure::WRONG_SHUTDOWN);
             self.wrong(title, wrong);
         }
         let is_judged = metrics.group.suite == JUDGE;
         let unseen = self.results.unseen_in(&metrics.group.scenario).filter(|_| is_judged);
         let Some(unseen) = unseen else { return };
-        let never_trained = format!("a healthy {unit} {off}, faults never trained on");
+        let never_trained = format!("a healthy {actuator} {off}, faults never trained on");
         self.wrong(never_trained, unseen.rates.of(&SHUTDOWN_HEALTHY));
-        let wrong_sensor = format!("a healthy {unit} {off} behind a wrong boundary sensor");
+        let wrong_sensor = format!("a healthy {actuator} {off} behind a wrong boundary sensor");
         self.wrong(wrong_sensor, unseen.rates.of(&SHUTDOWN_MISINFORMED));
     }
 
@@ -476,7 +476,7 @@ fn by_action(metrics: &FlightMetrics, words: &Vocabulary) -> Table {
     let mut heads: Vec<String> =
         vec!["action".into(), "visible".into(), "isolated".into(), "another action".into()];
     if words.has_several() {
-        heads.push(format!("wrong {}", words.unit()));
+        heads.push(format!("wrong {}", words.actuator()));
     }
     let times_heads = ["silent", "until visible", "until isolated", "visible to isolated"];
     heads.extend(times_heads.map(String::from));
@@ -502,7 +502,7 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> Table {
     let left = ["begins", "scenario"].map(String::from);
     let right = ["visible", "isolated", "silent", "until isolated: median, 95 %"];
     let right = right.map(String::from);
-    let wrong = words.has_several().then(|| format!("wrong {} off", words.unit()));
+    let wrong = words.has_several().then(|| format!("wrong {} off", words.actuator()));
     let mut grid = Table::headed(left.into_iter().chain(right).chain(wrong));
     for metrics in results.judged() {
         for (name, class) in &metrics.onsets {
@@ -538,7 +538,7 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Document)
     if !kinds.is_empty() {
         page.note(format!(
             "Kinds of fault that switched the wrong {} off: {}.",
-            words.unit(),
+            words.actuator(),
             kinds.join(", ")
         ));
     }

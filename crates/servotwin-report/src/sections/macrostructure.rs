@@ -27,7 +27,7 @@ pub fn write(material: &Material, page: &mut Document) {
     let remark = match shared && count > 1 {
         true => format!(
             " All {} share the trees below A: what one learns serves the others.",
-            words.units()
+            words.actuators()
         ),
         false => String::new(),
     };

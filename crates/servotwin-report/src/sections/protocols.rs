@@ -43,7 +43,7 @@ pub fn write(material: &Material, page: &mut Document) {
                     result.title,
                     words.paper(", the seed paper's"),
                     match words.has_several() {
-                        true => format!(", each {} by itself", words.unit()),
+                        true => format!(", each {} by itself", words.actuator()),
                         false => String::new(),
                     }
                 )));

@@ -28,8 +28,10 @@ pub fn write(material: &Material, page: &mut Document) {
                 spoken(&example.fault),
                 example.case,
                 match words.has_several() {
-                    true =>
-                        format!(" (of every {}: a fault of one may move another's)", words.unit()),
+                    true => format!(
+                        " (of every {}: a fault of one may move another's)",
+                        words.actuator()
+                    ),
                     false => String::new(),
                 }
             ),

@@ -20,7 +20,7 @@ pub fn write(material: &Material, page: &mut Document) {
         true => about(words, page),
         false => {
             _ = page.text(
-                "The study says of no action that it switches its unit off ([reactions], \
+                "The study says of no action that it switches its actuator off ([reactions], \
                  switches_off): so nothing is counted about missed, needless or wrong switching.",
             )
         }
@@ -43,17 +43,17 @@ pub fn write(material: &Material, page: &mut Document) {
 }
 
 fn about(words: &Vocabulary, page: &mut Document) {
-    let (unit, off) = (words.unit(), words.off());
+    let (actuator, off) = (words.actuator(), words.off());
     let mut text = String::from("Not every error is equally bad. ");
     if words.has_several() {
         text += &format!(
-            "Worst is that a healthy {unit} is {} because another one has a fault: {} are then lost. ",
+            "Worst is that a healthy {actuator} is {} because another one has a fault: {} are then lost. ",
             words.switched_off(),
             words.two()
         );
     }
     text += &format!(
-        "To miss a {off} leaves a failed {unit} in the loop; a needless one costs what the {unit} does."
+        "To miss a {off} leaves a failed {actuator} in the loop; a needless one costs what the {actuator} does."
     );
     page.text(&text);
     page.text(format!(
@@ -114,14 +114,14 @@ fn healthy(material: &Material, words: &Vocabulary, page: &mut Document) {
 
 /// Writes the components whose faults are attributed to the wrong actuator, or not isolated.
 fn components(result: &ProtocolResult, title: &str, words: &Vocabulary, page: &mut Document) {
-    let unit = words.unit();
+    let actuator = words.actuator();
     let mut heads = vec!["component".to_owned(), "tests".to_owned()];
     let (several, off) = (words.has_several(), words.has_several() && words.has_off());
     if several {
-        heads.push(format!("wrong {unit}"));
+        heads.push(format!("wrong {actuator}"));
     }
     if off {
-        heads.push(format!("wrong {unit} {}", words.switched_off()));
+        heads.push(format!("wrong {actuator} {}", words.switched_off()));
     }
     heads.push("end to end right".to_owned());
     let mut grid = Table::headed(heads);

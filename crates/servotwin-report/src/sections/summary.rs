@@ -43,7 +43,7 @@ pub fn write(material: &Material, page: &mut Document) {
              say {}what must be done (B), and what is broken (C and what follows); a committee of boosted \
              trees says it too, and may be silent.",
             match words.has_several() {
-                true => format!("which {} failed (A), ", words.unit()),
+                true => format!("which {} failed (A), ", words.actuator()),
                 false if is_asked(hardest) => "whether something is wrong (A), ".into(),
                 false => String::new(),
             }

@@ -17,13 +17,13 @@ pub fn write(material: &Material, page: &mut Document) {
         return;
     }
     let words = &material.words();
-    let (unit, run) = (words.unit(), words.run());
+    let (actuator, run) = (words.actuator(), words.run());
     page.text(format!(
             "Nothing in training was like these, so nobody expects the right name. What is expected is \
              that what is healthy stays on, and that what is said makes sense: the right {}, \
              “unknown”, or that an input is not to be believed. Sensors that stick, drift or oscillate \
              do so in the control loop; a reading that is missing or noisy is so for the diagnosis only.",
-            words.unit()
+            words.actuator()
         ));
     for metrics in suites {
         if !metrics.sets.is_empty() {
@@ -41,12 +41,12 @@ pub fn write(material: &Material, page: &mut Document) {
                  environments{}.{}",
                 metrics.scenario,
                 match words.has_several() {
-                    true => format!(" and every {unit}"),
+                    true => format!(" and every {actuator}"),
                     false => String::new(),
                 },
                 match words.has_off() {
                     true => format!(
-                        " A healthy {unit} was to be {} in {} of {} {run}s ({}).{}",
+                        " A healthy {actuator} was to be {} in {} of {} {run}s ({}).{}",
                         words.switched_off(),
                         healthy.count,
                         healthy.of,
@@ -66,8 +66,8 @@ pub fn write(material: &Material, page: &mut Document) {
     let off = words.off();
     page.note(format!(
             "The needed action is right for the fault as a whole: a {off} where the \
-             {unit} does not do what it should, anything but a {off} where only a sensor is wrong, \
-             and none where no {unit} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
+             {actuator} does not do what it should, anything but a {off} where only a sensor is wrong, \
+             and none where no {actuator} is at fault. “Off” counts each {off}: of what is at fault, of what is healthy, \
              and of what is healthy while a boundary sensor is wrong, which is a supply or return pressure that its twin reads. \
              The first word is whatever the diagnosis said first after the onset other than “healthy”: \
              the median, and below it the last.",
@@ -81,7 +81,7 @@ fn behind_wrong_sensor(metrics: &UnseenFaultMetrics, words: &Vocabulary) -> Stri
     };
     format!(
         " Healthy {} {} behind a wrong boundary sensor: {} of {} {}s.",
-        words.unit(),
+        words.actuator(),
         words.switched_off(),
         rate.count,
         rate.of,
@@ -98,7 +98,7 @@ fn challenges(sets: &[UnseenFaultRates], words: &Vocabulary) -> Table {
         "other action first".into(),
         "no action".into(),
         format!("missed {}", words.off()),
-        format!("{} of a healthy {}", words.off(), words.unit()),
+        format!("{} of a healthy {}", words.off(), words.actuator()),
         "false alarm before the onset".into(),
         "latency".into(),
     ];

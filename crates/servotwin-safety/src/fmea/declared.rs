@@ -11,10 +11,10 @@ use servotwin::text::spoken;
 pub(super) fn actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let name = match actuator_of(sources.study, &subject.fault.id) {
         Some("") => "the only one".into(),
-        Some(unit) => spoken(unit),
+        Some(actuator) => spoken(actuator),
         None => "shared".into(),
     };
-    Ok(FmeaCell::new(name, "study.toml units"))
+    Ok(FmeaCell::new(name, "study.toml actuators"))
 }
 
 pub(super) fn component(_: &FmeaSources, subject: &FmeaSubject) -> Filled {
@@ -59,7 +59,7 @@ pub(super) fn action(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     };
     let study = sources.study;
     let class = &study.classes[case.class];
-    let reaction = study.reactions.of(case.unit, &class.action, Some(&class.detail));
+    let reaction = study.reactions.of(case.actuator, &class.action, Some(&class.detail));
     Ok(FmeaCell::new(
         format!("{}: {}", spoken(&class.action), reaction_in_words(study, &reaction)),
         format!("study.toml classes {}, reactions", class.detail),

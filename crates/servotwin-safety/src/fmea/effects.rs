@@ -183,7 +183,7 @@ fn lanes_off(flown: &RunOutcome) -> Vec<&str> {
 
 /// Which lanes the diagnosis switched off.
 fn lanes_in_words(study: &Study, own: &[&RunOutcome]) -> String {
-    let lanes = study.units.len();
+    let lanes = study.actuators.len();
     let each = own.iter().map(|flown| match lanes_off(flown) {
         off if off.is_empty() => format!("no lane lost at {}", flown.intensity),
         off => {
@@ -195,7 +195,7 @@ fn lanes_in_words(study: &Study, own: &[&RunOutcome]) -> String {
 }
 
 pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
-    let lanes = sources.study.units.len();
+    let lanes = sources.study.actuators.len();
     let Ok((flights, own)) = flown(sources, subject) else {
         let case = subject.case.ok_or_else(|| not_in_study("not assessed"))?;
         return Ok(by_action_alone(sources.study, case));
@@ -220,11 +220,11 @@ pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
 /// What the level would be if the study's action were raised.
 fn by_action_alone(study: &Study, case: &FaultCase) -> FmeaCell {
     let class = &study.classes[case.class];
-    let reaction = study.reactions.of(case.unit, &class.action, Some(&class.detail));
+    let reaction = study.reactions.of(case.actuator, &class.action, Some(&class.detail));
     let (level, clause) = level(SeverityInputs {
         growth: None,
         lanes_off: usize::from(reaction.switches_off),
-        lanes: study.units.len(),
+        lanes: study.actuators.len(),
         changes_mode: reaction.changes_mode(),
     });
     FmeaCell::new(

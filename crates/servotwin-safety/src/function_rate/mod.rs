@@ -107,7 +107,7 @@ impl FunctionRate {
         let RatedFlights { results, flights, rates, hours } = flights;
         let (study, exposure) = (&results.study, *hours);
         let wrong = |problem| Err(SafetyError::Study { study: study.name.clone(), problem });
-        if study.units.len() > 2 {
+        if study.actuators.len() > 2 {
             return wrong("a function of more than two actuators has no rate; see its fault trees");
         }
         if study.shutdowns().is_empty() {
@@ -140,7 +140,7 @@ impl FunctionRate {
         }
         let sensitivities = whole.sensitivities(&exposure);
         let mut notes = vec![];
-        if study.units.len() == 1 {
+        if study.actuators.len() == 1 {
             notes.push(
                 "one actuator: the twin cannot keep the function, it only keeps faults from acting unnoticed".into(),
             );
@@ -280,10 +280,10 @@ impl FunctionModel {
                 wrong_shutdown: share("wrong shutdown", counts.wrong_shutdown),
             });
         }
-        let (value, evidence) = flights.false_shutdowns_per_h(study.units.len(), confidence);
+        let (value, evidence) = flights.false_shutdowns_per_h(study.actuators.len(), confidence);
         inputs.push(TreeParameter { id: "false shutdown".into(), value, evidence });
         let false_shutdown = inputs.len() - 1;
-        let mut faults = vec![vec![]; study.units.len()];
+        let mut faults = vec![vec![]; study.actuators.len()];
         let mut last = None;
         for fault in &study.faults {
             // A fault stands in the list once for each intensity.
@@ -300,7 +300,7 @@ impl FunctionModel {
             });
             let action = &study.classes[fault.class].action;
             let action = actions.iter().position(|known| known == action);
-            faults[fault.unit].extend(action.map(|action| (place, action)));
+            faults[fault.actuator].extend(action.map(|action| (place, action)));
         }
         let keeps_last = study.least_on() > 0;
         FunctionModel { inputs, faults, answers, false_shutdown, keeps_last }

@@ -116,11 +116,11 @@ pub fn lane_trees(
     rates.check(study)?;
     let trees =
         LaneTrees { tree: FaultTree::default(), rates: vec![], constants: vec![], notes: vec![] };
-    let name = |unit: &String| match unit.as_str() {
+    let name = |actuator: &String| match actuator.as_str() {
         "" => TreeName { id: "lane".into(), words: "the only lane".into() },
         name => TreeName::of(name),
     };
-    let names = study.units.iter().map(name).collect();
+    let names = study.actuators.iter().map(name).collect();
     let mut growing = TreeGrower { study, flights, rates, names, trees, confidence: 0.0 };
     growing.grow();
     Ok(growing.trees)
@@ -324,7 +324,7 @@ impl TreeGrower<'_> {
     ) -> Vec<(String, Vec<TreeInput>)> {
         let study = self.study;
         let (mut found, mut last) = (vec![], None);
-        for fault in study.faults.iter().filter(|fault| fault.unit == lane) {
+        for fault in study.faults.iter().filter(|fault| fault.actuator == lane) {
             let class = &study.classes[fault.class];
             // A fault stands in the list once for each intensity.
             if class.action != action || last.replace(&fault.id) == Some(&fault.id) {

@@ -110,7 +110,7 @@ pub fn guess(columns: &[LogColumn], study: &Study, trust: Trust) -> Guess {
     let candidates: Vec<Candidate> = columns.iter().map(Candidate::of).collect();
     let targets = targets(study);
     let inputs = system.network().inputs.len();
-    let single = study.units.len() <= 1;
+    let single = study.actuators.len() <= 1;
     let assigned = assign(&targets, &candidates, trust, single, &mut used);
     for (number, (target, choice)) in targets.iter().zip(&assigned).enumerate() {
         match number {

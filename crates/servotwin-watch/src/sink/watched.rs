@@ -38,8 +38,8 @@ impl<S: Screen> Watched<S> {
         let last = std::mem::replace(&mut self.last, finding.clone());
         let action = |of: &Finding| {
             let is_raised = of.phase == Phase::Raised && !of.action.is_empty();
-            let unit = || of.unit.clone().unwrap_or_default();
-            is_raised.then(|| (unit(), of.action.clone(), of.detail.clone()))
+            let actuator = || of.actuator.clone().unwrap_or_default();
+            is_raised.then(|| (actuator(), of.action.clone(), of.detail.clone()))
         };
         let raised = action(finding).filter(|raised| action(&last).as_ref() != Some(raised));
         if let Some((actuator, action, detail)) = raised {

@@ -63,7 +63,7 @@ impl Observer for Fake {
             _ => DiagnosisState::Isolated,
         };
         self.finding.phase = if self.above > 2 { Phase::Raised } else { Phase::None };
-        self.finding.actuator = (self.above > 2).then_some(1);
+        self.finding.actuator_number = (self.above > 2).then_some(1);
         // Any difference in what was summed shows.
         self.finding.detail = if self.above > 0 { format!("{:e}", self.sum) } else { "".into() };
         Observation { twin: &self.zeros, residuals: &self.residuals, finding: &self.finding }

@@ -63,8 +63,8 @@ pub(super) fn fly(
 /// For every actuator with a cylinder the place of its piston's position among the recorded variables, of which some
 /// come first, and the slot.
 fn pistons(study: &Study, first: usize) -> BTreeMap<usize, (usize, Slot)> {
-    let of_unit = |unit: &String| {
-        let own = full_name(unit, "");
+    let of_actuator = |actuator: &String| {
+        let own = full_name(actuator, "");
         let mut components = study.system.network().components.iter();
         let cylinder = components.find(|instance| {
             instance.id.starts_with(&own) && instance.component.kind.contains("cylinder")
@@ -72,9 +72,12 @@ fn pistons(study: &Study, first: usize) -> BTreeMap<usize, (usize, Slot)> {
         let name = format!("{}.position_m", cylinder.id);
         Some(study.system.program.observable(&name)?.slot)
     };
-    let found =
-        study.units.iter().enumerate().filter_map(|(unit, name)| Some((unit, of_unit(name)?)));
-    found.enumerate().map(|(place, (unit, slot))| (unit, (first + place, slot))).collect()
+    let found = study
+        .actuators
+        .iter()
+        .enumerate()
+        .filter_map(|(actuator, name)| Some((actuator, of_actuator(name)?)));
+    found.enumerate().map(|(place, (actuator, slot))| (actuator, (first + place, slot))).collect()
 }
 
 struct EffectFlyer<'s> {
@@ -123,8 +126,8 @@ impl EffectFlyer<'_> {
         if listed.is_some() {
             return truth;
         }
-        let unit = self.study.unit_of(id);
-        let name = unit.map_or("", |unit| &self.study.units[unit]);
+        let actuator = self.study.unit_of(id);
+        let name = actuator.map_or("", |actuator| &self.study.actuators[actuator]);
         let run = RunOutcome {
             event: id.clone(),
             kind: id.strip_prefix(&full_name(name, "")).unwrap_or(id).into(),
@@ -134,7 +137,7 @@ impl EffectFlyer<'_> {
             needed: Needed::Nothing,
             ..truth.run
         };
-        Truth { run, at_fault: unit.into_iter().collect(), ..Truth::default() }
+        Truth { run, at_fault: actuator.into_iter().collect(), ..Truth::default() }
     }
 
     fn outcome(&self, run: &Run, healthy: &(Environment, FlightRecord)) -> RunOutcome {
@@ -146,13 +149,13 @@ impl EffectFlyer<'_> {
         let take = |index: u64, session: &Session| watch.take(index, session, &truth);
         let Ok(reacting) = self.fly(environment, run, true, take) else { return known };
         let outcome = watch.outcome(known.clone(), self.diagnoser, &truth);
-        let unit = truth.at_fault.first().copied();
+        let actuator = truth.at_fault.first().copied();
         // Without an action both flights are the same to the bit.
         if reacting.actions.is_empty() {
-            return self.with_effects(outcome, unit, [&reacting, &reacting, healthy]);
+            return self.with_effects(outcome, actuator, [&reacting, &reacting, healthy]);
         }
         match self.fly(environment, run, false, |_, _| ()) {
-            Ok(alone) => self.with_effects(outcome, unit, [&reacting, &alone, healthy]),
+            Ok(alone) => self.with_effects(outcome, actuator, [&reacting, &alone, healthy]),
             Err(_) => known,
         }
     }
@@ -160,7 +163,7 @@ impl EffectFlyer<'_> {
     fn with_effects(
         &self,
         outcome: RunOutcome,
-        unit: Option<usize>,
+        actuator: Option<usize>,
         [reacting, alone, healthy]: [&FlightRecord; 3],
     ) -> RunOutcome {
         let onset_s = self.suite.onset_s.map_or(0.0, |[middle, _]| middle);
@@ -169,9 +172,9 @@ impl EffectFlyer<'_> {
             |record| Some(self.tracked.tracking_error(self.study, record)?.split_off(since));
         let fight = |record| Some(rms(&self.tracked.force_fight(self.study, record)?[since..]));
         let (error_alone, error_reacting) = (error(alone), error(reacting));
-        let rod = |record| self.tracked.rod_force(&self.study.units[unit?], record);
+        let rod = |record| self.tracked.rod_force(&self.study.actuators[actuator?], record);
         let piston =
-            |record: &'_ FlightRecord| record.plant.get(self.pistons.get(&unit?)?.0).cloned();
+            |record: &'_ FlightRecord| record.plant.get(self.pistons.get(&actuator?)?.0).cloned();
         let farthest = |with: &[f64], without: &[f64]| {
             let pairs = with.iter().zip(without).skip(since);
             pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))

@@ -59,7 +59,7 @@ impl SearchObjective {
     pub(super) fn has_fault(self, study: &Study) -> bool {
         match self {
             SearchObjective::MissedShutdown | SearchObjective::Transient => true,
-            SearchObjective::WrongShutdown => study.units.len() > 1,
+            SearchObjective::WrongShutdown => study.actuators.len() > 1,
             SearchObjective::FalseAlarm => false,
         }
     }

@@ -53,14 +53,16 @@ impl Truth {
             profile: if fault.is_some() { flight.profile.name() } else { "" }.into(),
             onset_s: fault.map(|_| flight.onset_s),
             duration_s: flight.duration_s,
-            at_fault: fault.map(|fault| study.units[fault.unit].clone()).unwrap_or_default(),
+            at_fault: fault
+                .map(|fault| study.actuators[fault.actuator].clone())
+                .unwrap_or_default(),
             needed: if fault.is_some() { Needed::ItsAction } else { Needed::Nothing },
             needs_shutdown: study.shutdowns().contains(&action),
             class: class.map(|class| class.detail.clone()).unwrap_or_default(),
             action,
             ..RunOutcome::default()
         };
-        let at_fault = fault.map(|fault| fault.unit).into_iter().collect();
+        let at_fault = fault.map(|fault| fault.actuator).into_iter().collect();
         Truth { run, at_fault, ..Truth::default() }
     }
 

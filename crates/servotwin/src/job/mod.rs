@@ -144,7 +144,7 @@ pub fn data_set(folder: &Folder, study: &Study, subject: Subject) -> Result<Data
     }
     let mut features = data_features(study);
     features.retain(|known| subject.extra_sensor() || !known.extra);
-    DataSet::new(&tables, features, &study.units, &study.actions()).map_err(wrong)
+    DataSet::new(&tables, features, &study.actuators, &study.actions()).map_err(wrong)
 }
 
 /// A pool number for each sensor with a band. Corresponding sensors of all actuators share a number.

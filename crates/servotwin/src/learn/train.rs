@@ -292,7 +292,7 @@ fn length(
     let mut features = data_features(study);
     features.retain(|known| !known.extra);
     let data =
-        DataSet::new(tables, features, &study.units, &study.actions())?.taught_to_windows()?;
+        DataSet::new(tables, features, &study.actuators, &study.actions())?.taught_to_windows()?;
     let settings = settings();
     let is_further =
         |data: &DataSet, row: &DataRow| data.cases[row.case as usize].starts_with(HARD_NEGATIVES);

@@ -438,7 +438,7 @@ struct Maker<'m> {
 impl Maker<'_> {
     fn table(&self, taken: &[&TrainingWindow], workers: Workers) -> Result<Table, RunError> {
         let windows: Vec<&Window> = taken.iter().map(|own| &own.window).collect();
-        let orders = self.sensors.rotations(self.study.units.len()).unwrap_or_default();
+        let orders = self.sensors.rotations(self.study.actuators.len()).unwrap_or_default();
         let view = |window: &&Window| seen(self.sensors, &orders, window);
         let rows = parallel::map(&windows, workers, view).map_err(|_| RunError::Cancelled)?;
         let mut columns = self.labels(taken, &windows);

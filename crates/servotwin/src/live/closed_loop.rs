@@ -322,9 +322,9 @@ impl<'f> ClosedLoopFlight<'f> {
         let names = self.runtime.session().diagnoser().names();
         let detail = raised.detail.map(|detail| names.details[detail as usize].as_str());
         let action = &names.actions[raised.action as usize];
-        let unit = &names.actuators[raised.actuator as usize];
+        let actuator = &names.actuators[raised.actuator as usize];
         let study = self.plan.study;
-        let place = study.units.iter().position(|known| known == unit).unwrap_or(0);
+        let place = study.actuators.iter().position(|known| known == actuator).unwrap_or(0);
         let reaction = study.reactions.of(place, action, detail);
         self.set.extend(reaction.inputs.iter().copied());
         self.overrides.extend(reaction.parameters.iter().copied());

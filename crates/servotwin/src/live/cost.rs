@@ -87,22 +87,23 @@ fn slope(x: &[f64], y: &[f64]) -> Option<f64> {
 
 /// The force that the actuators can apply at the end, as a share of what they could at first.
 fn authority(study: &Study, record: &FlightRecord) -> f64 {
-    let off = |unit: usize| {
-        let of_unit = |a: &&super::closed_loop::Action| a.raised.actuator as usize == unit;
-        record.actions.iter().rfind(of_unit).is_some_and(|action| action.reaction.switches_off)
+    let off = |actuator: usize| {
+        let of_actuator = |a: &&super::closed_loop::Action| a.raised.actuator as usize == actuator;
+        record.actions.iter().rfind(of_actuator).is_some_and(|action| action.reaction.switches_off)
     };
-    let share = |(unit, name): (usize, &String)| {
-        if off(unit) { 0.0 } else { pressure(study, record, name) }
+    let share = |(actuator, name): (usize, &String)| {
+        if off(actuator) { 0.0 } else { pressure(study, record, name) }
     };
-    let shares = study.units.iter().enumerate().map(share);
-    shares.sum::<f64>() / study.units.len().max(1) as f64
+    let shares = study.actuators.iter().enumerate().map(share);
+    shares.sum::<f64>() / study.actuators.len().max(1) as f64
 }
 
 /// The share of its pressure that an actuator's source delivers at the end.
-fn pressure(study: &Study, record: &FlightRecord, unit: &str) -> f64 {
+fn pressure(study: &Study, record: &FlightRecord, actuator: &str) -> f64 {
     let components = &study.system.network().components;
-    let feeds =
-        |source: usize| unit.is_empty() || components[source].id.starts_with(&format!("{unit}."));
+    let feeds = |source: usize| {
+        actuator.is_empty() || components[source].id.starts_with(&format!("{actuator}."))
+    };
     let reservoirs = study.system.reservoirs.iter().zip(&record.fluid_m3);
     let mut own = reservoirs.filter(|(reservoir, _)| feeds(reservoir.supply));
     own.next()

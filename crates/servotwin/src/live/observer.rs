@@ -141,10 +141,10 @@ pub struct Finding {
     pub phase: Phase,
     /// Number of the actuator concerned, from 1. Without a fault or data, this and the following are those of the
     /// raised action.
-    pub actuator: Option<u32>,
+    pub actuator_number: Option<u32>,
     /// The actuator's name in the study. It is empty for an only actuator without a name, and null in JSON.
     #[serde(serialize_with = "named")]
-    pub unit: Option<String>,
+    pub actuator: Option<String>,
     /// The action to carry out; empty for none.
     pub action: String,
     /// The fault class; empty if unknown.
@@ -158,8 +158,8 @@ pub struct Finding {
 }
 
 /// Writes the name of an actuator, or null if it is empty.
-fn named<S: Serializer>(unit: &Option<String>, out: S) -> Result<S::Ok, S::Error> {
-    unit.as_ref().filter(|name| !name.is_empty()).serialize(out)
+fn named<S: Serializer>(actuator: &Option<String>, out: S) -> Result<S::Ok, S::Error> {
+    actuator.as_ref().filter(|name| !name.is_empty()).serialize(out)
 }
 
 impl std::fmt::Display for Finding {
@@ -175,7 +175,7 @@ impl Finding {
             DiagnosisState::Undecided => DiagnosisState::Healthy,
             state => state,
         };
-        let said = |f: &Finding| (state(f), f.phase, f.actuator);
+        let said = |f: &Finding| (state(f), f.phase, f.actuator_number);
         said(self) == said(other)
             && (&self.action, &self.detail, &self.stands)
                 == (&other.action, &other.detail, &other.stands)
@@ -183,15 +183,15 @@ impl Finding {
 
     /// Whether its texts are short and without control characters.
     pub(crate) fn is_text(&self) -> bool {
-        let lists = self.unit.iter().chain(&self.evidence).chain(&self.stands);
+        let lists = self.actuator.iter().chain(&self.evidence).chain(&self.stands);
         let mut words = [&self.action, &self.detail].into_iter().chain(lists).map(String::as_str);
         self.evidence.len().max(self.stands.len()) <= MAX_EVIDENCE
             && words.all(|text| text.len() <= MAX_TEXT && !text.contains(char::is_control))
     }
 
     /// Name of the actuator for people; empty for none, and for an only actuator without a name.
-    pub fn unit_in_words(&self) -> String {
-        match (&self.unit, self.actuator) {
+    pub fn actuator_in_words(&self) -> String {
+        match (&self.actuator, self.actuator_number) {
             (Some(name), _) => spoken(name),
             (None, Some(number)) => format!("actuator {number}"),
             (None, None) => String::new(),
@@ -230,7 +230,7 @@ impl Finding {
 
     /// Actuator, action and fault class as text: `actuator 1, shutdown, supply valve`.
     pub(crate) fn action_in_words(&self) -> String {
-        let parts = [self.unit_in_words(), spoken(&self.action), spoken(&self.detail)];
+        let parts = [self.actuator_in_words(), spoken(&self.action), spoken(&self.detail)];
         parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(", ")
     }
 }

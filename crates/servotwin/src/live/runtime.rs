@@ -249,33 +249,33 @@ impl<'s> Runtime<'s> {
         &self.session
     }
 
-    /// Follows a reaction of the flight control computer to a unit: from the next sample on, the twin has the
+    /// Follows a reaction of the flight control computer to an actuator: from the next sample on, the twin has the
     /// parameters of the reaction. Its inputs come with the samples.
     ///
     /// # Errors
     /// The actuator does not exist.
-    pub fn follow(&mut self, unit: usize, reaction: &Reaction) -> Result<(), RuntimeError> {
+    pub fn follow(&mut self, actuator: usize, reaction: &Reaction) -> Result<(), RuntimeError> {
         if reaction.switches_off {
-            self.session.switched_off(unit)?;
+            self.session.switched_off(actuator)?;
         }
         reaction.takes_out.iter().try_for_each(|&sensor| self.take_out(sensor, true))?;
-        let stands = (unit, reaction.clone());
+        let stands = (actuator, reaction.clone());
         if !self.reactions.contains(&stands) {
             self.reactions.push(stands);
-            self.reactions.sort_by_key(|(unit, _)| *unit);
+            self.reactions.sort_by_key(|(actuator, _)| *actuator);
         }
         self.load();
         Ok(())
     }
 
-    /// Undoes the reactions to a unit, which is on and judged again. A shutdown that was raised for it stands.
+    /// Undoes the reactions to an actuator, which is on and judged again. A shutdown that was raised for it stands.
     ///
     /// # Errors
-    /// The unit does not exist.
-    pub fn release(&mut self, unit: usize) -> Result<(), RuntimeError> {
-        self.session.switched_on(unit)?;
+    /// The actuator does not exist.
+    pub fn release(&mut self, actuator: usize) -> Result<(), RuntimeError> {
+        self.session.switched_on(actuator)?;
         let (undone, stand): (Vec<_>, Vec<_>) =
-            std::mem::take(&mut self.reactions).into_iter().partition(|(of, _)| *of == unit);
+            std::mem::take(&mut self.reactions).into_iter().partition(|(of, _)| *of == actuator);
         self.reactions = stand;
         for sensor in undone.iter().flat_map(|(_, reaction)| &reaction.takes_out) {
             let is_out = self.reactions.iter().any(|(_, stands)| stands.takes_out.contains(sensor));
@@ -297,7 +297,7 @@ impl<'s> Runtime<'s> {
         self.session.reset_alarm();
     }
 
-    /// Restarts twin and diagnosis, because later samples are unrelated to earlier ones. Units that are off stay off.
+    /// Restarts twin and diagnosis, because later samples are unrelated to earlier ones. Actuators that are off stay off.
     pub(crate) fn restart(&mut self) {
         self.is_settled = false;
         self.buses.fill(Bus::default());
@@ -305,13 +305,13 @@ impl<'s> Runtime<'s> {
     }
 
     /// Whether the system has the actuator, the parameters and the sensors of a reaction.
-    fn is_possible(&self, unit: usize, reaction: &Reaction) -> bool {
+    fn is_possible(&self, actuator: usize, reaction: &Reaction) -> bool {
         let parameters = self.parameters();
         let has = |&(component, parameter, value): &(usize, usize, f64)| {
             let own = parameters.get(component).map_or(0, Vec::len);
             parameter < own && value.is_finite()
         };
-        unit < self.session.diagnoser().names().actuators.len()
+        actuator < self.session.diagnoser().names().actuators.len()
             && reaction.parameters.iter().all(has)
             && reaction.takes_out.iter().all(|&sensor| sensor < self.study.sensors.0.len())
     }
@@ -346,16 +346,23 @@ impl<'s> Runtime<'s> {
             );
         }
         self.session.restore(&checkpoint.session)?;
-        let switches_off = |unit: usize| {
+        let switches_off = |actuator: usize| {
             let mut reactions = checkpoint.reactions.iter();
-            reactions.any(|(of, reaction)| *of == unit && reaction.switches_off)
+            reactions.any(|(of, reaction)| *of == actuator && reaction.switches_off)
         };
-        if !checkpoint.reactions.iter().all(|(unit, reaction)| self.is_possible(*unit, reaction)) {
+        if !checkpoint
+            .reactions
+            .iter()
+            .all(|(actuator, reaction)| self.is_possible(*actuator, reaction))
+        {
             let broken = "a reaction of the checkpoint is none of the system";
             return Err(Error::CorruptModel { broken }.into());
         }
         let actuators = 0..self.session.diagnoser().names().actuators.len();
-        if actuators.into_iter().any(|unit| switches_off(unit) != self.session.is_off(unit)) {
+        if actuators
+            .into_iter()
+            .any(|actuator| switches_off(actuator) != self.session.is_off(actuator))
+        {
             let broken = "the checkpoint contradicts itself about what is off";
             return Err(Error::CorruptModel { broken }.into());
         }

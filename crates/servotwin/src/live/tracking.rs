@@ -56,29 +56,33 @@ impl TrackedQuantities {
     }
 
     /// The index of the rod force of an actuator; `None` if it has no rod.
-    fn rod(&self, unit: &str) -> Option<usize> {
-        let own = if unit.is_empty() { String::new() } else { format!("{unit}.") };
+    fn rod(&self, actuator: &str) -> Option<usize> {
+        let own = if actuator.is_empty() { String::new() } else { format!("{actuator}.") };
         let is_rod = |name: &String| name.starts_with(&own) && name.contains("rod.force");
         self.names.iter().position(is_rod)
     }
 
     /// The slots of the rod forces of all actuators; `None` if one has no rod.
     pub fn rod_slots(&self, study: &Study) -> Option<Vec<Slot>> {
-        study.units.iter().map(|unit| self.rod(unit).map(|place| self.slots[place])).collect()
+        study
+            .actuators
+            .iter()
+            .map(|actuator| self.rod(actuator).map(|place| self.slots[place]))
+            .collect()
     }
 
     /// The rod force of an actuator, N; `None` if it has no rod.
     pub(crate) fn rod_force<'r>(
         &self,
-        unit: &str,
+        actuator: &str,
         record: &'r FlightRecord,
     ) -> Option<&'r Vec<f64>> {
-        self.rod(unit).map(|place| &record.plant[place])
+        self.rod(actuator).map(|place| &record.plant[place])
     }
 
     /// The force fight, N, of [`force_fight_n`]. `None` for one actuator, or if one has no rod.
     pub fn force_fight(&self, study: &Study, record: &FlightRecord) -> Option<Vec<f64>> {
-        let forces = study.units.iter().map(|unit| self.rod_force(unit, record));
+        let forces = study.actuators.iter().map(|actuator| self.rod_force(actuator, record));
         let forces: Vec<&Vec<f64>> = forces.collect::<Option<_>>()?;
         let at = |sample: usize| {
             force_fight_n(&forces.iter().map(|rod| rod[sample]).collect::<Vec<f64>>())

@@ -20,10 +20,10 @@ pub struct Watcher<'s> {
     slots: Vec<Slot>,
     scales: Vec<f64>,
     /// Names of the actuators.
-    units: Vec<String>,
-    /// The reaction that the log shows while a unit is off, by unit.
+    actuators: Vec<String>,
+    /// The reaction that the log shows while an actuator is off, by actuator.
     off: Vec<Reaction>,
-    /// Whether the inputs show a unit off, by unit.
+    /// Whether the inputs show an actuator off, by actuator.
     is_seen_off: Vec<bool>,
     measured: Vec<f64>,
     twin: Vec<f64>,
@@ -77,15 +77,15 @@ impl<'s> Watcher<'s> {
         let places = named.map(|s| place(&s.name).ok_or_else(|| unknown(&s.name)));
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
         let names = diagnoser.names();
-        let off = (0..names.actuators.len()).map(|unit| {
-            let actions = names.actions.iter().map(|c| study.reactions.of(unit, c, None));
+        let off = (0..names.actuators.len()).map(|actuator| {
+            let actions = names.actions.iter().map(|c| study.reactions.of(actuator, c, None));
             actions.into_iter().find(|r| r.switches_off && !r.inputs.is_empty()).unwrap_or_default()
         });
         Ok(Watcher {
             runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
             slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.id.as_str()))?,
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
-            units: study.units.clone(),
+            actuators: study.actuators.clone(),
             is_seen_off: vec![false; names.actuators.len()],
             off: off.collect(),
             measured: vec![f64::NAN; places.len()],
@@ -162,19 +162,21 @@ impl<'s> Watcher<'s> {
         self.scatter.take(excesses.fold(0.0, f64::max), scatter);
     }
 
-    /// Detects units that the log switches off or on. An input that is missing or out of range switches nothing.
+    /// Detects actuators that the log switches off or on. An input that is missing or out of range switches nothing.
     fn follow(&mut self, inputs: &[f64]) -> Result<(), RuntimeError> {
-        for (unit, reaction) in self.off.iter().enumerate().filter(|(_, r)| !r.inputs.is_empty()) {
+        for (actuator, reaction) in
+            self.off.iter().enumerate().filter(|(_, r)| !r.inputs.is_empty())
+        {
             let told = |input: usize| inputs.get(input).copied().unwrap_or(f64::NAN);
             let is_set =
                 |&(input, value): &(usize, f64)| self.runtime.believed(input, told(input)) == value;
-            // A change of the inputs switches. A unit that was told to be off stays so, whatever they show.
-            match (self.is_seen_off[unit], reaction.inputs.iter().all(is_set)) {
-                (false, true) => self.runtime.follow(unit, reaction)?,
-                (true, false) => self.runtime.release(unit)?,
+            // A change of the inputs switches. An actuator that was told to be off stays so, whatever they show.
+            match (self.is_seen_off[actuator], reaction.inputs.iter().all(is_set)) {
+                (false, true) => self.runtime.follow(actuator, reaction)?,
+                (true, false) => self.runtime.release(actuator)?,
                 _ => continue,
             }
-            self.is_seen_off[unit] = !self.is_seen_off[unit];
+            self.is_seen_off[actuator] = !self.is_seen_off[actuator];
         }
         Ok(())
     }
@@ -254,19 +256,19 @@ impl<'s> Watcher<'s> {
     /// The shutdowns that were raised and not withdrawn since.
     fn stands(&self) -> impl Iterator<Item = Raised> {
         let session = self.runtime.session();
-        (0..self.units.len()).filter_map(|unit| session.stands(unit).copied())
+        (0..self.actuators.len()).filter_map(|actuator| session.stands(actuator).copied())
     }
 
     /// A finding with the names of an actuator, its action and its fault class, and nothing else.
     fn named(&self, parts: Option<Parts>) -> Finding {
-        let Some((unit, action, detail)) = parts else { return Finding::default() };
+        let Some((actuator, action, detail)) = parts else { return Finding::default() };
         let names = self.diagnoser.names();
         let name = |list: &[String], place: Option<u32>| {
             place.map_or(String::new(), |place| list[place as usize].clone())
         };
         Finding {
-            actuator: Some(unit + 1),
-            unit: Some(self.units[unit as usize].clone()),
+            actuator_number: Some(actuator + 1),
+            actuator: Some(self.actuators[actuator as usize].clone()),
             action: name(&names.actions, action),
             detail: name(&names.details, detail),
             ..Finding::default()

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 
 /// A share of outcomes.
 ///
-/// In its words `{action}` stands for what an answer names, `{off}` for a shutdown, `{unit}` for an actuator,
+/// In its words `{action}` stands for what an answer names, `{off}` for a shutdown, `{actuator}` for an actuator,
 /// `{switched_off}` for shut down, `{limit}` for the limit on latency, and `{strong}` for [`STRONG`].
 pub struct Measure {
     /// The key in files.
@@ -53,7 +53,10 @@ pub(crate) struct Answers {
 
 impl Answers {
     fn of(study: &Study) -> Self {
-        Answers { has_several: study.units.len() > 1, has_shutdown: !study.shutdowns().is_empty() }
+        Answers {
+            has_several: study.actuators.len() > 1,
+            has_shutdown: !study.shutdowns().is_empty(),
+        }
     }
 }
 
@@ -138,7 +141,7 @@ pub const NEEDLESS_SHUTDOWN: Measure = Measure {
 /// A healthy actuator was shut down, at any time after the onset.
 pub const WRONG_SHUTDOWN: Measure = Measure {
     name: "wrong_shutdown",
-    sentence: "wrong {unit} {switched_off}",
+    sentence: "wrong {actuator} {switched_off}",
     of: CountedRuns {
         applies: |answers| answers.has_several && answers.has_shutdown,
         ..EVERY_FAULT
@@ -237,7 +240,7 @@ pub const OTHER_ACTION: Measure = Measure {
 /// An action for a healthy actuator came first.
 pub const WRONG_ACTUATOR: Measure = Measure {
     name: "wrong_actuator",
-    sentence: "wrong {unit} first",
+    sentence: "wrong {actuator} first",
     of: CountedRuns { applies: |answers| answers.has_several, ..VISIBLE_FAULT },
     holds: |row, _| row.first == FirstAction::OtherActuator,
 };

@@ -33,7 +33,7 @@ pub const NO_RESPONSE: Measure = of_all("no_response", "no action where one is r
 /// No actuator at fault was shut down, although the fault needs it.
 pub const NEVER_SHUT_DOWN: Measure = Measure {
     name: "never_shut_down",
-    sentence: "no {off} of a faulty {unit}",
+    sentence: "no {off} of a faulty {actuator}",
     of: CountedRuns::new("faults that training does not contain and that need a {off}", |row| {
         row.needs_shutdown
     }),
@@ -42,16 +42,18 @@ pub const NEVER_SHUT_DOWN: Measure = Measure {
 
 /// An actuator at fault was shut down.
 pub const SHUTDOWN_AT_FAULT: Measure =
-    of_all("shutdown_at_fault", "faulty {unit} {switched_off}", |row, _| row.shutdown_at_fault);
+    of_all("shutdown_at_fault", "faulty {actuator} {switched_off}", |row, _| row.shutdown_at_fault);
 
 /// A healthy actuator was shut down at any time, although its boundary sensors are right.
 pub const SHUTDOWN_HEALTHY: Measure =
-    of_all("shutdown_healthy", "healthy {unit} {switched_off}", |row, _| row.shuts_down_healthy());
+    of_all("shutdown_healthy", "healthy {actuator} {switched_off}", |row, _| {
+        row.shuts_down_healthy()
+    });
 
 /// A healthy actuator was shut down, because its twin reads a wrong supply or return pressure.
 pub const SHUTDOWN_MISINFORMED: Measure = Measure {
     name: "shutdown_misinformed",
-    sentence: "healthy {unit} {switched_off}",
+    sentence: "healthy {actuator} {switched_off}",
     of: CountedRuns::new("boundary sensors that mislead the twin", |row| {
         !row.misinformed.is_empty()
     }),

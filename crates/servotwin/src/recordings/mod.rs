@@ -88,7 +88,7 @@ section! {
         may scale: Option<f64> = Value::Number(f64::MIN_POSITIVE, 1e300, ""),
             "what residuals are divided by; default where they are learned: 100 deviations of healthy rows";
         may quantity: Quantity => Quantity::Other, "role of the sensor in the diagnosis; default other";
-        may unit: usize = COUNT => 1, "number of its channel; default 1";
+        may actuator: usize = COUNT => 1, "number of its channel; default 1";
     }
 }
 
@@ -184,7 +184,7 @@ impl RecordingStudy {
             nominal_from: None,
             scale: Some(1.0),
             quantity: Quantity::Other,
-            unit: 1,
+            actuator: 1,
         };
         let residuals = self.residuals.drain(..).map(|name| At::new(residual(name), 0..0));
         self.sensors.extend(residuals);
@@ -245,7 +245,7 @@ impl RecordingStudy {
                 _ => format!("{}_part{}", sensor.name, part + 1),
             },
             quantity: sensor.quantity,
-            actuator: Some(sensor.unit - 1).filter(|_| sensor.quantity != Quantity::Surface),
+            actuator: Some(sensor.actuator - 1).filter(|_| sensor.quantity != Quantity::Surface),
             noise: 0.0,
             is_noisy: false,
             follows: vec![],
@@ -255,8 +255,8 @@ impl RecordingStudy {
     }
 
     /// Number of channels that sensors belong to.
-    fn units(&self) -> usize {
-        self.sensors.iter().map(|sensor| sensor.unit).max().unwrap_or(1)
+    fn actuators(&self) -> usize {
+        self.sensors.iter().map(|sensor| sensor.actuator).max().unwrap_or(1)
     }
 
     /// Number of rows in a part of a window.

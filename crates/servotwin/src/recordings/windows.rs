@@ -30,7 +30,7 @@ pub struct Windows {
     /// Number of rows in a window.
     pub rows: usize,
     /// Number of channels that sensors belong to.
-    pub(super) units: usize,
+    pub(super) actuators: usize,
     /// The features of each window.
     pub(super) values: Vec<Vec<f64>>,
     /// Rows of the records that are in no window.
@@ -56,7 +56,7 @@ impl Windows {
     ) -> Result<Examples, EvaluationError> {
         let features = self.features();
         // Every sensor belongs to one of the actuators.
-        faults.resize(faults.len().max(self.units), String::new());
+        faults.resize(faults.len().max(self.actuators), String::new());
         let names = Names {
             features: features.iter().map(|feature| feature.name.clone()).collect(),
             actuators: faults,
@@ -85,7 +85,7 @@ pub struct NominalFit {
     pub source: NominalSource,
     /// Number of healthy rows.
     pub rows: usize,
-    /// Root mean square of measured minus nominal over the healthy rows, in the unit of the column.
+    /// Root mean square of measured minus nominal over the healthy rows, in the actuator of the column.
     pub deviation: f64,
     /// Coefficient of determination over the healthy rows, of regressions within their conditions. `None` without
     /// variance.
@@ -285,7 +285,7 @@ impl RecordingStudy {
             table,
             kept: kept.len(),
             rows: self.window_rows,
-            units: self.units(),
+            actuators: self.actuators(),
             values,
             left_over: records.row_count() - starts.len() * self.window_rows,
             incomplete: used.filter(is_incomplete).count(),

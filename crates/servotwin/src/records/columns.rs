@@ -36,7 +36,7 @@ pub(crate) fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column>
         Column::new(name, DIMENSIONLESS, values).described(what)
     };
     let grade = |row: &Shown| fault(row).map_or(0.0, |fault| fault.at.intensity);
-    let actuator = |row: &Shown| fault(row).map(|fault| &study.units[fault.unit]);
+    let actuator = |row: &Shown| fault(row).map(|fault| &study.actuators[fault.actuator]);
     vec![
         text("fault", &|row| fault(row).map(|f| &f.id), "Full name of the fault, or healthy."),
         text("kind", &|row| fault(row).map(|f| &f.kind), "Fault without its actuator, or healthy."),
@@ -64,7 +64,7 @@ pub(crate) fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Co
     sensors.iter().enumerate().map(column).collect()
 }
 
-/// The column of a feature in a view: `f:` for the window as it is, `m:` seen from the second unit, `m3:` from the
+/// The column of a feature in a view: `f:` for the window as it is, `m:` seen from the second actuator, `m3:` from the
 /// third.
 pub fn view_column(view: usize, feature: &str) -> String {
     match view {

@@ -87,11 +87,11 @@ impl Maker<'_> {
         columns
     }
 
-    /// Each feature, and if the units correspond, also as seen from the other units.
+    /// Each feature, and if the actuators correspond, also as seen from the other actuators.
     fn feature_columns(&self, rows: &[PartRow]) -> Vec<Column> {
         let study = self.records.study;
         let sensors = &study.sensors_in(self.scenario);
-        let orders = sensors.rotations(study.units.len()).unwrap_or_default();
+        let orders = sensors.rotations(study.actuators.len()).unwrap_or_default();
         let rows: Vec<_> = rows.iter().map(|row| seen(sensors, &orders, &row.window)).collect();
         let features = data_features(study);
         feature_columns(features.iter().map(|known| &known.feature), &rows)

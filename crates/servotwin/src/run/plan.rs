@@ -108,13 +108,13 @@ fn of_a_repeat(study: &Study, suite: &Suite) -> usize {
         _ if suite.is_closed_loop => {
             study.system.all_faults().len() * CLOSED_LOOP_INTENSITIES.len()
         }
-        true => study.faults.len() / study.units.len(),
+        true => study.faults.len() / study.actuators.len(),
         false => study.faults.len(),
     }
 }
 
 fn takes_turns(study: &Study, suite: &Suite) -> bool {
-    suite.purpose == Purpose::Train && study.has_like_units()
+    suite.purpose == Purpose::Train && study.has_like_actuators()
 }
 
 /// The number of runs of a suite with a fault.
@@ -168,7 +168,7 @@ fn with_fault(study: &Study, suite: &Suite, number: usize) -> Run {
         };
     }
     let intensities = study.intensities.len().max(1);
-    let turn = (repeat + place / intensities + place % intensities) % study.units.len();
+    let turn = (repeat + place / intensities + place % intensities) % study.actuators.len();
     let fault = if takes_turns(study, suite) { turn * each + place } else { place };
     let of_study = study.faults[fault].at.intensity;
     let training = study.training.as_ref().filter(|_| suite.purpose == Purpose::Train);
@@ -264,7 +264,7 @@ mod tests {
         let learn = study.suite(LEARN).unwrap();
         let taught: BTreeSet<usize> = runs(learn).iter().filter_map(|run| run.fault).collect();
         assert_eq!(taught.len(), study.faults.len(), "over the repeats, every fault has its turn");
-        let each = study.faults.len() / study.units.len();
+        let each = study.faults.len() / study.actuators.len();
         let kinds = |run: &Run| run.fault.map(|fault| fault % each);
         for repeat in runs(learn)[..learn.repeats * each].chunks(each) {
             let own: BTreeSet<usize> = repeat.iter().filter_map(kinds).collect();

@@ -36,7 +36,7 @@ pub struct FaultCase {
     /// The name without the actuator.
     pub kind: String,
     /// The index of the actuator in the study's list.
-    pub unit: usize,
+    pub actuator: usize,
     /// The index of the class in the study's list.
     pub class: usize,
     /// The fault's place in the program, with its intensity.
@@ -68,14 +68,16 @@ impl Reader<'_> {
 
     pub(super) fn faults(&self) -> Vec<FaultCase> {
         let mut faults = Vec::new();
-        for (unit, unit_name) in self.text.units.iter().enumerate() {
+        for (actuator, actuator_name) in self.text.actuators.iter().enumerate() {
             for (class, text) in self.text.classes.iter().enumerate() {
                 for kind in &text.faults {
-                    let Ok((component, fault)) = self.find_fault(unit_name, kind) else { continue };
+                    let Ok((component, fault)) = self.find_fault(actuator_name, kind) else {
+                        continue;
+                    };
                     for intensity in self.text.intensities.iter().map(|own| own.value) {
                         let at = FaultAt { component, fault, intensity };
-                        let (id, kind) = (full_name(unit_name, kind), kind.value.clone());
-                        faults.push(FaultCase { id, kind, unit, class, at });
+                        let (id, kind) = (full_name(actuator_name, kind), kind.value.clone());
+                        faults.push(FaultCase { id, kind, actuator, class, at });
                     }
                 }
             }
@@ -83,12 +85,12 @@ impl Reader<'_> {
         faults
     }
 
-    fn find_fault(&self, unit: &str, kind: &At<String>) -> Result<(usize, usize), Noted> {
-        let id = &full_name(unit, kind);
+    fn find_fault(&self, actuator: &str, kind: &At<String>) -> Result<(usize, usize), Noted> {
+        let id = &full_name(actuator, kind);
         let find = |id: &str| self.system.program.find_fault(id);
         find(id).ok_or_else(|| {
             if find(kind).is_some() {
-                return self.shared("fault", unit, kind);
+                return self.shared("fault", actuator, kind);
             }
             let all = self.system.all_faults();
             let known = all.iter().map(String::as_str);
@@ -97,7 +99,7 @@ impl Reader<'_> {
     }
 }
 
-/// Prefixes a name with its unit. An empty unit name stands for the whole system.
-pub(crate) fn full_name(unit: &str, rest: &str) -> String {
-    if unit.is_empty() { rest.into() } else { format!("{unit}.{rest}") }
+/// Prefixes a name with its actuator. An empty actuator name stands for the whole system.
+pub(crate) fn full_name(actuator: &str, rest: &str) -> String {
+    if actuator.is_empty() { rest.into() } else { format!("{actuator}.{rest}") }
 }

@@ -31,10 +31,10 @@ section! {
         may pub(super) inputs: Ranges, "ranges of inputs, drawn for each environment";
         may pub(super) phases: Vec<At<PhaseText>>,
             "parts of a flight with ranges of their own; the environments take turns";
-        may pub(super) unit_inputs: Ranges, "ranges of inputs that every channel has";
-        may pub(super) unit_parameters: Ranges, "ranges of parameters that every channel has";
+        may pub(super) actuator_inputs: Ranges, "ranges of inputs that every actuator has";
+        may pub(super) actuator_parameters: Ranges, "ranges of parameters that every actuator has";
         may pub(super) least_on: Option<At<u32>> = Value::Whole(0.0, MAX_ACTUATORS as f64),
-            "minimum number of channels that stay on; default 1, or 0 for a single channel";
+            "minimum number of actuators that stay on; default 1, or 0 for a single actuator";
         may pub(super) draws: Vec<At<DrawText>>,
             "ranges from which each specimen with tolerances draws further parameters";
         may pub(super) other_plant: Option<other_plant::Text>,
@@ -147,8 +147,8 @@ impl Flights {
             commands: text.commands.clone(),
             inputs: text.inputs.clone(),
             phases: text.phases.iter().map(|phase| phase.value.inputs.clone()).collect(),
-            unit_inputs: text.unit_inputs.clone(),
-            unit_parameters: text.unit_parameters.clone(),
+            actuator_inputs: text.actuator_inputs.clone(),
+            actuator_parameters: text.actuator_parameters.clone(),
         };
         let ranges = varied.check(reader);
         let other_plant = text.other_plant.as_ref().map(|text| OtherPlant::new(text, reader));
@@ -181,10 +181,10 @@ impl Text {
         let inside = *from >= 0.0 && *to < d;
         let allowed = "two times inside of the flight, in order";
         reader.range(("onset_s", at), *from, inside, allowed)?;
-        let units = reader.text.units.len();
+        let actuators = reader.text.actuators.len();
         if let Some(At { value: least, at }) = &self.least_on {
-            let allowed = format!("0 … {units}, as there are units");
-            let is_allowed = *least as usize <= units;
+            let allowed = format!("0 … {actuators}, as there are actuators");
+            let is_allowed = *least as usize <= actuators;
             reader.range(("least_on", at), f64::from(*least), is_allowed, allowed)?;
         }
         for At { value: phase, at } in &self.phases {
@@ -221,9 +221,9 @@ pub(super) struct Varied {
     /// Ranges of inputs that belong together, of which an environment has one.
     pub(crate) phases: Vec<Ranges>,
     /// Ranges of inputs that every actuator has.
-    pub(crate) unit_inputs: Ranges,
+    pub(crate) actuator_inputs: Ranges,
     /// Ranges of parameters that every actuator has.
-    pub(crate) unit_parameters: Ranges,
+    pub(crate) actuator_parameters: Ranges,
 }
 
 impl Varied {
@@ -231,7 +231,7 @@ impl Varied {
     pub(super) fn with(
         &self,
         commands: Option<&Vec<At<String>>>,
-        [inputs, unit_inputs, unit_parameters]: [&Ranges; 3],
+        [inputs, actuator_inputs, actuator_parameters]: [&Ranges; 3],
     ) -> Self {
         let merged = |own: &Ranges, given: &Ranges| {
             let mut merged = given.clone();
@@ -247,8 +247,8 @@ impl Varied {
             commands: commands.unwrap_or(&self.commands).clone(),
             inputs: merged(&self.inputs, inputs),
             phases,
-            unit_inputs: merged(&self.unit_inputs, unit_inputs),
-            unit_parameters: merged(&self.unit_parameters, unit_parameters),
+            actuator_inputs: merged(&self.actuator_inputs, actuator_inputs),
+            actuator_parameters: merged(&self.actuator_parameters, actuator_parameters),
         }
     }
 
@@ -292,21 +292,21 @@ impl Varied {
 
     /// Checks that both ends of every range are possible.
     pub(super) fn check(&self, reader: &Reader) -> Result<(), Noted> {
-        let units = || reader.text.units.iter();
+        let actuators = || reader.text.actuators.iter();
         let own = self.inputs.iter().chain(self.phases.iter().flatten());
         let own = own.map(|range| (String::new(), range));
-        let of_units = self.unit_inputs.iter();
-        let of_units =
-            of_units.flat_map(|range| units().map(move |unit| (unit.value.clone(), range)));
-        for (unit, (name, range)) in own.chain(of_units) {
-            let input = reader.input(&name.at, &full_name(&unit, name))?;
+        let of_actuators = self.actuator_inputs.iter();
+        let of_actuators = of_actuators
+            .flat_map(|range| actuators().map(move |actuator| (actuator.value.clone(), range)));
+        for (actuator, (name, range)) in own.chain(of_actuators) {
+            let input = reader.input(&name.at, &full_name(&actuator, name))?;
             for value in range.value {
                 reader.constant((name, &range.at), input, value)?;
             }
         }
-        for (name, range) in &self.unit_parameters {
-            for unit in units() {
-                let found = super::realism::find(reader, unit, name)?;
+        for (name, range) in &self.actuator_parameters {
+            for actuator in actuators() {
+                let found = super::realism::find(reader, actuator, name)?;
                 for value in range.value {
                     reader.parameter((name, &range.at), found, value)?;
                 }
@@ -318,13 +318,13 @@ impl Varied {
     /// What varies, with the names of the system.
     pub(super) fn ranges(
         &self,
-        units: &[String],
+        actuators: &[String],
         onset_s: [f64; 2],
         duration_s: f64,
     ) -> EnvironmentRanges {
-        let of_units = |ranges: &Ranges| -> Vec<(String, [f64; 2])> {
+        let of_actuators = |ranges: &Ranges| -> Vec<(String, [f64; 2])> {
             let names = ranges.iter().flat_map(|(name, range)| {
-                units.iter().map(move |unit| (full_name(unit, name), range.value))
+                actuators.iter().map(move |actuator| (full_name(actuator, name), range.value))
             });
             names.collect()
         };
@@ -350,8 +350,8 @@ impl Varied {
             commands: (0..self.phases.len().max(1)).flat_map(of_phase).collect(),
             ranges: [
                 shared,
-                of_units(&self.unit_inputs),
-                of_units(&self.unit_parameters),
+                of_actuators(&self.actuator_inputs),
+                of_actuators(&self.actuator_parameters),
                 of_phases,
             ]
             .concat(),
@@ -383,10 +383,10 @@ impl Varied {
             .map(|place| (halton_in(draw as u64, place) + shift()) % 1.0)
             .collect();
         let mut random = seed.stream(Stream::Ranges);
-        let count = |ranges: &Ranges| ranges.len() * reader.text.units.len();
+        let count = |ranges: &Ranges| ranges.len() * reader.text.actuators.len();
         let of_phase = self.phases.first().map_or(0, |phase| phase.len());
         let shared = self.inputs.len() + of_phase;
-        let ranges = shared + count(&self.unit_inputs) + count(&self.unit_parameters);
+        let ranges = shared + count(&self.actuator_inputs) + count(&self.actuator_parameters);
         let shares: Vec<f64> = (0..ranges).map(|_| random.unit()).collect();
         let phase = (number / patterns) % self.phases.len().max(1);
         let pattern = pattern + patterns * phase;
@@ -421,16 +421,16 @@ impl Varied {
         for (input, range) in &self.inputs {
             inputs[reader.input(&input.at, input)?] = constant(draw(range.value));
         }
-        for (input, range) in &self.unit_inputs {
-            for unit in &reader.text.units {
-                let place = reader.input(&input.at, &full_name(unit, input))?;
+        for (input, range) in &self.actuator_inputs {
+            for actuator in &reader.text.actuators {
+                let place = reader.input(&input.at, &full_name(actuator, input))?;
                 inputs[place] = constant(draw(range.value));
             }
         }
         let mut parameters = vec![];
-        for (parameter, range) in &self.unit_parameters {
-            for unit in &reader.text.units {
-                let (component, place) = super::realism::find(reader, unit, parameter)?;
+        for (parameter, range) in &self.actuator_parameters {
+            for actuator in &reader.text.actuators {
+                let (component, place) = super::realism::find(reader, actuator, parameter)?;
                 parameters.push((component, place, draw(range.value)));
             }
         }

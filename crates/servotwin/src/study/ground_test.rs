@@ -26,8 +26,8 @@ section! {
         must duration_s: f64 = FLIGHT_S, "length of the test, and of its only window";
         may sample_hz: Option<f64> = SAMPLE_HZ, "sampling rate of the test, if it is not that of flights";
         may inputs: flights::Ranges, "ranges of inputs, drawn for each environment";
-        may unit_inputs: flights::Ranges, "ranges of inputs that every channel has";
-        may unit_parameters: flights::Ranges, "ranges of parameters that every channel has";
+        may actuator_inputs: flights::Ranges, "ranges of inputs that every actuator has";
+        may actuator_parameters: flights::Ranges, "ranges of parameters that every actuator has";
         may sensors: Names<TestSensor>,
             "sensors that only the test reads, such as what the computer itself puts out";
         may wear: Vec<At<DrawText>>,
@@ -43,8 +43,8 @@ section! {
         must scale: At<f64> = Value::Number(1e-9, 1e12, ""),
             "size that residuals are divided by, in the signal's unit";
         must quantity: Quantity, "role of the sensor in the diagnosis";
-        must unit: At<usize> = Value::Whole(0.0, 1e6),
-            "position of its channel in `units`, from 1; 0 for none";
+        must actuator: At<usize> = Value::Whole(0.0, 1e6),
+            "position of its actuator in `actuators`, from 1; 0 for none";
     }
 }
 
@@ -52,7 +52,7 @@ impl TestSensor {
     fn seen(self) -> SensorText {
         SensorText {
             quantity: self.quantity,
-            unit: self.unit,
+            actuator: self.actuator,
             follows_controller: At::new(false, 0..0),
             follows: At::new(Names::new(), 0..0),
         }
@@ -90,8 +90,8 @@ impl super::Text {
             commands: vec![test.command],
             inputs: test.inputs,
             phases: vec![],
-            unit_inputs: test.unit_inputs,
-            unit_parameters: test.unit_parameters,
+            actuator_inputs: test.actuator_inputs,
+            actuator_parameters: test.actuator_parameters,
             // An action at the end of a test is in time.
             limits: flights::Limits {
                 latency_s: test.duration_s,
@@ -124,11 +124,11 @@ impl Reader<'_> {
     /// Notes the mistakes of the sensors that only tests on the ground read. The system has its own sensors alone.
     pub(super) fn check_test_sensors(&self) {
         let outputs = || self.system.program.observables().iter().map(|own| own.name.as_str());
-        for (id, TestSensor { signal, scale, unit, .. }) in self.text.test_sensors() {
+        for (id, TestSensor { signal, scale, actuator, .. }) in self.text.test_sensors() {
             if self.system.sensor(id).is_some() {
                 self.repeated("sensor", &id.at, id);
             }
-            let _ = self.unit(unit);
+            let _ = self.actuator(actuator);
             let Some((component, of_signal)) = self.system.output(signal) else {
                 self.unknown(&signal.at, ("signal", signal), outputs());
                 continue;
@@ -246,7 +246,11 @@ mod tests {
                 "actuator_1.sensor_supply.reading",
                 "less than noise",
             ),
-            ("quantity = \"current\", unit = 1", "quantity = \"current\", unit = 3", "unit"),
+            (
+                "quantity = \"current\", actuator = 1",
+                "quantity = \"current\", actuator = 3",
+                "actuator",
+            ),
             ("amplitude=9deg,frequency=0.4Hz", "amplitude=900deg,frequency=0.4Hz", "command"),
             (
                 "\"cylinder.viscous_friction_n_s_m\"], times",

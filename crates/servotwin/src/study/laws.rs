@@ -89,8 +89,8 @@ mod tests {
             let is_it = |&sensor: &usize| study.system.sensors[sensor].id == id;
             study.measured.iter().position(is_it).expect("a sensor of the study")
         };
-        for unit in 1..=2 {
-            let of = |name: &str| place(&format!("{name}_{unit}"));
+        for actuator in 1..=2 {
+            let of = |name: &str| place(&format!("{name}_{actuator}"));
             let law = super::of_controller(&study.system, &study.measured, of("x_v"));
             let per_pa = 0.45 / 20.684e6 * 1e-3;
             let mut wanted = vec![(of("x_p"), -0.272), (of("p_a"), -per_pa), (of("p_b"), per_pa)];

@@ -69,8 +69,8 @@ section! {
         must sample_hz: f64 = SAMPLE_HZ, "sampling rate";
         must intensities: At<Vec<At<f64>>> = Value::List(0, &INTENSITY),
             "intensities at which every fault is simulated";
-        must units: Vec<At<String>> = some::<Vec<At<String>>>(),
-            "channels that can fail; [\"\"] if the system is a single channel";
+        must actuators: Vec<At<String>> = some::<Vec<At<String>>>(),
+            "actuators that can fail; [\"\"] if the system is a single actuator";
         must command: CommandText, "commands of the evaluation";
         may load: Option<LoadText>, "loads; every command runs at each of them";
         must sensors: Names<SensorText> = some::<Names<SensorText>>(),
@@ -113,8 +113,8 @@ section! {
 section! {
     struct SensorText {
         must quantity: Quantity, "role of the sensor in the diagnosis";
-        must unit: At<usize> = Value::Whole(0.0, 1e6),
-            "position of its channel in `units`, from 1; 0 for none";
+        must actuator: At<usize> = Value::Whole(0.0, 1e6),
+            "position of its actuator in `actuators`, from 1; 0 for none";
         may follows_controller: At<bool>,
             "whether it follows other sensors by the law of the controller that drives it";
         may follows: At<Names<f64>>,
@@ -134,7 +134,7 @@ section! {
         must detail: At<String>, "faulty component or group of components";
         must action: At<String>, "action that these faults require";
         must faults: Vec<At<String>> = some::<Vec<At<String>>>(),
-            "names of faults, without the name of the channel";
+            "names of faults, without the name of the actuator";
     }
 }
 
@@ -155,7 +155,7 @@ pub struct Study {
     /// Time between samples, s.
     pub sample_period_s: f64,
     /// The names of the actuators that can fail.
-    pub units: Vec<String>,
+    pub actuators: Vec<String>,
     /// The intensities of every fault, above 0 and at most 1.
     pub intensities: Vec<f64>,
     /// Every fault at every intensity, in the order of the classes.
@@ -254,7 +254,7 @@ impl Study {
             duration_s: parsed.duration_s,
             sample_period_s: 1.0 / parsed.sample_hz,
             intensities: parsed.intensities.iter().map(|intensity| intensity.value).collect(),
-            units: parsed.units.iter().map(|unit| unit.value.clone()).collect(),
+            actuators: parsed.actuators.iter().map(|actuator| actuator.value.clone()).collect(),
             extra_sensor: parsed.extra_sensor.as_ref().map(|e| e.title.clone()),
             faults,
             classes,
@@ -288,7 +288,7 @@ impl Study {
     /// What varies between environments; `None` if the study declares no flights.
     pub fn environment_ranges(&self) -> Option<EnvironmentRanges> {
         let of = |Flights { varied, onset_s, duration_s, .. }: &Flights| {
-            varied.ranges(&self.units, *onset_s, *duration_s)
+            varied.ranges(&self.actuators, *onset_s, *duration_s)
         };
         self.flights.as_ref().map(of)
     }
@@ -337,11 +337,11 @@ impl Study {
     /// The index of the actuator that a fault or another part of the system belongs to by its name; `None` if it
     /// belongs to no single one. The only actuator of a study has all.
     pub fn unit_of(&self, name: &str) -> Option<usize> {
-        let has_it = |unit: &String| {
-            let rest = name.strip_prefix(unit.as_str());
-            self.units.len() == 1 || rest.is_some_and(|rest| rest.starts_with('.'))
+        let has_it = |actuator: &String| {
+            let rest = name.strip_prefix(actuator.as_str());
+            self.actuators.len() == 1 || rest.is_some_and(|rest| rest.starts_with('.'))
         };
-        self.units.iter().position(has_it)
+        self.actuators.iter().position(has_it)
     }
 
     /// The purposes for which there is a data set.
@@ -397,14 +397,14 @@ impl Study {
     }
 
     /// Whether the sensors of all actuators correspond, so that features can take each actuator's view.
-    pub(crate) fn has_like_units(&self) -> bool {
-        self.sensors.rotations(self.units.len()).is_some()
+    pub(crate) fn has_like_actuators(&self) -> bool {
+        self.sensors.rotations(self.actuators.len()).is_some()
     }
 
     /// The number of actuators that must stay on in operation: the study's value, or by default one of several.
     pub fn least_on(&self) -> u32 {
         let said = self.flights.as_ref().and_then(|flights| flights.least_on);
-        said.unwrap_or_else(|| usual_least_on(self.units.len()))
+        said.unwrap_or_else(|| usual_least_on(self.actuators.len()))
     }
 
     /// The actions that switch an actuator off.
@@ -459,7 +459,7 @@ fn read_text(text: &str, path: &str) -> Result<(Text, Collector), TomlError> {
 }
 
 impl Text {
-    /// Notes duplicates in lists whose elements must be unique, and impossible units; `false` for the latter.
+    /// Notes duplicates in lists whose elements must be unique, and impossible actuators; `false` for the latter.
     fn check_lists(&self, mistakes: &mut Collector) -> bool {
         let mut once = |what: &str, elements: Vec<(String, &TextSpan)>| {
             let mut seen: Vec<String> = vec![];
@@ -474,22 +474,23 @@ impl Text {
         let numbers = self.intensities.iter().map(|own| (own.value.to_string(), &own.at));
         let names = |own: &'_ At<String>| own.value.clone();
         once("intensity", numbers.collect());
-        once("unit", self.units.iter().map(|own| (names(own), &own.at)).collect());
+        once("actuator", self.actuators.iter().map(|own| (names(own), &own.at)).collect());
         // A fault belongs to one class, and a parameter to one tolerance.
         let faults = self.classes.iter().flat_map(|class| &class.faults);
         once("fault", faults.map(|own| (names(own), &own.at)).collect());
         let tolerances = self.realistic.iter().flat_map(|realistic| &realistic.tolerances);
         let parameters = tolerances.flat_map(|tolerance| &tolerance.parameters);
         once("tolerance of", parameters.map(|own| (names(own), &own.at)).collect());
-        let whole = self.units.iter().find(|unit| unit.is_empty() && self.units.len() > 1);
+        let whole =
+            self.actuators.iter().find(|actuator| actuator.is_empty() && self.actuators.len() > 1);
         if let Some(whole) = whole {
-            let message = "the unit '' is the whole system, which has no other units";
+            let message = "the actuator '' is the whole system, which has no other actuators";
             mistakes.note(&whole.at, Diagnostic::new(message));
         }
-        let surplus = self.units.get(MAX_ACTUATORS);
+        let surplus = self.actuators.get(MAX_ACTUATORS);
         if let Some(surplus) = surplus {
-            let (count, allowed) = (self.units.len(), format!("at most {MAX_ACTUATORS}"));
-            let mistake = Diagnostic::not_allowed("number of units", count, allowed);
+            let (count, allowed) = (self.actuators.len(), format!("at most {MAX_ACTUATORS}"));
+            let mistake = Diagnostic::not_allowed("number of actuators", count, allowed);
             mistakes.note(&surplus.at, mistake);
         }
         whole.is_none() && surplus.is_none()
@@ -580,16 +581,16 @@ impl Reader<'_> {
     fn sensor(&self, position: usize, text: &SensorText) -> Result<Sensor, Noted> {
         let quantity = text.quantity;
         // All actuators move the surface together, so its sensor belongs to none of them.
-        let unit = self.unit(&text.unit)?.filter(|_| quantity != Quantity::Surface);
-        Ok(self.seen(position, quantity, unit))
+        let actuator = self.actuator(&text.actuator)?.filter(|_| quantity != Quantity::Surface);
+        Ok(self.seen(position, quantity, actuator))
     }
 
-    /// The index of the unit with a position, from 1; `None` for 0.
-    fn unit(&self, At { value: unit, at }: &At<usize>) -> Result<Option<usize>, Noted> {
-        let units = self.text.units.len();
-        let allowed = format!("0 … {units}, as there are units");
-        self.range(("unit", at), *unit as f64, *unit <= units, allowed)?;
-        Ok(unit.checked_sub(1))
+    /// The index of the actuator with a position, from 1; `None` for 0.
+    fn actuator(&self, At { value: actuator, at }: &At<usize>) -> Result<Option<usize>, Noted> {
+        let actuators = self.text.actuators.len();
+        let allowed = format!("0 … {actuators}, as there are actuators");
+        self.range(("actuator", at), *actuator as f64, *actuator <= actuators, allowed)?;
+        Ok(actuator.checked_sub(1))
     }
 
     /// A sensor as seen by features, by its index in the system.

@@ -2,7 +2,7 @@
 //! those of the twin. A diagnosis is judged on them and never learns from them.
 //!
 //! Every specimen draws its values anew, on top of its tolerances and of its environment. A factor is drawn evenly in its
-//! logarithm, an offset evenly. A name without its channel stands for one of every channel, each with its own draw. A kind
+//! logarithm, an offset evenly. A name without its actuator stands for one of every actuator, each with its own draw. A kind
 //! that stands for another has its ports and the faults of the study, so a new structural difference is one line.
 //!
 //! Draws directly below `[flights]` have the same form, without other kinds. They belong to the realistic scenario:
@@ -22,7 +22,7 @@ section! {
     /// The section of a study file.
     pub(super) struct Text {
         may kinds: Names<At<String>>,
-            "kinds that stand for others, by the component's name without its channel";
+            "kinds that stand for others, by the component's name without its actuator";
         may pub(super) latency_s: At<[f64; 2]>, "range of a sensor's latency, at most one sample";
         may draws: Vec<At<DrawText>>, "ranges from which each specimen draws parameters";
     }
@@ -32,7 +32,7 @@ section! {
     /// A draw of parameters.
     pub(super) struct DrawText {
         must parameters: Vec<At<String>> = some::<Vec<At<String>>>(),
-            "parameters that vary together, without the name of the channel";
+            "parameters that vary together, without the name of the actuator";
         may times: Option<At<[f64; 2]>>, "range of a factor, drawn evenly in its logarithm";
         may plus: Option<At<[f64; 2]>>, "range of an offset, in the parameter's unit";
     }
@@ -125,13 +125,14 @@ pub(crate) fn apply_draws(
     }
 }
 
-/// The components that a name stands for: one of every channel, or one that all share.
+/// The components that a name stands for: one of every actuator, or one that all share.
 fn named(reader: &Reader, name: &str) -> Vec<usize> {
     let parts = &reader.system.network().components;
     let find = |id: &str| parts.iter().position(|instance| instance.id == id);
-    let of_units = reader.text.units.iter().filter_map(|unit| find(&full_name(unit, name)));
-    let of_units: Vec<usize> = of_units.collect();
-    if of_units.is_empty() { find(name).into_iter().collect() } else { of_units }
+    let of_actuators =
+        reader.text.actuators.iter().filter_map(|actuator| find(&full_name(actuator, name)));
+    let of_actuators: Vec<usize> = of_actuators.collect();
+    if of_actuators.is_empty() { find(name).into_iter().collect() } else { of_actuators }
 }
 
 /// Components with the kind that stands for theirs.
@@ -167,7 +168,7 @@ fn lacking(own: &Component, other: &Component) -> Option<(&'static str, &'static
     port.or(fault.map(|fault| ("fault", fault.name)))
 }
 
-/// A draw of each channel, or one draw of what all share.
+/// A draw of each actuator, or one draw of what all share.
 fn of_draw(
     reader: &Reader,
     At { value: text, at }: &At<DrawText>,
@@ -187,8 +188,8 @@ fn of_draw(
     reader.range(("times", &at), range[0], is_allowed, "two factors above 0, in order")?;
     let mut draws: Vec<PlantDraw> = vec![];
     for name in &text.parameters {
-        for (unit, parameter) in parameters(reader, name, kinds)?.into_iter().enumerate() {
-            match draws.get_mut(unit) {
+        for (actuator, parameter) in parameters(reader, name, kinds)?.into_iter().enumerate() {
+            match draws.get_mut(actuator) {
                 Some(draw) => draw.parameters.push(parameter),
                 None => draws.push(PlantDraw { parameters: vec![parameter], range, is_factor }),
             }

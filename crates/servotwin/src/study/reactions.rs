@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 section! {
     /// A reaction as the study file declares it.
     pub(super) struct Text {
-        may switches_off: bool, "true: the action switches the channel off";
-        may unit_inputs: Names<At<f64>>, "values for inputs of the faulty channel";
-        may unit_parameters: Names<At<f64>>, "values for parameters of the faulty channel";
+        may switches_off: bool, "true: the action switches the actuator off";
+        may actuator_inputs: Names<At<f64>>, "values for inputs of the faulty actuator";
+        may actuator_parameters: Names<At<f64>>, "values for parameters of the faulty actuator";
         may parameters: Names<At<f64>>, "values for parameters of the system";
         may takes_out: Vec<At<String>>,
-            "sensors that are ignored after the action; those of other channels stay";
+            "sensors that are ignored after the action; those of other actuators stay";
     }
 }
 
@@ -61,24 +61,24 @@ impl Reactions {
                 reader.unknown(&name.at, (what, name), known);
                 continue;
             }
-            let units = 0..reader.text.units.len();
-            let of_units = units.map(|unit| text.reaction(reader, unit));
-            list.push((name.value.clone(), reader.sound(of_units)));
+            let actuators = 0..reader.text.actuators.len();
+            let of_actuators = actuators.map(|actuator| text.reaction(reader, actuator));
+            list.push((name.value.clone(), reader.sound(of_actuators)));
         }
         Ok(Reactions { list })
     }
 
     /// The reaction for an actuator, or no changes if the study defines none.
-    pub fn of(&self, unit: usize, action: &str, detail: Option<&str>) -> Reaction {
+    pub fn of(&self, actuator: usize, action: &str, detail: Option<&str>) -> Reaction {
         let find = |name: &str| self.list.iter().find(|(known, _)| known == name);
         let special = detail.and_then(|detail| find(&format!("{action}/{detail}")));
         let found = special.or_else(|| find(action));
-        found.and_then(|(_, units)| units.get(unit)).cloned().unwrap_or_default()
+        found.and_then(|(_, actuators)| actuators.get(actuator)).cloned().unwrap_or_default()
     }
 
     /// Whether any reaction changes a parameter (component, parameter).
     pub(super) fn change(&self, at: (usize, usize)) -> bool {
-        let all = self.list.iter().flat_map(|(_, units)| units);
+        let all = self.list.iter().flat_map(|(_, actuators)| actuators);
         let mut changed = all.flat_map(|reaction| &reaction.parameters);
         changed.any(|&(component, parameter, _)| (component, parameter) == at)
     }
@@ -90,17 +90,19 @@ impl Reactions {
 }
 
 impl Text {
-    fn reaction(&self, reader: &Reader, unit: usize) -> Result<Reaction, Noted> {
-        let name = &reader.text.units[unit];
+    fn reaction(&self, reader: &Reader, actuator: usize) -> Result<Reaction, Noted> {
+        let name = &reader.text.actuators[actuator];
         let mut reaction = Reaction { switches_off: self.switches_off, ..Reaction::default() };
-        for (input, value) in &self.unit_inputs {
+        for (input, value) in &self.actuator_inputs {
             let place = reader.input(&input.at, &full_name(name, input))?;
             reader.constant((input, &value.at), place, value.value)?;
             reaction.inputs.push((place, value.value));
         }
-        let own = self.unit_parameters.iter().map(|of| (name.as_str(), of));
-        for (of_unit, (parameter, value)) in own.chain(self.parameters.iter().map(|of| ("", of))) {
-            let (component, place) = super::realism::find(reader, of_unit, parameter)?;
+        let own = self.actuator_parameters.iter().map(|of| (name.as_str(), of));
+        for (of_actuator, (parameter, value)) in
+            own.chain(self.parameters.iter().map(|of| ("", of)))
+        {
+            let (component, place) = super::realism::find(reader, of_actuator, parameter)?;
             reader.parameter((parameter, &value.at), (component, place), value.value)?;
             reaction.parameters.push((component, place, value.value));
         }
@@ -110,7 +112,7 @@ impl Text {
             let found = ids().position(|known| known == **id);
             let unknown = || reader.unknown(&id.at, ("sensor of the study", id), ids());
             let place = found.ok_or_else(unknown)?;
-            if sensors.0[place].actuator.is_none_or(|own| own == unit) {
+            if sensors.0[place].actuator.is_none_or(|own| own == actuator) {
                 reaction.takes_out.push(place);
             }
         }
@@ -125,8 +127,8 @@ mod tests {
     #[test]
     fn a_reaction_takes_out_the_named_sensors_of_the_faulty_actuator() {
         let study = Study::default();
-        let named = |unit: usize, class: &str| {
-            let reaction = study.reactions.of(unit, "change_mode", Some(class));
+        let named = |actuator: usize, class: &str| {
+            let reaction = study.reactions.of(actuator, "change_mode", Some(class));
             let name = |&sensor: &usize| study.sensors.0[sensor].name.clone();
             reaction.takes_out.iter().map(name).collect::<Vec<_>>()
         };

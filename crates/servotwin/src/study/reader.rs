@@ -48,14 +48,14 @@ impl<'a> Reader<'a> {
     }
 
     /// Notes a name of something that all actuators share, where each actuator needs its own.
-    pub(crate) fn shared(&self, what: &str, unit: &str, name: &At<String>) -> Noted {
+    pub(crate) fn shared(&self, what: &str, actuator: &str, name: &At<String>) -> Noted {
         let message = format!(
-            "the {what} '{}' is of a component that units share: a name here stands for one of every unit, \
-             '{unit}.{}' and so on",
+            "the {what} '{}' is of a component that actuators share: a name here stands for one of every actuator, \
+             '{actuator}.{}' and so on",
             **name, **name
         );
-        let help = "a diagnosis says which unit is at fault, and of what units share it is none: leave it out, or \
-                    write a second study with units = [\"\"], in which the whole system is one unit";
+        let help = "a diagnosis says which actuator is at fault, and of what actuators share it is none: leave it out, or \
+                    write a second study with actuators = [\"\"], in which the whole system is one actuator";
         self.note(&name.at, Diagnostic::new(message).with_help(help))
     }
 

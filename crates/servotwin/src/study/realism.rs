@@ -18,7 +18,7 @@ section! {
 section! {
     pub(super) struct ToleranceText {
         must pub(super) parameters: Vec<At<String>> = some::<Vec<At<String>>>(),
-            "parameters that vary together, without the name of the channel";
+            "parameters that vary together, without the name of the actuator";
         must sigma: f64 = Value::Number(0.0, 1.0, ""),
             "standard deviation, relative to the value unless `absolute`";
         may absolute: bool, "true: sigma is in the parameter's unit";
@@ -162,8 +162,8 @@ impl Realism {
     pub(super) fn new(text: &Text, reader: &Reader) -> Self {
         let mut tolerances = Vec::new();
         for ToleranceText { parameters, sigma, absolute } in &text.tolerances {
-            for unit in &reader.text.units {
-                let found = parameters.iter().map(|name| find(reader, unit, name));
+            for actuator in &reader.text.actuators {
+                let found = parameters.iter().map(|name| find(reader, actuator, name));
                 let parameters = reader.sound(found);
                 tolerances.push(Tolerance { parameters, sigma: *sigma, absolute: *absolute });
             }
@@ -237,13 +237,13 @@ pub(crate) const MAX_DEVIATION: f64 = 3.0;
 /// Finds the component and parameter indices of a name.
 pub(super) fn find(
     reader: &Reader,
-    unit: &str,
+    actuator: &str,
     name: &At<String>,
 ) -> Result<(usize, usize), Noted> {
-    let id = full_name(unit, name);
+    let id = full_name(actuator, name);
     reader.system.parameter(&id).ok_or_else(|| {
         if reader.system.parameter(name).is_some() {
-            return reader.shared("parameter", unit, name);
+            return reader.shared("parameter", actuator, name);
         }
         let all = reader.system.all_parameters();
         let known = all.iter().map(String::as_str);

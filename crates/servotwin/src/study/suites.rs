@@ -48,8 +48,8 @@ section! {
              reacts, and without";
         may commands: Option<Vec<At<String>>>, "commands in place of those of [flights]";
         may inputs: Ranges, "ranges of inputs in place of those of [flights]";
-        may unit_inputs: Ranges, "ranges of inputs that every channel has, likewise";
-        may unit_parameters: Ranges, "ranges of parameters that every channel has, likewise";
+        may actuator_inputs: Ranges, "ranges of inputs that every actuator has, likewise";
+        may actuator_parameters: Ranges, "ranges of parameters that every actuator has, likewise";
         may on_request: bool, "true: flown only when it is named";
     }
 }
@@ -64,8 +64,8 @@ const NOT_IN_CLOSED_LOOP: [&str; 10] = [
     "missing",
     "commands",
     "inputs",
-    "unit_inputs",
-    "unit_parameters",
+    "actuator_inputs",
+    "actuator_parameters",
 ];
 
 /// A suite with the usual values of its name.
@@ -358,7 +358,7 @@ impl Suite {
             is_on_request: text.on_request,
             is_records: false,
             varied: {
-                let ranges = [&text.inputs, &text.unit_inputs, &text.unit_parameters];
+                let ranges = [&text.inputs, &text.actuator_inputs, &text.actuator_parameters];
                 let base = like.map_or(&flights.varied, |suite| &suite.varied);
                 base.with(text.commands.as_ref(), ranges)
             },
@@ -478,7 +478,7 @@ impl Study {
     /// What varies between the environments of a suite.
     pub(crate) fn ranges_of(&self, suite: &Suite) -> EnvironmentRanges {
         let onset_s = suite.onset_s.unwrap_or_default();
-        suite.varied.ranges(&self.units, onset_s, suite.duration_s)
+        suite.varied.ranges(&self.actuators, onset_s, suite.duration_s)
     }
 
     /// Environments of a suite by their numbers: operating cases for records and in closed loop. Each depends on

@@ -92,8 +92,10 @@ impl Study {
         let tolerances = self.realism.iter().flat_map(|realism| realism.tolerances());
         // A relative deviation of zero is zero.
         let mut absolute = tolerances.filter(|tolerance| tolerance.absolute);
-        let flown = self.flights.iter().flat_map(|flights| flights.varied.unit_parameters.keys());
-        let mut flown = flown.flat_map(|name| self.units.iter().map(|unit| full_name(unit, name)));
+        let flown =
+            self.flights.iter().flat_map(|flights| flights.varied.actuator_parameters.keys());
+        let mut flown =
+            flown.flat_map(|name| self.actuators.iter().map(|actuator| full_name(actuator, name)));
         absolute.any(|tolerance| tolerance.parameters.contains(&at))
             || flown.any(|name| self.system.parameter(&name) == Some(at))
             || self.reactions.change(at)

@@ -42,7 +42,7 @@ fn largest_errors(duration_s: f64, choice: impl Fn(&FaultCase) -> bool) -> BTree
     let study = Study::default();
     let states = study.system.program.states();
     let faults: Vec<&FaultCase> =
-        study.faults.iter().filter(|fault| fault.unit == 0 && choice(fault)).collect();
+        study.faults.iter().filter(|fault| fault.actuator == 0 && choice(fault)).collect();
     let [rough, exact] = [SolverSettings::of_runs(), SolverSettings::reference()]
         .map(|settings| runs(&study, &faults, duration_s, settings));
     let mut largest = BTreeMap::new();
@@ -83,7 +83,7 @@ fn every_fault_but_four_is_exact_to_a_ten_thousandth_of_scale() {
 #[test]
 fn a_ringing_valve_runs_at_the_tolerance_of_references_too() {
     let study = Study::default();
-    let ringing = study.faults.iter().find(|fault| fault.unit == 0 && rings(fault)).unwrap();
+    let ringing = study.faults.iter().find(|fault| fault.actuator == 0 && rings(fault)).unwrap();
     let samples = &runs(&study, &[ringing], 3.0, SolverSettings::reference())[0];
     assert_eq!(samples.len(), 301 * study.system.program.states().len());
 }

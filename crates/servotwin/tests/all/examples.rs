@@ -76,6 +76,6 @@ fn a_study_is_run_and_its_diagnosis_monitors_a_fault_and_a_log() {
     let found = watch_table(&study, &Arc::new(diagnoser), &table, &stop).unwrap();
     let raised = found.changes.iter().find(|(_, finding)| finding.action == "shut_down");
     let (time_s, finding) = raised.expect("a valve with full bias is shut down");
-    assert!(*time_s <= 5.0 && finding.actuator == Some(1), "{time_s}: {finding}");
+    assert!(*time_s <= 5.0 && finding.actuator_number == Some(1), "{time_s}: {finding}");
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -59,7 +59,7 @@ held_out = { environments = 3 }
 judge = { environments = 2, repeats = 1, healthy = 1, healthy_duration_s = 20 }
 unseen = { repeats = 1 }
 [reactions]
-shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
+shut_down = { switches_off = true, actuator_inputs = { mode = 0 } }
 "#;
 
 pub fn study() -> &'static Study {

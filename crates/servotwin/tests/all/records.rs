@@ -32,7 +32,7 @@ signals.T1 = "noise:rms=5deg,bandwidth=1Hz,seed=77"
 signals.T2 = "noise:rms=4deg,bandwidth=1Hz,seed=78"
 load = [0.5, 1]
 [reactions]
-shut_down = { switches_off = true, unit_inputs = { mode = 0 } }
+shut_down = { switches_off = true, actuator_inputs = { mode = 0 } }
 "#;
 
 /// Watches a record with a session, which accepts these inputs.

@@ -101,7 +101,7 @@ fn a_log_is_watched_as_the_flight_was_flown_also_after_a_checkpoint() {
     assert!(said == replay(&[0, 55, 127, 250]), "a checkpoint changes nothing");
     let raised = said.iter().position(|(finding, _)| finding.phase == Phase::Raised).unwrap();
     let (finding, _) = &said[raised];
-    assert_eq!((finding.actuator, finding.action.as_str()), (Some(1), "shut_down"));
+    assert_eq!((finding.actuator_number, finding.action.as_str()), (Some(1), "shut_down"));
     // The log says that the actuator is off from then on: nothing more is said of it.
     assert_eq!(said.last().unwrap().0.state, DiagnosisState::Healthy);
 }
@@ -198,16 +198,16 @@ fn input(id: &str) -> usize {
 /// The study with a reaction that changes parameters, as a flight control computer may do it.
 fn with_parameters() -> &'static Study {
     static MADE: OnceLock<Study> = OnceLock::new();
-    let changed = r#"unit_inputs = { mode = 0 }, unit_parameters = { "controller.gain_per_m" = 100 }, takes_out = ["x_v_1", "x_v_2"]"#;
-    let text = study().text.replace("unit_inputs = { mode = 0 }", changed);
+    let changed = r#"actuator_inputs = { mode = 0 }, actuator_parameters = { "controller.gain_per_m" = 100 }, takes_out = ["x_v_1", "x_v_2"]"#;
+    let text = study().text.replace("actuator_inputs = { mode = 0 }", changed);
     MADE.get_or_init(|| Study::parse(&text, "tiny.toml").unwrap())
 }
 
 /// The study has fewer sensors than its system, so a sensor has other places in the two lists.
 #[test]
 fn a_reaction_takes_the_sensors_out_that_it_names() {
-    for (unit, name) in [(0, "x_v_1"), (1, "x_v_2")] {
-        let reaction = with_parameters().reactions.of(unit, "shut_down", None);
+    for (actuator, name) in [(0, "x_v_1"), (1, "x_v_2")] {
+        let reaction = with_parameters().reactions.of(actuator, "shut_down", None);
         let place = |&sensor: &usize| place_of(sensor, study(), diagnoser()).unwrap();
         let out = reaction.takes_out.iter().map(place).map(|at| &diagnoser().sensors[at].name);
         assert_eq!(out.collect::<Vec<_>>(), [name]);
@@ -304,7 +304,7 @@ fn an_alarm_stands_whatever_happens_to_the_log() {
             }
             let finding = watcher.push(k as f64 * 0.02, &inputs, &measured).finding.clone();
             assert!(!is_raised || finding.phase == Phase::Raised, "{seed}, {k}: {finding:?}");
-            assert!(finding.actuator != Some(2) || finding.action.is_empty(), "{finding:?}");
+            assert!(finding.actuator_number != Some(2) || finding.action.is_empty(), "{finding:?}");
             is_raised = finding.phase == Phase::Raised;
             let of_1 = |stands: &String| stands.starts_with("actuator 1, shut down");
             assert!(

@@ -97,10 +97,10 @@ fn damaged_studies_are_no_reason_to_panic() {
 fn spring(intensities: &str, rest: &str) -> Result<Study, TomlError> {
     let text = format!(
         "format = 1\nname = \"tiny\"\ntitle = \"tiny\"\nsystem = \"spring_actuator\"\nduration_s = 4\nsample_hz = 100\n\
-         intensities = {intensities}\nunits = [\"\"]\n\
+         intensities = {intensities}\nactuators = [\"\"]\n\
          command = {{ input = \"command\", signals.a = \"step:size=2deg\", signals.\"a/b\" = \"step:size=3deg\" }}\n\
-         sensors.p_a = {{ quantity = \"pressure_a\", unit = 1 }}\n\
-         sensors.x_v = {{ quantity = \"spool\", unit = 1 }}\n{rest}"
+         sensors.p_a = {{ quantity = \"pressure_a\", actuator = 1 }}\n\
+         sensors.x_v = {{ quantity = \"spool\", actuator = 1 }}\n{rest}"
     );
     Study::parse(&text, "tiny.toml")
 }

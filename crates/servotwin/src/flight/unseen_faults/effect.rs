@@ -69,31 +69,31 @@ const FALL_S: f64 = 0.5;
 /// A value larger than any input can have.
 const TOO_LARGE: f64 = 1e9;
 
-/// The units that an effect applies to.
+/// The actuators that an effect applies to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Who {
-    /// The unit at fault.
+    /// The actuator at fault.
     Own,
-    /// The next unit, which is then also at fault.
+    /// The next actuator, which is then also at fault.
     Other,
-    /// All units, none of which is at fault.
+    /// All actuators, none of which is at fault.
     All,
 }
 
 /// One effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Effect {
-    /// The units that it applies to.
+    /// The actuators that it applies to.
     pub(crate) who: Who,
     /// What it does.
     pub(crate) kind: EffectKind,
-    /// What it changes: a fault, parameter or input without the unit's name, or the quantity of a sensor.
+    /// What it changes: a fault, parameter or input without the actuator's name, or the quantity of a sensor.
     pub(crate) of: &'static str,
     /// Its size.
     pub(crate) size: f64,
 }
 
-/// An effect on a unit, with what it changes.
+/// An effect on an actuator, with what it changes.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     kind: EffectKind,
@@ -114,41 +114,41 @@ enum Place {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Changes {
     list: Vec<Change>,
-    /// The units at fault.
+    /// The actuators at fault.
     pub(crate) at_fault: Vec<usize>,
-    /// Healthy units whose twin reads a boundary value (a pressure at a port) from a wrong sensor.
+    /// Healthy actuators whose twin reads a boundary value (a pressure at a port) from a wrong sensor.
     pub(crate) misinformed: Vec<usize>,
 }
 
 impl Changes {
-    /// Resolves effects on a unit; `None` if the study lacks one of the names.
+    /// Resolves effects on an actuator; `None` if the study lacks one of the names.
     pub(crate) fn new(
         study: &Study,
-        unit: usize,
+        actuator: usize,
         effects: impl Iterator<Item = Effect>,
     ) -> Option<Self> {
-        let units = study.units.len();
+        let actuators = study.actuators.len();
         let mut changes = Changes::default();
         for effect in effects {
             let of: Vec<usize> = match effect.who {
-                Who::Own => vec![unit],
-                Who::Other if units > 1 => vec![(unit + 1) % units],
+                Who::Own => vec![actuator],
+                Who::Other if actuators > 1 => vec![(actuator + 1) % actuators],
                 Who::Other => return None,
-                Who::All => (0..units).collect(),
+                Who::All => (0..actuators).collect(),
             };
-            for &unit in &of {
-                changes.list.push(resolved(study, unit, effect)?);
+            for &actuator in &of {
+                changes.list.push(resolved(study, actuator, effect)?);
             }
             match effect.who {
                 Who::All => (),
                 _ if effect.kind.is_of_twin() => {
-                    changes.misinformed.extend(readers(study, unit, effect.of));
+                    changes.misinformed.extend(readers(study, actuator, effect.of));
                 }
                 _ => changes.at_fault.extend(of),
             }
         }
         let Changes { at_fault, misinformed, .. } = &mut changes;
-        misinformed.retain(|unit| !at_fault.contains(unit));
+        misinformed.retain(|actuator| !at_fault.contains(actuator));
         Some(changes)
     }
 
@@ -243,19 +243,19 @@ impl EffectKind {
     }
 }
 
-/// The units whose twin reads an input: the one that owns it, or all that share it.
-fn readers(study: &Study, unit: usize, input: &str) -> Vec<usize> {
-    let own = full_name(&study.units[unit], input);
+/// The actuators whose twin reads an input: the one that owns it, or all that share it.
+fn readers(study: &Study, actuator: usize, input: &str) -> Vec<usize> {
+    let own = full_name(&study.actuators[actuator], input);
     match study.system.network().inputs.iter().any(|known| known.id == own) {
-        true => vec![unit],
-        false => (0..study.units.len()).collect(),
+        true => vec![actuator],
+        false => (0..study.actuators.len()).collect(),
     }
 }
 
-/// Resolves an effect on a unit; `None` if a name does not exist.
-fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Change> {
+/// Resolves an effect on an actuator; `None` if a name does not exist.
+fn resolved(study: &Study, actuator: usize, effect: Effect) -> Option<Change> {
     let Effect { kind, of, mut size, .. } = effect;
-    let name = full_name(&study.units[unit], of);
+    let name = full_name(&study.actuators[actuator], of);
     let place = match kind {
         Fault | Pulses | Grows => {
             let (component, fault) = study.system.program.find_fault(&name)?;
@@ -271,7 +271,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Change> {
         }
         Missing | Noise => {
             let (quantity, _) = Quantity::ALL.into_iter().find(|(_, own)| *own == of)?;
-            let sensor = study.sensors.find(quantity, unit)?;
+            let sensor = study.sensors.find(quantity, actuator)?;
             if kind == Noise {
                 // What must be added to the sensor's own noise.
                 let own = Imperfection::of(&study.system, study.measured[sensor]).deviation();
@@ -279,7 +279,7 @@ fn resolved(study: &Study, unit: usize, effect: Effect) -> Option<Change> {
             }
             Place::Sensor(sensor)
         }
-        // An input of the unit, or of the whole system.
+        // An input of the actuator, or of the whole system.
         InputTimes | TwinFrozen | TwinMissing | TwinImpossible | TwinOff | TwinLate => {
             let find = |name: &str| study.system.find_input(name).ok();
             Place::Input(find(&name).or_else(|| find(of))?)

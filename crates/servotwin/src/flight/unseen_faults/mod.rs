@@ -43,7 +43,7 @@ pub struct UnseenFaultRates {
     /// From the onset to the first right action.
     pub latency: Option<Latency>,
     /// Flights in which a shutdown of a healthy actuator was raised, whether its boundary sensors were right or wrong:
-    /// environment, unit, strength.
+    /// environment, actuator, strength.
     pub wrong: Vec<String>,
 }
 
@@ -107,12 +107,12 @@ impl Case {
     /// What is right in its run.
     fn truth(&self, study: &Study) -> Truth {
         let UnseenFault { set, title, needed, .. } = ALL[self.fault];
-        let names = |units: &[usize]| {
-            let name = |&unit: &usize| match study.units[unit].as_str() {
+        let names = |actuators: &[usize]| {
+            let name = |&actuator: &usize| match study.actuators[actuator].as_str() {
                 "" => "actuator",
                 name => name,
             };
-            units.iter().map(name).collect::<Vec<_>>().join(", ")
+            actuators.iter().map(name).collect::<Vec<_>>().join(", ")
         };
         let (run, Changes { at_fault, misinformed, .. }) = (&self.run, &self.changes);
         let run = RunOutcome {
@@ -138,10 +138,10 @@ impl Case {
 fn cases(study: &Study, suite: &Suite) -> Vec<Case> {
     let onset_s = suite.onset_s.map_or(0.0, |[from, to]| 0.5 * (from + to));
     let mut cases = vec![];
-    for Event { fault, place, strength, unit, changes } in events(study) {
+    for Event { fault, place, strength, actuator, changes } in events(study) {
         for repeat in 0..suite.repeats {
             // Eleven and seven have no common divisor with the usual numbers.
-            let turn = 11 * repeat + 7 * fault + 5 * place + 3 * unit;
+            let turn = 11 * repeat + 7 * fault + 5 * place + 3 * actuator;
             let run = Run {
                 number: cases.len(),
                 environment: turn % suite.environments.max(1),
@@ -191,7 +191,7 @@ struct Event {
     /// The index of the strength.
     place: usize,
     strength: f64,
-    unit: usize,
+    actuator: usize,
     changes: Changes,
 }
 
@@ -200,9 +200,9 @@ fn events(study: &Study) -> Vec<Event> {
     let mut events = vec![];
     for (fault, known) in ALL.iter().enumerate() {
         for (place, &strength) in known.strengths.iter().enumerate() {
-            events.extend((0..study.units.len()).filter_map(|unit| {
-                let changes = Changes::new(study, unit, known.effects(strength))?;
-                Some(Event { fault, place, strength, unit, changes })
+            events.extend((0..study.actuators.len()).filter_map(|actuator| {
+                let changes = Changes::new(study, actuator, known.effects(strength))?;
+                Some(Event { fault, place, strength, actuator, changes })
             }));
         }
     }
