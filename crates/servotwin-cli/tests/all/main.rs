@@ -2,6 +2,7 @@
 
 #![expect(clippy::too_many_lines, reason = "a test may list many cases")]
 
+mod actuators;
 mod book;
 mod cache;
 mod documents;
@@ -19,7 +20,6 @@ mod safety;
 #[cfg(feature = "serve")]
 mod serve;
 mod study;
-mod units;
 mod watch;
 
 use std::io::Read;

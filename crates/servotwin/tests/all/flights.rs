@@ -291,14 +291,7 @@ fn shares_of_a_suite_join_to_the_bytes_of_an_undivided_one() {
 
 #[test]
 fn environments_take_turns_between_the_phases_of_a_flight() {
-    let alone = "inputs.air_speed = [110, 165]\ninputs.altitude = [0, 9000]\n";
-    let phases = "phases = [
-        { inputs = { air_speed = [0, 110], altitude = [0, 3000] } },
-        { inputs = { air_speed = [100, 170], altitude = [0, 9000] } },
-        { inputs = { air_speed = [160, 240], altitude = [7000, 12000] } },
-    ]\n";
-    let paper = include_str!("../../../../studies/paper.toml").replace(alone, phases);
-    let study = Study::parse(&paper, "phases.toml").unwrap();
+    let study = Study::default();
     let suite = study.suite(JUDGE).unwrap();
     const COMMANDS: usize = 6;
     let place = |name: &str| {
@@ -317,7 +310,7 @@ fn environments_take_turns_between_the_phases_of_a_flight() {
     }
     // What a suite says itself replaces the phases.
     let own = "[suites]\ncold = { environments = 9, healthy = 1, inputs.air_speed = [20, 30] }\n";
-    let text = paper.replace("[suites]\n", own);
+    let text = include_str!("../../../../studies/paper.toml").replace("[suites]\n", own);
     let cold = Study::parse(&text, "cold.toml").unwrap();
     let suite = cold.suite("cold").unwrap();
     for environment in cold.environments(suite, 0..9).unwrap() {

@@ -1,4 +1,4 @@
-//! Systems of one, two and three like units go the whole way, as users go it.
+//! Systems of one, two and three like actuators go the whole way, as users go it.
 
 use super::{Folder, json, servotwin, stderr, stdout};
 use servotwin::learn::model_file;
@@ -13,20 +13,21 @@ use std::sync::Arc;
 const SYSTEM: &str = include_str!("../../../servotwin/tests/lanes_system.toml");
 const STUDY: &str = include_str!("../../../servotwin/tests/lanes_study.toml");
 
-/// The text without the lines of the units beyond the first so many of three.
-fn of_units(text: &str, units: usize) -> String {
+/// The text without the lines of the actuators beyond the first so many of three.
+fn of_actuators(text: &str, actuators: usize) -> String {
     let beyond = |line: &&str| {
-        let names = |unit: usize| [format!("lane_{unit}"), format!("unit = {unit}")];
-        !(units + 1..=3).flat_map(names).any(|name| line.contains(&name))
+        let names =
+            |actuator: usize| [format!("lane_{actuator}"), format!("actuator = {actuator}")];
+        !(actuators + 1..=3).flat_map(names).any(|name| line.contains(&name))
     };
     text.lines().filter(beyond).flat_map(|line| [line, "\n"]).collect()
 }
 
-/// A study of so many units, and beside it a folder for its results.
-fn lanes(folder: &Folder, units: usize, changed: impl Fn(String) -> String) -> [String; 2] {
+/// A study of so many actuators, and beside it a folder for its results.
+fn lanes(folder: &Folder, actuators: usize, changed: impl Fn(String) -> String) -> [String; 2] {
     let study = folder.file("lanes_study.toml");
-    std::fs::write(folder.file("lanes_system.toml"), of_units(SYSTEM, units)).unwrap();
-    std::fs::write(&study, changed(of_units(STUDY, units))).unwrap();
+    std::fs::write(folder.file("lanes_system.toml"), of_actuators(SYSTEM, actuators)).unwrap();
+    std::fs::write(&study, changed(of_actuators(STUDY, actuators))).unwrap();
     [study, folder.file("out")]
 }
 
@@ -59,54 +60,54 @@ fn all_of_them(row: &str) -> usize {
 }
 
 /// Everything that a study gives, and everything that is done with it.
-fn whole_way(units: usize) {
-    let folder = Folder::new(&format!("lanes-{units}"));
-    let [study, out] = &lanes(&folder, units, |text| text);
+fn whole_way(actuators: usize) {
+    let folder = Folder::new(&format!("lanes-{actuators}"));
+    let [study, out] = &lanes(&folder, actuators, |text| text);
     let words = run(&["study", study, "--out", out, "--details"]);
     let stages = |name: &str| {
         let trained = results(out, name);
         let list = trained["lengths"][0]["panel"]["trees"]["stages"].as_array().unwrap().iter();
         list.map(|stage| stage["id"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
     };
-    // Pooled: whatever the number of units, one stage for all of them.
+    // Pooled: whatever the number of actuators, one stage for all of them.
     assert_eq!(stages("records-noise.json"), ["A", "B", "C", "D"]);
     let row = words.lines().find(|line| line.starts_with("end to end right")).unwrap();
     assert!(all_of_them(row) >= 2, "{words}");
     let html = std::fs::read_to_string(Path::new(out).join("report.html")).unwrap();
-    assert_eq!(html.contains("two are then lost"), units == 3);
-    assert_eq!(html.contains("both are then lost"), units == 2);
+    assert_eq!(html.contains("two are then lost"), actuators == 3);
+    assert_eq!(html.contains("both are then lost"), actuators == 2);
     let html = html.replace("Like actuators", "").replace("Like servo actuators", "");
     // Units are called as the study calls them, and of one alone nothing is said of others.
     assert!(!html.contains("actuator"), "{}", around(&html, "actuator"));
     for of_several in ["mirror image", "which lane has failed"] {
-        assert_eq!(html.to_lowercase().contains(of_several), units > 1, "{of_several}");
+        assert_eq!(html.to_lowercase().contains(of_several), actuators > 1, "{of_several}");
     }
     let flown = results(out, "flights.json");
     let suites = flown["suites"].as_array().unwrap();
     for metrics in suites.iter().filter(|metrics| metrics["suite"] == "judge") {
         let rates = &metrics["rates"];
         // One alone has no other that could be shut down in its place.
-        assert_eq!(rates.get("wrong_shutdown").is_some(), units > 1, "{metrics}");
+        assert_eq!(rates.get("wrong_shutdown").is_some(), actuators > 1, "{metrics}");
         assert_eq!(rates["wrong_shutdown"]["count"].as_u64().unwrap_or(0), 0, "{metrics}");
-        assert_eq!(metrics["flights"], 10 * units, "every fault of every unit is flown");
+        assert_eq!(metrics["flights"], 10 * actuators, "every fault of every actuator is flown");
         assert!(rates["isolated_in_time"]["count"].as_u64().unwrap() > 0, "{metrics}");
     }
-    // A judged fault of the last unit.
-    let last_fault = format!("cases#{}@noise", 10 * units - 1);
+    // A judged fault of the last actuator.
+    let last_fault = format!("cases#{}@noise", 10 * actuators - 1);
     let explained = json(&["run", &last_fault, out, "--json"]);
-    assert_eq!(explained["fault"], format!("lane_{units}.sensor_ram.bias_positive"));
-    let last = format!("lane_{units}");
-    let said = if units > 1 { last.as_str() } else { "faulty" };
+    assert_eq!(explained["fault"], format!("lane_{actuators}.sensor_ram.bias_positive"));
+    let last = format!("lane_{actuators}");
+    let said = if actuators > 1 { last.as_str() } else { "faulty" };
     assert_eq!(explained["explanation"]["stages"][0]["said"], said);
     let words = run(&["run", &last_fault, out]);
-    let asked = if units > 1 {
-        format!("which lane?  lane {units} (")
+    let asked = if actuators > 1 {
+        format!("which lane?  lane {actuators} (")
     } else {
         "is something wrong?  faulty (".into()
     };
     assert!(words.contains(&asked) && !words.contains("actuator"), "{words}");
     let together = words.lines().find_map(|line| line.strip_prefix("together: ")).unwrap();
-    assert_eq!(together.starts_with("lane"), units > 1, "{together}");
+    assert_eq!(together.starts_with("lane"), actuators > 1, "{together}");
     for fault in ["servo_valve.bias_positive", "sensor_ram.bias_positive"] {
         let fault = format!("{last}.{fault}=1@2s");
         let command = "noise:rms=3deg,bandwidth=0.8Hz,seed=7";
@@ -116,7 +117,7 @@ fn whole_way(units: usize) {
         let mut rows = flown["benefit"].as_array().unwrap().iter();
         let fight = rows.find(|row| row["quantity"] == "rms force fight");
         let fight = fight.map_or(&serde_json::Value::Null, |row| &row["without"]);
-        assert_eq!(fight.as_f64().is_some(), units > 1, "{fight}");
+        assert_eq!(fight.as_f64().is_some(), actuators > 1, "{fight}");
     }
     watched(&folder, study, out);
 }
@@ -133,26 +134,26 @@ fn watched(folder: &Folder, study: &str, out: &str) {
 
 #[test]
 #[ignore = "slow: ./check --all"]
-fn one_unit_goes_the_whole_way() {
+fn one_actuator_goes_the_whole_way() {
     whole_way(1);
 }
 
 #[test]
 #[ignore = "slow: ./check --all"]
-fn two_like_units_go_the_whole_way() {
+fn two_like_actuators_go_the_whole_way() {
     whole_way(2);
 }
 
 #[test]
 #[ignore = "slow: ./check --all"]
-fn three_like_units_go_the_whole_way() {
+fn three_like_actuators_go_the_whole_way() {
     whole_way(3);
 }
 
-/// One unit after the other fails: two of three are switched off, and the last one never.
+/// One actuator after the other fails: two of three are switched off, and the last one never.
 #[test]
 #[ignore = "slow: ./check --all"]
-fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
+fn of_three_actuators_that_fail_one_after_the_other_the_last_one_stays_on() {
     let folder = Folder::new("lanes-last");
     // Learned from so few flights, not every seed sees the second fault in time.
     let [study, out] = &lanes(&folder, 3, |text| text.replace("seed = 3\n", "seed = 1\n"));
@@ -190,7 +191,7 @@ fn of_three_units_that_fail_one_after_the_other_the_last_one_stays_on() {
 /// Units whose sensors do not correspond are not seen from each other: every one is learned by itself.
 #[test]
 #[ignore = "slow: ./check --all"]
-fn three_units_with_unlike_sensors_are_learned_one_by_one() {
+fn three_actuators_with_unlike_sensors_are_learned_one_by_one() {
     let folder = Folder::new("lanes-unlike");
     let without =
         |text: String| text.replace("p_b_3 = { quantity = \"pressure_b\", actuator = 3 }\n", "");
@@ -202,14 +203,14 @@ fn three_units_with_unlike_sensors_are_learned_one_by_one() {
     assert_eq!(ids, ["A", "B1", "B2", "B3", "C1", "C2", "C3", "D1", "D2", "D3"]);
     let table = Table::read(Path::new(out).join("dataset-ideal-training.parquet")).unwrap();
     assert!(!table.names().any(|name| name.starts_with("m:") || name.starts_with("m3:")));
-    // Nothing takes turns: ten faults of three units under four commands.
+    // Nothing takes turns: ten faults of three actuators under four commands.
     assert_eq!(table.row_count(), 120);
 }
 
-/// The only unit of a system needs no name.
+/// The only actuator of a system needs no name.
 #[test]
 #[ignore = "slow: ./check --all"]
-fn one_unit_without_a_name_is_healthy_or_faulty() {
+fn one_actuator_without_a_name_is_healthy_or_faulty() {
     let folder = Folder::new("lanes-nameless");
     let nameless = |text: String| {
         let text = text.split("[flights]").next().unwrap().replace("\"lane_1\"", "\"\"");
@@ -220,7 +221,7 @@ fn one_unit_without_a_name_is_healthy_or_faulty() {
     };
     let [study, out] = &lanes(&folder, 1, nameless);
     let told = run(&["study", study, "--suite", "records", "--out", out, "--scenario", "noise"]);
-    assert!(!told.contains("another unit"), "{told}");
+    assert!(!told.contains("another actuator"), "{told}");
     run(&["study", study, "--out", out]);
     let words = run(&["run", "cases#9@noise", out]);
     assert!(words.contains("is something wrong?  faulty (") && !words.contains(": ,"), "{words}");
@@ -228,13 +229,13 @@ fn one_unit_without_a_name_is_healthy_or_faulty() {
     assert_eq!(explained["explanation"]["verdict"]["actuator"], serde_json::Value::Null);
     assert_eq!(explained["explanation"]["stages"][0]["said"], "faulty");
     let html = std::fs::read_to_string(Path::new(out).join("report.html")).unwrap();
-    assert!(!html.contains("which unit has failed") && !html.contains("mirror image"));
+    assert!(!html.contains("which actuator has failed") && !html.contains("mirror image"));
 }
 
 /// Nor does a text leave a hole where the name would stand.
 #[test]
 #[ignore = "slow: ./check --all"]
-fn one_unit_without_a_name_is_flown_and_watched() {
+fn one_actuator_without_a_name_is_flown_and_watched() {
     let folder = Folder::new("nameless-flown");
     let out = &folder.file("out");
     let fly = ["fly", "press_axis", "--out", out, "--fault", "valve.gain_low=0.8@2s"];
@@ -256,11 +257,14 @@ fn one_unit_without_a_name_is_flown_and_watched() {
     let page = std::fs::read_to_string(html).unwrap();
     assert!(page.contains("\"kind\":\"action\",\"at\":") && page.contains("\"action\":\"stop\""));
     let lines = run(&[&watch[..], &["--json"]].concat());
-    assert!(lines.contains("\"actuator\":1,\"unit\":null,\"action\":\"stop\""), "{lines}");
+    assert!(
+        lines.contains("\"actuator_number\":1,\"actuator\":null,\"action\":\"stop\""),
+        "{lines}"
+    );
 }
 
 #[test]
-fn how_many_units_stay_on_is_said_by_the_study() {
+fn how_many_actuators_stay_on_is_said_by_the_study() {
     let folder = Folder::new("lanes-kept");
     let keep = |text: String, least_on: u32| {
         text.replace("windows_s", &format!("least_on = {least_on}\nwindows_s"))
@@ -274,13 +278,14 @@ fn how_many_units_stay_on_is_said_by_the_study() {
     let [study, _] = &lanes(&folder, 1, |text| keep(text, 2));
     let told = servotwin(&["check", study]);
     assert!(
-        stdout(&told).contains("least_on") || stderr(&told).contains("0 … 1, as there are units")
+        stdout(&told).contains("least_on")
+            || stderr(&told).contains("0 … 1, as there are actuators")
     );
     assert_eq!(told.status.code(), Some(3));
 }
 
 #[test]
-fn more_units_than_can_be_compared_are_refused() {
+fn more_actuators_than_can_be_compared_are_refused() {
     let folder = Folder::new("lanes-many");
     let many: String = (4..=17).map(|lane| format!("    \"lane_{lane}\",\n")).collect();
     let more =
