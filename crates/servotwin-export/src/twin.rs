@@ -1,6 +1,6 @@
 //! The virtual twin that an export takes along.
 
-use servotwin::live::runtime::place_of;
+use servotwin::live::runtime::{RuntimeError, between, place_of, slots};
 use servotwin::study::{Reaction, Study};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::{Program, Slot};
@@ -43,7 +43,7 @@ pub struct ExportedReaction {
 
 impl ExportedReaction {
     /// All reactions of a study to what a diagnoser raises.
-    pub fn all(study: &Study, diagnoser: &Diagnoser) -> Vec<ExportedReaction> {
+    pub(crate) fn all(study: &Study, diagnoser: &Diagnoser) -> Vec<ExportedReaction> {
         let names = diagnoser.names();
         let sensor = |&place: &usize| place_of(place, study, diagnoser);
         let mut all = Vec::new();
@@ -75,7 +75,58 @@ impl ExportedReaction {
     }
 }
 
-impl ExportedTwin<'_> {
+impl<'s> ExportedTwin<'s> {
+    /// The twin of a study that runs beside a diagnoser, with steps of 1 ms or under error control.
+    ///
+    /// # Errors
+    /// The diagnoser is for another study.
+    pub fn beside(
+        study: &'s Study,
+        diagnoser: &Diagnoser,
+        has_fixed_step: bool,
+    ) -> Result<Self, RuntimeError> {
+        let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
+        let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
+        let alone = Self::of(study, diagnoser.period_s, ranges.collect(), sensors)?;
+        let settings = if has_fixed_step { SolverSettings::real_time() } else { alone.settings };
+        let reactions = ExportedReaction::all(study, diagnoser);
+        Ok(ExportedTwin { settings, reactions, ..alone })
+    }
+
+    /// The twin of a study with all its sensors, for other programs.
+    ///
+    /// # Errors
+    /// A sensor's signal is not in the system.
+    pub fn alone(study: &'s Study) -> Result<Self, RuntimeError> {
+        let network = study.system.network();
+        let sensors = study.system.sensors.iter().map(|sensor| sensor.id.as_str());
+        let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
+        Self::of(study, study.sample_period_s, ranges.collect(), sensors)
+    }
+
+    /// A twin of a study with these sensors, by id.
+    fn of<'n>(
+        study: &'s Study,
+        period_s: f64,
+        ranges: Vec<[f64; 2]>,
+        sensors: impl Iterator<Item = &'n str> + Clone,
+    ) -> Result<Self, RuntimeError> {
+        let system = &study.system;
+        let place = |id: &str| system.sensors.iter().position(|sensor| sensor.id == id);
+        let inputs = (0..system.network().inputs.len()).map(|input| system.accepted_range(input));
+        let readable = sensors.clone().filter_map(place).map(|place| system.readable(place));
+        Ok(ExportedTwin {
+            program: &system.program,
+            settings: SolverSettings::of_runs(),
+            period_s,
+            between: between(study),
+            ranges,
+            sensors: slots(study, sensors)?,
+            possible: inputs.chain(readable).collect(),
+            reactions: vec![],
+        })
+    }
+
     /// The index of a component's first parameter among those of all components.
     pub(crate) fn first_parameter(&self, component: usize) -> usize {
         let before = &self.program.network().components[..component];

@@ -38,11 +38,9 @@ pub struct FileHash {
     pub sha256: String,
 }
 
-impl FileHashes {
-    /// The known hash of a file.
-    fn hash_of(&self, file: &str) -> Option<&FileHash> {
-        self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
-    }
+/// The hash of a file that the inputs and outputs of a manifest know.
+pub fn hash_of<'m>(known: [&'m [FileHash]; 2], file: &str) -> Option<&'m FileHash> {
+    known.into_iter().flatten().find(|known| known.file == file)
 }
 
 /// Writes a manifest into its folder; the same manifest gives the same bytes.
@@ -85,7 +83,7 @@ pub fn read<Manifest: DeserializeOwned>(folder: &Path) -> Result<Option<Manifest
 pub fn check(path: &Path) -> Result<(), FileError> {
     let Some((folder, name)) = place(path).filter(|_| path.is_file()) else { return Ok(()) };
     let Some(manifest) = read::<FileHashes>(folder)? else { return Ok(()) };
-    match manifest.hash_of(name) {
+    match hash_of([&manifest.inputs, &manifest.outputs], name) {
         Some(known) if known.sha256 != sha256(path)? => {
             Err(FileError::Altered { path: path.into(), remedy: remedy(folder, name) })
         }
@@ -103,7 +101,7 @@ pub fn forget(path: &Path) -> Result<(), FileError> {
     let _writing = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
     let Some((folder, name)) = place(path) else { return Ok(()) };
     let Ok(Some(mut manifest)) = read::<FileHashes>(folder) else { return Ok(()) };
-    if manifest.hash_of(name).is_none() {
+    if hash_of([&manifest.inputs, &manifest.outputs], name).is_none() {
         return Ok(());
     }
     manifest.inputs.retain(|known| known.file != name);

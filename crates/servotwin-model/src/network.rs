@@ -10,6 +10,7 @@ use crate::fluid::Fluid;
 use crate::hash::{Canonical, Fingerprint};
 use crate::spec::{PortKind, Unit};
 use crate::wiring::{Collected, Node, Role, Sum, Variable, Wiring};
+use alloc::format;
 use alloc::string::String;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -41,6 +42,26 @@ impl Instance {
             fault_full: spec.faults.iter().map(|f| f.full).collect(),
             fluid: Fluid::default(),
         }
+    }
+
+    /// The full name of a parameter, by its index.
+    pub fn parameter_name(&self, parameter: usize) -> String {
+        format!("{}.{}", self.id, self.component.parameters[parameter].name)
+    }
+
+    /// The full name of a fault, by its index.
+    pub fn fault_name(&self, fault: usize) -> String {
+        format!("{}.{}", self.id, self.component.faults[fault].name)
+    }
+
+    /// The full names of all its parameters.
+    pub fn parameter_names(&self) -> impl Iterator<Item = String> {
+        (0..self.parameters.len()).map(|parameter| self.parameter_name(parameter))
+    }
+
+    /// The full names of all its faults.
+    pub fn fault_names(&self) -> impl Iterator<Item = String> {
+        (0..self.fault_full.len()).map(|fault| self.fault_name(fault))
     }
 
     /// The permitted range of a parameter: as declared, and for a circuit's temperature also within the validity of the

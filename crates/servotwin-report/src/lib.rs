@@ -15,7 +15,6 @@ mod overview;
 pub mod schematic;
 mod sections;
 pub mod stages;
-pub mod table;
 pub mod vocabulary;
 pub mod words;
 mod write;

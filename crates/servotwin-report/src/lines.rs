@@ -73,9 +73,7 @@ pub fn alarms_in_words(healthy: &HealthyMetrics) -> String {
 /// What the flights cover: the ranges of inputs and of the parameters of one actuator, with their units.
 pub fn flown_ranges(study: &Study) -> Option<String> {
     let ranges = study.environment_ranges()?.ranges;
-    let other = |name: &str| {
-        study.actuators.iter().skip(1).any(|actuator| name.starts_with(&format!("{actuator}.")))
-    };
+    let other = |name: &str| study.actuator_of(name).is_some_and(|actuator| actuator > 0);
     let own = ranges.iter().filter(|(name, _)| !other(name)).map(|(name, [low, high])| {
         let short =
             study.actuators.first().and_then(|actuator| name.strip_prefix(&format!("{actuator}.")));

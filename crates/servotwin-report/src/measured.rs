@@ -5,9 +5,7 @@
 
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
-use crate::words::{
-    begun, by_environment, by_environment_and_tail, chosen, distinct, number, percent, spoken,
-};
+use crate::words::{begun, by_environment, distinct, healthy_flights, number, percent, spoken};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -78,7 +76,7 @@ impl Measured<'_> {
             page.add(section);
         }
         flights.iter().for_each(|own| all_scenarios(own, &words, "", &mut page));
-        healthy.iter().for_each(|run| page.add(healthy_flights(run)));
+        healthy.iter().for_each(|run| page.add(self::healthy(run)));
         if let Some((sealed, known)) = sealed {
             let mut section = Document::section("sealed", "Sealed environments");
             section.text(sealed.in_words(*known));
@@ -125,20 +123,13 @@ const SEALED: &str = "\
 Nobody tuned anything on these environments: their seed was drawn after the diagnosers were finished.\n\
 Every opening is on record, also those without a result.";
 
-fn healthy_flights(run: &FlownSuite) -> Document {
-    let (scenario, summary) = (run.title(), run.healthy());
+fn healthy(run: &FlownSuite) -> Document {
+    let (scenario, (flown, lines)) = (run.title(), healthy_flights(run));
     let title = format!("Healthy flights, scenario {scenario}");
     let mut section = Document::section(format!("healthy:{scenario}"), title);
-    section.text(format!(
-        "{} healthy flights of {} s, each in an environment of its own (seed {}); {:.1} hours.",
-        run.outcomes.len(),
-        chosen(run.longest_s()),
-        run.seed,
-        summary.hours
-    ));
-    let lines = by_environment_and_tail(&summary).into_iter();
-    section.list("lines", lines.map(|line| format!("{}.", begun(&line))));
-    section.data("summary", &summary);
+    section.text(format!("{}.", begun(&flown)));
+    section.list("lines", lines.into_iter().map(|line| format!("{}.", begun(&line))));
+    section.data("summary", &run.healthy());
     section
 }
 

@@ -1,7 +1,9 @@
 //! Formats numbers and names for reports.
 
+use servotwin::job::outcomes::FlownSuite;
 use servotwin::learn::metrics::{Rate, Tail};
 use servotwin::measure::flights::{EnvironmentMetrics, HealthyMetrics};
+use servotwin::run::fitted_twins::CalibrationRecords;
 
 pub use servotwin_io::text::{number, spoken};
 use servotwin_view::document::Value;
@@ -15,7 +17,7 @@ pub(crate) fn by_environment(all: EnvironmentMetrics) -> String {
 
 /// What healthy flights, each in an environment of its own, say of false alarms: the counts, and the rate that the tail
 /// of the largest evidence gives. First all actions, then shutdowns.
-pub fn by_environment_and_tail(healthy: &HealthyMetrics) -> Vec<String> {
+fn by_environment_and_tail(healthy: &HealthyMetrics) -> Vec<String> {
     let HealthyMetrics { environments, shutdown_environments, nearness, .. } = healthy;
     let near = nearness.as_ref();
     let of_any = near.map(|near| extrapolated(&near.tail, near.largest_evidence));
@@ -29,6 +31,29 @@ pub fn by_environment_and_tail(healthy: &HealthyMetrics) -> Vec<String> {
         of_off,
     ];
     lines.into_iter().flatten().collect()
+}
+
+/// Healthy flights, each in an environment of its own: what was flown, and what it says of false alarms.
+pub fn healthy_flights(run: &FlownSuite) -> (String, Vec<String>) {
+    let (healthy, seconds) = (run.healthy(), chosen(run.longest_s()));
+    let flown = format!(
+        "{}: {} healthy flights of {seconds} s, each in an environment of its own (seed {}), {} not finished; {:.1} h",
+        run.title(),
+        run.outcomes.len(),
+        run.seed,
+        run.failed(),
+        healthy.hours
+    );
+    (flown, by_environment_and_tail(&healthy))
+}
+
+/// What became of the calibration flights of twins that are fitted to plants of another structure.
+pub fn fitted_twins(calibration: &CalibrationRecords) -> String {
+    let CalibrationRecords { flown, rejected, with_findings } = calibration;
+    format!(
+        "of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left a \
+         deviation"
+    )
 }
 
 /// The rate at which the largest evidence of a flight reaches its limit, by the tail of all flights.
@@ -151,7 +176,7 @@ pub(crate) fn unit(unit: &str) -> &str {
 }
 
 /// Returns each value once, in the order of first appearance.
-pub fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
+pub(crate) fn distinct<T: PartialEq>(values: impl IntoIterator<Item = T>) -> Vec<T> {
     values.into_iter().fold(vec![], |mut known, value| {
         if !known.contains(&value) {
             known.push(value);

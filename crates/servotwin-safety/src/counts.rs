@@ -4,7 +4,7 @@
 //! if it reports no fault; a test in an invalid environment is repeated. Both fly the same faults at the same
 //! intensities; flight and test number k of a fault at an intensity make a pair.
 
-use crate::interval::{CountedValue, poisson_rate_per_h};
+use crate::interval::{CountedValue, clopper_pearson, poisson_rate_per_h};
 use crate::results::StudyResultsFolder;
 use servotwin::job::{Folder, JobError, outcomes};
 use servotwin::measure::flights::{FlightMetrics, STRONG};
@@ -29,25 +29,21 @@ pub(crate) enum FaultIntensities {
     Weak,
 }
 
-/// What happened in the judged flights with faults of one action.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct ActionCounts {
-    /// All of them.
-    pub(crate) flown: u64,
+/// What became of a fault that needs an action.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Answer {
     /// The right action was not the first one.
-    pub(crate) missed: u64,
+    Missed,
     /// Nothing was raised, or nothing was visible.
-    pub(crate) hidden: u64,
+    Hidden,
+    /// It was hidden and tested on the ground, and the test passed it.
+    Passed,
     /// Nothing was visible.
-    pub(crate) invisible: u64,
+    Invisible,
     /// Another action was raised for the right actuator.
-    pub(crate) other_action: u64,
+    OtherAction,
     /// Another actuator was shut down.
-    pub(crate) wrong_shutdown: u64,
-    /// Of the hidden ones: their faults were tested on the ground.
-    pub(crate) tested: u64,
-    /// Of these: the test passed them.
-    pub(crate) passed: u64,
+    WrongShutdown,
 }
 
 /// Judged flights of one suite and scenario.
@@ -105,8 +101,12 @@ impl JudgedFlights {
         JudgedFlights { passed, ..self }
     }
 
-    /// The counts of the faults that need an action.
-    pub(crate) fn of(&self, action: &str, intensities: FaultIntensities) -> ActionCounts {
+    /// How many faults that need an action got an answer, and of how many: those that were flown, or tested.
+    pub(crate) fn count(
+        &self,
+        (action, intensities): (&str, FaultIntensities),
+        answer: Answer,
+    ) -> [u64; 2] {
         let is_meant = |row: &RunOutcome| match intensities {
             FaultIntensities::All => true,
             FaultIntensities::Strong => row.intensity >= STRONG,
@@ -116,20 +116,38 @@ impl JudgedFlights {
         let own = self.faults.iter().filter(|row| is_own(row));
         let counts = |measure: &Measure| measure.count(own.clone());
         let [visible, flown] = counts(&VISIBLE);
-        let [silent, _] = counts(&SILENT);
-        let passed = self.passed.iter().flatten().zip(&self.faults);
-        let passed = passed.filter(|(_, row)| is_own(row) && is_hidden(row));
-        let passed: Vec<bool> = passed.filter_map(|(passed, _)| *passed).collect();
-        ActionCounts {
-            flown,
-            missed: flown - counts(&RIGHT_ACTION_OF_ALL)[0],
-            hidden: flown - visible + silent,
-            invisible: flown - visible,
-            other_action: counts(&OTHER_ACTION)[0],
-            wrong_shutdown: counts(&WRONG_SHUTDOWN)[0],
-            tested: passed.len() as u64,
-            passed: passed.iter().filter(|passed| **passed).count() as u64,
+        match answer {
+            Answer::Missed => [flown - counts(&RIGHT_ACTION_OF_ALL)[0], flown],
+            Answer::Hidden => [flown - visible + counts(&SILENT)[0], flown],
+            Answer::Invisible => [flown - visible, flown],
+            Answer::OtherAction => [counts(&OTHER_ACTION)[0], flown],
+            Answer::WrongShutdown => [counts(&WRONG_SHUTDOWN)[0], flown],
+            Answer::Passed => {
+                let tested = self.passed.iter().flatten().zip(&self.faults);
+                let tested = tested.filter(|(_, row)| is_own(row) && is_hidden(row));
+                let passed: Vec<bool> = tested.filter_map(|(passed, _)| *passed).collect();
+                [passed.iter().filter(|passed| **passed).count() as u64, passed.len() as u64]
+            }
         }
+    }
+
+    /// The share of the faults that need an action and get an answer, and its evidence.
+    pub(crate) fn share(
+        &self,
+        faults: (&str, FaultIntensities),
+        answer: Answer,
+        confidence: f64,
+    ) -> (CountedValue, String) {
+        let [count, of] = self.count(faults, answer);
+        let evidence = match (answer, of) {
+            (Answer::Passed, 0) => "no test of a hidden fault, so nothing is known".into(),
+            (Answer::Passed, _) => {
+                format!("{count} of {of} tests, outcomes-judge-*.parquet of both")
+            }
+            (_, 0) => "not flown, so nothing is known".into(),
+            _ => format!("{count} of {of} flights, flights.json, scenario {}", self.title),
+        };
+        (clopper_pearson(count, of, confidence), evidence)
     }
 
     /// Shutdowns of healthy lanes by false alarms, per hour of a lane, with their evidence.
@@ -209,13 +227,17 @@ mod tests {
         let flights = JudgedFlights { faults: flights, ..JudgedFlights::default() };
         let flights = flights.with_tests(&tests);
         let of = |intensities| {
-            let counts = flights.of("shut_down", intensities);
-            [counts.flown, counts.missed, counts.hidden, counts.tested, counts.passed]
+            let count = |answer| flights.count(("shut_down", intensities), answer);
+            let [[missed, flown], [hidden, _]] = [Answer::Missed, Answer::Hidden].map(count);
+            let [passed, tested] = count(Answer::Passed);
+            [flown, missed, hidden, tested, passed]
         };
         // The fault of intensity 0.4 was never tested; the second flight of 0.7 has the second test.
         assert_eq!(of(FaultIntensities::All), [5, 4, 4, 3, 1]);
         assert_eq!(of(FaultIntensities::Weak), [3, 3, 3, 2, 1]);
         assert_eq!(of(FaultIntensities::Strong), [2, 1, 1, 1, 0]);
-        assert_eq!(flights.of("change_mode", FaultIntensities::All), ActionCounts::default());
+        for answer in [Answer::Missed, Answer::Hidden, Answer::Passed, Answer::Invisible] {
+            assert_eq!(flights.count(("change_mode", FaultIntensities::All), answer), [0, 0]);
+        }
     }
 }

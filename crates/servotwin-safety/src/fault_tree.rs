@@ -2,11 +2,11 @@
 //! flight hour.
 
 use crate::error::SafetyError;
-use crate::interval::CountedValue;
+use crate::interval::{CONFIDENCE, CountedValue};
 use crate::rated_flights::RatedFlights;
 use crate::rates::rated_faults;
 use crate::results::StudyResultsFolder;
-use crate::tree::lanes::{CONFIDENCE, LaneTrees, TreeParameter, lane_trees};
+use crate::tree::lanes::{LaneTrees, TreeParameter, lane_trees};
 use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
 use crate::tree::{drawing, exchange};
 use serde::Serialize;

@@ -13,6 +13,21 @@ pub struct CountedValue {
     pub high: f64,
 }
 
+/// The joint confidence of all counted intervals of a result together.
+pub(crate) const CONFIDENCE: f64 = 0.95;
+
+/// The confidence of each of so many intervals, with which all together have [`CONFIDENCE`] (Bonferroni).
+pub(crate) fn confidence_of_each(intervals: usize) -> f64 {
+    1.0 - (1.0 - CONFIDENCE) / intervals as f64
+}
+
+impl CountedValue {
+    /// A number that was given, not counted.
+    pub(crate) fn given(value: f64) -> Self {
+        CountedValue { point: value, low: value, high: value }
+    }
+}
+
 /// The two-sided interval of Clopper and Pearson for a share, after `count` successes in `of` independent trials, at a
 /// `confidence` within 0 … 1. It covers the whole range 0 … 1 without trials; the estimate is then the upper end,
 /// because nothing is known.

@@ -9,7 +9,7 @@
 
 use crate::error::{SafetyError, unknown};
 use servotwin::moment::rounded;
-use servotwin::study::Study;
+use servotwin::study::{FaultCase, Study};
 use servotwin::table::csv::texts::{self, TextRow, Texts};
 use servotwin::table::{Column, Table};
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
 
 /// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
 pub(crate) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
-    study.unit_of(fault).map(|actuator| study.actuators[actuator].as_str())
+    study.actuator_of(fault).map(|actuator| study.actuators[actuator].as_str())
 }
 
 /// A fault's name without its actuator.
@@ -143,6 +143,15 @@ impl FailureRates {
     pub(crate) fn of(&self, id: &str, kind: &str) -> Option<&FailureRate> {
         let find = |name: &str| self.list.iter().find(|rate| rate.fault == name);
         find(id).or_else(|| find(kind))
+    }
+
+    /// The rated faults of a study. One stands in the study's list once for each intensity, and here once.
+    pub(crate) fn of_study<'r>(
+        &'r self,
+        study: &'r Study,
+    ) -> impl Iterator<Item = (&'r FaultCase, &'r FailureRate)> {
+        let faults = study.faults.chunk_by(|fault, next| fault.id == next.id);
+        faults.filter_map(|same| Some((&same[0], self.of(&same[0].id, &same[0].kind)?)))
     }
 
     /// Refuses rates that lack a fault of a study.

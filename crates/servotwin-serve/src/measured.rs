@@ -9,7 +9,6 @@ use servotwin::live::watcher::Watcher;
 use servotwin::moment;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_model::lanes::Level;
 use servotwin_watch::Watch;
 use servotwin_watch::guard::accepted_ranges;
 use servotwin_watch::map::Map;
@@ -102,12 +101,8 @@ impl LiveSource for Stream<'_> {
             event(now_s, "refused", json!({ "why": Refused::Measured.to_string() }))
         };
         let refuse = || requests.try_iter().for_each(|_| feed.event(&refused()));
-        thread::scope(|scope| {
-            scope.spawn(|| system.compiled.steps(&system.program, Level::Single));
-            let watched = self.watch(feed, stop, &mut |_, _| refuse());
-            system.compiled.give_up();
-            watched
-        })?;
+        let watch = || self.watch(feed, stop, &mut |_, _| refuse());
+        system.compiled.beside(&system.program, watch)?;
         // Viewers may read on when the stream has ended.
         while !stop.load(Ordering::Relaxed) {
             refuse();

@@ -104,9 +104,15 @@ impl Compiled {
         self.of(level).get()?.as_ref().map(|loaded| &loaded.steps)
     }
 
-    /// Ends running compilers and starts none; use it when their results are no longer needed.
-    pub fn give_up(&self) {
-        self.given_up.store(true, Ordering::Relaxed);
+    /// Compiles the step of one lane beside some work. At the end of the work running compilers end, and none starts
+    /// any more.
+    pub fn beside<T>(&self, program: &Program, work: impl FnOnce() -> T) -> T {
+        thread::scope(|scope| {
+            scope.spawn(|| self.steps(program, Level::Single));
+            let done = work();
+            self.given_up.store(true, Ordering::Relaxed);
+            done
+        })
     }
 
     fn of(&self, level: Level) -> &OnceLock<Option<Loaded>> {

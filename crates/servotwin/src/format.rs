@@ -389,7 +389,8 @@ pub fn usual<T: Read>() -> T {
 /// the book's table and the fields' documentation all come from this declaration.
 ///
 /// A field has `must` or `may`, a name, a type, the kind of value unless the type implies it, behind `=>` the default
-/// unless the type implies it, and a summary.
+/// unless the type implies it, and a summary. A field with `with` is another section, whose keys stand among those of
+/// this one.
 #[macro_export]
 macro_rules! section {
     (
@@ -412,14 +413,15 @@ macro_rules! section {
         }
 
         impl $Name {
-            /// The keys of this section.
-            pub(crate) const KEYS: &'static [$crate::format::Key] = &[
-                $($crate::format::$need(
-                    $crate::format::name(stringify!($field)),
-                    $crate::section!(@value $type $(, $value)?),
-                    $summary,
-                )),*
+            /// The keys of each field.
+            const OF_FIELDS: &'static [&'static [$crate::format::Key]] = &[
+                $($crate::section!(@keys $need $field $type, $summary $(, $value)?)),*
             ];
+
+            /// The keys of this section.
+            pub(crate) const KEYS: &'static [$crate::format::Key] = &$crate::format::joined::<
+                { $crate::format::count(Self::OF_FIELDS) },
+            >(Self::OF_FIELDS);
 
             /// Reads the entries of a table, `None` if they have mistakes; `place` locates it in messages.
             pub(crate) fn of(
@@ -427,14 +429,21 @@ macro_rules! section {
                 place: (&$crate::format::TextSpan, &str),
                 mistakes: &mut $crate::format::Collector,
             ) -> Option<Self> {
-                let mut keys = Self::KEYS.iter();
                 $crate::format::only(Self::KEYS, all, place.1, mistakes);
+                Self::of_known(all, place, mistakes)
+            }
+
+            /// The same, where other sections check which keys there are.
+            pub(crate) fn of_known(
+                all: &[$crate::format::Entry],
+                place: (&$crate::format::TextSpan, &str),
+                mistakes: &mut $crate::format::Collector,
+            ) -> Option<Self> {
+                let (mut keys, _) = (Self::OF_FIELDS.iter(), place);
                 $(
-                    let key = *keys.next().expect("one key for each field");
-                    let $field: Option<$type> = match $crate::format::get(all, key.name) {
-                        Some(entry) => $crate::format::Read::read(entry, key, mistakes),
-                        None => $crate::section!(@missing $need key, all, place, mistakes $(, $default)?),
-                    };
+                    let keys_of_field = *keys.next().expect("a list for each field");
+                    let $field: Option<$type> =
+                        $crate::section!(@read $need $type, keys_of_field, all, place, mistakes $(, $default)?);
                 )*
                 Some(Self { $($field: $field?),* })
             }
@@ -453,11 +462,28 @@ macro_rules! section {
             }
         }
     };
+    (@keys with $field:ident $type:ty, $summary:literal) => { <$type>::KEYS };
+    (@keys $need:ident $field:ident $type:ty, $summary:literal $(, $value:expr)?) => {
+        &[$crate::format::$need(
+            $crate::format::name(stringify!($field)),
+            $crate::section!(@value $type $(, $value)?),
+            $summary,
+        )]
+    };
+    (@read with $type:ty, $keys:ident, $all:ident, $place:ident, $mistakes:ident) => {
+        <$type>::of_known($all, ($place, $keys).0, $mistakes)
+    };
+    (@read $need:ident $type:ty, $keys:ident, $all:ident, $place:ident, $mistakes:ident $(, $default:expr)?) => {
+        match $crate::format::get($all, $keys[0].name) {
+            Some(entry) => $crate::format::Read::read(entry, $keys[0], $mistakes),
+            None => $crate::section!(@missing $need $keys, $all, $place, $mistakes $(, $default)?),
+        }
+    };
     (@value $type:ty) => { <$type as $crate::format::Read>::VALUE };
     (@value $type:ty, $value:expr) => { $value };
-    (@missing must $key:ident, $all:ident, $at:ident, $mistakes:ident) => { $crate::format::missing($key, $all, $at, $mistakes) };
-    (@missing may $key:ident, $all:ident, $at:ident, $mistakes:ident) => { Some(Default::default()) };
-    (@missing may $key:ident, $all:ident, $at:ident, $mistakes:ident, $default:expr) => { Some($default) };
+    (@missing must $keys:ident, $all:ident, $at:ident, $mistakes:ident) => { $crate::format::missing($keys[0], $all, $at, $mistakes) };
+    (@missing may $keys:ident, $all:ident, $at:ident, $mistakes:ident) => { Some(Default::default()) };
+    (@missing may $keys:ident, $all:ident, $at:ident, $mistakes:ident, $default:expr) => { Some($default) };
 }
 pub use section;
 
@@ -487,6 +513,35 @@ pub const fn name(field: &'static str) -> &'static str {
         [b'r', b'#', ..] => field.split_at(2).1,
         _ => field,
     }
+}
+
+/// The number of keys in some lists.
+pub const fn count(lists: &[&[Key]]) -> usize {
+    let (mut list, mut all) = (0, 0);
+    while list < lists.len() {
+        all += lists[list].len();
+        list += 1;
+    }
+    all
+}
+
+/// The keys of some lists, which are [`count`]ed, in one.
+///
+/// # Panics
+/// There are other keys than `N`.
+pub const fn joined<const N: usize>(lists: &[&[Key]]) -> [Key; N] {
+    let mut keys = [may("", Value::Flag, ""); N];
+    let (mut list, mut all) = (0, 0);
+    while list < lists.len() {
+        let mut key = 0;
+        while key < lists[list].len() {
+            keys[all] = lists[list][key];
+            (key, all) = (key + 1, all + 1);
+        }
+        list += 1;
+    }
+    assert!(all == N);
+    keys
 }
 
 /// Notes the entries of a table that no key declares.

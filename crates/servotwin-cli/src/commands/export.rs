@@ -6,13 +6,10 @@ use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run};
 use servotwin::learn::model_file;
-use servotwin::live::runtime::{RuntimeError, between, slots};
-use servotwin::study::Study;
-use servotwin_diagnosis::diagnoser::Diagnoser;
+use servotwin::live::runtime::RuntimeError;
 use servotwin_export::fmu::{self, Version};
 use servotwin_export::folder::ExportFolder;
-use servotwin_export::{ExportError, ExportedReaction, ExportedTwin};
-use servotwin_model::solver::SolverSettings;
+use servotwin_export::{ExportError, ExportedTwin};
 use servotwin_view::document::{Document, Verdict, line};
 use servotwin_watch::guard;
 use std::path::{Path, PathBuf};
@@ -106,8 +103,10 @@ fn write_fmu(options: &FmuOptions) -> Result<Document, Failure> {
     let place = options.study.clone().or_else(|| file.map(study_beside));
     let study = find_study(place.as_deref())?;
     let twin = match diagnoser.as_ref().zip(file) {
-        Some((diagnoser, file)) => twin_of(&study, diagnoser, false).map_err(unfit(file))?,
-        None => twin_alone(&study).map_err(ExportError::from)?,
+        Some((diagnoser, file)) => {
+            ExportedTwin::beside(&study, diagnoser, false).map_err(unfit(file))?
+        }
+        None => ExportedTwin::alone(&study).map_err(ExportError::from)?,
     };
     let name = study.system.name.as_str();
     let out = options.out.clone().unwrap_or_else(|| format!("{name}.fmu").into());
@@ -127,7 +126,8 @@ fn write_c(options: &COptions, global: Global) -> Result<Document, Failure> {
     guard::of_records(&diagnoser).iter().for_each(|text| note(global, text));
     let place = options.study.clone().unwrap_or_else(|| study_beside(&file));
     let study = find_study(Some(&place))?;
-    let twin = twin_of(&study, &diagnoser, options.fixed_step).map_err(unfit(&file))?;
+    let twin = ExportedTwin::beside(&study, &diagnoser, options.fixed_step);
+    let twin = twin.map_err(unfit(&file))?;
     let written = ExportFolder::new(&options.out).write((&diagnoser, &file), (&twin, &place))?;
     let values = [("folder", (&options.out).into()), ("files", written.files_sha256.len().into())];
     let verdict = line("{folder}: {files} files; 'servotwin prove {folder}' proves them", values);
@@ -147,54 +147,4 @@ pub(crate) fn study_beside(diagnoser: &Path) -> PathBuf {
 /// The failure of a diagnoser that does not fit its study.
 pub(crate) fn unfit(file: &Path) -> impl Fn(RuntimeError) -> Failure {
     move |error| Failure::of_diagnoser(file, &error)
-}
-
-/// The twin that runs beside a diagnoser.
-///
-/// # Errors
-/// The diagnoser is for another study.
-pub(crate) fn twin_of<'s>(
-    study: &'s Study,
-    diagnoser: &Diagnoser,
-    has_fixed_step: bool,
-) -> Result<ExportedTwin<'s>, RuntimeError> {
-    let sensors = diagnoser.sensors.iter().map(|sensor| sensor.name.as_str());
-    let ranges = diagnoser.environment.inputs.iter().map(|input| [input.least, input.largest]);
-    let settings =
-        if has_fixed_step { SolverSettings::real_time() } else { SolverSettings::of_runs() };
-    let twin = twin(study, settings, diagnoser.period_s, ranges.collect(), sensors)?;
-    Ok(ExportedTwin { reactions: ExportedReaction::all(study, diagnoser), ..twin })
-}
-
-/// A twin with all sensors of its study.
-fn twin_alone(study: &Study) -> Result<ExportedTwin<'_>, RuntimeError> {
-    let network = study.system.network();
-    let sensors = study.system.sensors.iter().map(|sensor| sensor.id.as_str());
-    let ranges = (0..network.inputs.len()).map(|input| network.input_range(input).into());
-    twin(study, SolverSettings::of_runs(), study.sample_period_s, ranges.collect(), sensors)
-}
-
-/// A twin of a study with these sensors, by id.
-fn twin<'s, 'n>(
-    study: &'s Study,
-    settings: SolverSettings,
-    period_s: f64,
-    ranges: Vec<[f64; 2]>,
-    sensors: impl Iterator<Item = &'n str> + Clone,
-) -> Result<ExportedTwin<'s>, RuntimeError> {
-    let known = &study.system.sensors;
-    let place = |id: &str| known.iter().position(|sensor| sensor.id == id);
-    let inputs =
-        (0..study.system.network().inputs.len()).map(|input| study.system.accepted_range(input));
-    let readable = sensors.clone().filter_map(place).map(|place| study.system.readable(place));
-    Ok(ExportedTwin {
-        possible: inputs.chain(readable).collect(),
-        reactions: vec![],
-        program: &study.system.program,
-        settings,
-        period_s,
-        between: between(study),
-        ranges,
-        sensors: slots(study, sensors)?,
-    })
 }

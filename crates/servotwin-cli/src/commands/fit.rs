@@ -347,8 +347,7 @@ fn chosen(names: &[String], all: &[Unknown], study: &Study) -> Result<Vec<Unknow
     let mut found: Vec<Unknown> = Vec::new();
     for name in names {
         let is_named = |&(component, parameter, _): &(usize, usize, f64)| {
-            let instance = &components[component];
-            let id = format!("{}.{}", instance.id, instance.component.parameters[parameter].name);
+            let id = components[component].parameter_name(parameter);
             id == *name || id.ends_with(&format!(".{name}"))
         };
         let own: Vec<&Unknown> =

@@ -13,12 +13,11 @@ use servotwin::measure::flights::FlightMetrics;
 use servotwin::measure::unseen::{
     EARLY_ALARM, NEVER_SHUT_DOWN, NO_RESPONSE, OTHER_RESPONSE, RIGHT_RESPONSE,
 };
-use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::suites::{FLIGHTS, RECORDS};
 use servotwin::study::{Scenario, Study};
 use servotwin_report::lines;
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{by_environment_and_tail, share_of};
+use servotwin_report::words::{fitted_twins, healthy_flights, share_of};
 use servotwin_view::document::{Document, Verdict};
 
 /// Judges the stored diagnosers in sealed environments.
@@ -66,7 +65,7 @@ pub(super) fn described(
     let all_healthy = outcomes::healthy(folder)?;
     let healthy_runs: Vec<&FlownSuite> = all_healthy.iter().filter(named).collect();
     let verdict = match healthy_runs.first().filter(|_| shown.is_empty()) {
-        Some(own) => format!("{}: {}", own.title(), by_environment_and_tail(&own.healthy())[0]),
+        Some(own) => format!("{}: {}", own.title(), healthy_flights(own).1[0]),
         None => format!("{flown} {run}s with a fault are judged, whether a sensor shows it or not"),
     };
     let mut document = Document::new("flights", Verdict::neutral(verdict));
@@ -104,32 +103,16 @@ fn summary(document: &mut Document, metrics: &FlightMetrics, words: &Vocabulary)
     document.text(format!("  {}", rates.collect::<Vec<_>>().join("; ")));
     document.text(format!("  false alarms {}", lines::alarms_in_words(&metrics.healthy)));
     if let Some(calibration) = &metrics.calibration {
-        document.text(fitted_plants(calibration));
+        document.text(format!("  {}", fitted_twins(calibration)));
     }
 }
 
 /// Describes the healthy flights of a suite in a scenario.
 fn healthy(document: &mut Document, flown: &FlownSuite) {
-    let (count, failed, healthy) = (flown.outcomes.len(), flown.failed(), flown.healthy());
-    let title = format!(
-        "{}: {count} healthy flights of {} s, each in an environment of its own (seed {}), {failed} not finished; {:.1} h",
-        flown.title(),
-        flown.longest_s(),
-        flown.seed,
-        healthy.hours
-    );
+    let (title, lines) = healthy_flights(flown);
     let mut section = Document::section("", title);
-    by_environment_and_tail(&healthy).into_iter().for_each(|line| _ = section.text(line));
+    lines.into_iter().for_each(|line| _ = section.text(line));
     document.add(section);
-}
-
-/// Describes the flights beside twins that are fitted to plants of another structure.
-fn fitted_plants(calibration: &CalibrationRecords) -> String {
-    let CalibrationRecords { flown, rejected, with_findings } = calibration;
-    format!(
-        "  of {flown} twins {rejected} stayed nominal, because their records were rejected; {with_findings} fits left a \
-         deviation"
-    )
 }
 
 /// Describes the flights of a challenge set in a line.

@@ -3,14 +3,14 @@
 
 use super::fly_truth::{self, AnsweredFault};
 use super::simulate::{fault, onset};
-use super::{StudyOptions, learned, note, quantity};
+use super::{StudyOptions, diagnoser_at_hand, learned, quantity};
 use crate::failure::Failure;
 use crate::{Global, Run, stop};
 use servotwin::files::create_folder;
-use servotwin::job::{Folder, JobError, flights};
+use servotwin::job::{Folder, JobError};
 use servotwin::live::closed_loop::{self, ClosedLoop, FlightRecord};
 use servotwin::live::cost::{Cost, Fluid};
-use servotwin::live::tracking::{TrackedQuantities, command_unit, first_report_s};
+use servotwin::live::tracking::{Deviation, TrackedQuantities, command_unit, first_report_s};
 use servotwin::recording::with_suffix;
 use servotwin::signal::Signal;
 use servotwin::study::{FaultCase, Scenario, Study};
@@ -22,7 +22,6 @@ use servotwin_report::words::{number, spoken};
 use servotwin_view::document::{Document, Table as Rows, Value, Verdict};
 use servotwin_view::row;
 use servotwin_view::time_series::{Band, Mark, Panel, Series, TimeSeries};
-use servotwin_watch::shipped;
 use std::sync::Arc;
 
 /// Fly a plant in which a fault begins, with and without the diagnosis, and show the benefit.
@@ -157,18 +156,12 @@ pub(crate) fn diagnoser(
     scenario: Scenario,
     global: Global,
 ) -> Result<Arc<Diagnoser>, Failure> {
-    if folder.diagnoser(scenario).exists() {
-        return Ok(Arc::new(flights::diagnoser(folder, scenario)?));
+    let may_be_shipped = scenario == Scenario::Noise && !study.is_full;
+    if let Some(own) = diagnoser_at_hand((folder, study), scenario, may_be_shipped, global)? {
+        return Ok(Arc::new(own));
     }
     if study.flights.is_none() {
         return Err(JobError::NoFlights.into());
-    }
-    let may_be_shipped = scenario == Scenario::Noise && !study.is_full;
-    if let Some(shipped) = may_be_shipped.then(|| shipped::diagnoser(study)).flatten() {
-        let text =
-            "the diagnosis comes with the program; servotwin study --suite flights learns one";
-        note(global, text);
-        return Ok(Arc::new(shipped));
     }
     let _hold = options.keep(study, global)?;
     Ok(Arc::new(learned((folder, study), scenario, options.threads, global)?))
@@ -305,16 +298,10 @@ impl Flown<'_> {
     /// The root mean square and the largest tracking error, SI, and the root mean square of the force fight, N.
     fn numbers(&self, record: &FlightRecord, onset_s: f64) -> [Option<f64>; 3] {
         let since = record.time_s.iter().position(|time| *time >= onset_s).unwrap_or(0);
-        let rms = |v: Vec<f64>| {
-            let tail = &v[since..];
-            (tail.iter().map(|x| x * x).sum::<f64>() / tail.len().max(1) as f64).sqrt()
-        };
-        let largest = |v: Vec<f64>| v[since..].iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-        [
-            self.tracking_error(record).map(rms),
-            self.tracking_error(record).map(largest),
-            self.force_fight(record).map(rms),
-        ]
+        let deviation = |values: Vec<f64>| Deviation::since(since, &values);
+        let error = self.tracking_error(record).map(deviation);
+        let fight = self.force_fight(record).map(deviation);
+        [error.map(|own| own.rms), error.map(|own| own.largest), fight.map(|own| own.rms)]
     }
 
     /// The verdict, what the diagnosis is good for, and its evidence.

@@ -35,17 +35,11 @@ impl AnsweredFault {
         record: &FlightRecord,
         diagnoser: &Diagnoser,
     ) -> Self {
-        let instance = &study.system.network().components[fault.component];
-        let name = format!("{}.{}", instance.id, instance.component.faults[fault.fault].name);
+        let name = study.system.network().components[fault.component].fault_name(fault.fault);
         let same = |at: FaultAt| (at.component, at.fault) == (fault.component, fault.fault);
         let known = study.faults.iter().find(|case| same(case.at));
-        let begins =
-            |actuator: &&String| actuator.is_empty() || name.starts_with(&format!("{actuator}."));
-        let actuator = match known {
-            Some(case) => study.actuators.get(case.actuator),
-            None => study.actuators.iter().find(begins),
-        };
-        let actuator = actuator.cloned().unwrap_or_default();
+        let actuator = study.actuator_of(&name).map(|actuator| study.actuators[actuator].clone());
+        let actuator = actuator.unwrap_or_default();
         let class = known.map(|case| &study.classes[case.class]);
         let expected = class.map(|class| [class.action.clone(), class.detail.clone()]);
         let names = diagnoser.names();

@@ -46,6 +46,7 @@ use servotwin::table::{self, Table};
 use servotwin::toml_text::counted;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::spec::Unit;
+use servotwin_watch::shipped;
 use servotwin_watch::source::SourceError;
 use servotwin_watch::span::LogSpan;
 use std::io::Write;
@@ -177,6 +178,26 @@ fn learned(
     let learned = Job { crew, ..Job::new(study, folder) }.learn(scenario);
     stop::check()?;
     Ok(learned?)
+}
+
+/// The diagnoser of a scenario in a folder. If it is missing and `may_be_shipped`, the built-in aileron has one that comes
+/// with the program.
+fn diagnoser_at_hand(
+    (folder, study): (&Folder, &Study),
+    scenario: Scenario,
+    may_be_shipped: bool,
+    global: Global,
+) -> Result<Option<Diagnoser>, Failure> {
+    if folder.diagnoser(scenario).exists() {
+        return Ok(Some(servotwin::job::flights::diagnoser(folder, scenario)?));
+    }
+    let shipped = may_be_shipped.then(|| shipped::diagnoser(study)).flatten();
+    if shipped.is_some() {
+        let text = "the diagnosis comes with the program and allows for no tolerances; servotwin study --suite flights \
+                    learns one that does";
+        note(global, text);
+    }
+    Ok(shipped)
 }
 
 /// Parses one of some values by its name.

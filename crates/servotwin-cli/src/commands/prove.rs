@@ -1,15 +1,15 @@
 //! `servotwin prove`: an export decides as its diagnoser was trained to.
 
-use super::export::{twin_of, unfit};
+use super::export::unfit;
 use super::find_study;
 use super::progress::Stages;
 use crate::failure::Failure;
 use crate::{Global, Run};
 use servotwin::learn::model_file;
-use servotwin_export::ExportError;
 use servotwin_export::certificate::Certificate;
 use servotwin_export::folder::ExportFolder;
 use servotwin_export::prove::{Build, Plan, ProofEvidence, prove};
+use servotwin_export::{ExportError, ExportedTwin};
 use servotwin_view::document::Document;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -71,8 +71,8 @@ impl Run for Options {
         }
         let place = self.study.clone().unwrap_or_else(|| description.twin.study.clone());
         let study = find_study(Some(&place))?;
-        let twin =
-            twin_of(&study, &diagnoser, description.twin.has_fixed_step).map_err(unfit(&file))?;
+        let twin = ExportedTwin::beside(&study, &diagnoser, description.twin.has_fixed_step);
+        let twin = twin.map_err(unfit(&file))?;
         let compared = folder.compare(&description, (&diagnoser, &file), (&twin, &place))?;
         let mut evidence = vec![];
         if compared.differences.is_empty() {

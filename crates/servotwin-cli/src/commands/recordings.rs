@@ -7,8 +7,7 @@ use crate::Global;
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use servotwin::files;
-use servotwin::learn::metrics::Rate;
-use servotwin::measure::{FALSE_ALARM, SILENT};
+use servotwin::measure::{FALSE_ALARM, RIGHT_ANSWER, SILENT};
 use servotwin::recordings::judged::{RecordingResults, TargetResult};
 use servotwin::recordings::novelty::NoveltyResult;
 use servotwin::recordings::{Answers, NominalFit, NominalSource};
@@ -69,8 +68,8 @@ fn described(results: &RecordingResults) -> Document {
 
 /// How often a classifier is right, in one sentence.
 fn verdict(target: &TargetResult) -> Line {
-    let TargetResult { column, classifier, score, rates, .. } = target;
-    let accuracy = score.accuracy;
+    let TargetResult { column, classifier, rates, .. } = target;
+    let accuracy = rates.of(&RIGHT_ANSWER);
     let (low, high) = (percent(Some(accuracy.low)), percent(Some(accuracy.high)));
     let health = rates.counted(&FALSE_ALARM).zip(rates.counted(&SILENT));
     let health = health.map_or(String::new(), |(alarms, missed)| {
@@ -103,10 +102,8 @@ fn of_novelty(novelty: &NoveltyResult) -> Line {
 fn classes(targets: &[TargetResult]) -> Table {
     let mut table = Table::of("target | class | by | right");
     for target in targets {
-        for (class, name) in target.score.classes.iter().enumerate() {
-            let counts = &target.score.confusion[class];
-            let rate = Rate::new(counts[class], counts.iter().sum());
-            table.push(row![&target.column, name, target.classifier.id(), share_of(rate)]);
+        for (name, right) in &target.classes {
+            table.push(row![&target.column, name, target.classifier.id(), share_of(*right)]);
         }
     }
     table

@@ -360,15 +360,13 @@ impl<'s> Plan<'s> {
     }
 
     fn fault_id(&self, fault: &FaultAt) -> String {
-        let instance = &self.system.network().components[fault.component];
-        format!("{}.{}", instance.id, instance.component.faults[fault.fault].name)
+        self.system.network().components[fault.component].fault_name(fault.fault)
     }
 
     /// The full name of a parameter, and its unit.
     fn parameter(&self, component: usize, parameter: usize) -> (String, Unit) {
         let instance = &self.system.network().components[component];
-        let declared = &instance.component.parameters[parameter];
-        (format!("{}.{}", instance.id, declared.name), declared.unit)
+        (instance.parameter_name(parameter), instance.component.parameters[parameter].unit)
     }
 
     fn document(&self, results: &SimulationResults) -> Document {

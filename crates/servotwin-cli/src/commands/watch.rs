@@ -14,7 +14,6 @@ use servotwin::learn::model_file;
 use servotwin::live::watcher::Watcher;
 use servotwin::study::Study;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Recorded};
-use servotwin_model::lanes::Level;
 use servotwin_model::spec::Unit;
 use servotwin_view::document::{Content, Document, Form, Value, Verdict, line};
 use servotwin_view::render;
@@ -27,7 +26,6 @@ use servotwin_watch::watchdog::WatchdogRules;
 use servotwin_watch::{End, Watch};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::thread;
 use std::time::Duration;
 
 /// Watch an actuator: run its twin and the diagnosis on a log or a live stream.
@@ -195,15 +193,12 @@ impl Setup<'_> {
         let Outputs { shown, threads, .. } = &mut outputs;
         watch.sink(shown);
         watch.sink(threads);
-        let end = thread::scope(|scope| {
-            // A log is usually read to its end before a compiler would finish.
-            if address.is_live() {
-                scope.spawn(|| system.compiled.steps(&system.program, Level::Single));
-            }
-            let end = watch.run(stop::flag(), &mut |time_s, share| show(time_s, share));
-            system.compiled.give_up();
-            end
-        })?;
+        let mut run = || watch.run(stop::flag(), &mut |time_s, share| show(time_s, share));
+        // A log is usually read to its end before a compiler would finish.
+        let end = match address.is_live() {
+            true => system.compiled.beside(&system.program, run),
+            false => run(),
+        }?;
         let (counts, silences) = (watch.counts().clone(), watch.silences());
         let (contradictions, mut doubts) = (watch.contradictions(), watch.doubts());
         drop(watch);

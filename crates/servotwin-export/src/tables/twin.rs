@@ -47,9 +47,9 @@ fn described_parameters(program: &Program) -> impl Iterator<Item = (String, &'st
     let values = program.parameters(&[]);
     let components = program.network().components.iter().zip(values);
     components.flat_map(|(instance, values)| {
-        let declared = instance.component.parameters.iter();
-        let named = declared.map(|p| (format!("{}.{}", instance.id, p.name), p.unit.symbol()));
-        named.zip(values).map(|((name, unit), value)| (name, unit, value)).collect::<Vec<_>>()
+        let units = instance.component.parameters.iter().map(|own| own.unit.symbol());
+        let named = instance.parameter_names().zip(units).zip(values);
+        named.map(|((name, unit), value)| (name, unit, value)).collect::<Vec<_>>()
     })
 }
 

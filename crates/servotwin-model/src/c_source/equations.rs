@@ -206,10 +206,8 @@ impl Names {
     fn new(program: &Program) -> Self {
         let network = program.network();
         let parameters: Vec<String> = (network.components.iter())
-            .flat_map(|c| {
-                let declared = c.component.parameters.iter();
-                declared.map(move |p| described(&format!("{}.{}", c.id, p.name), p.unit.symbol()))
-            })
+            .flat_map(|c| c.parameter_names().zip(c.component.parameters))
+            .map(|(name, declared)| described(&name, declared.unit.symbol()))
             .collect();
         let states = program.states().iter().map(|s| described(&s.name, s.unit.symbol()));
         let inputs = network.inputs.iter().map(|i| described(&i.id, i.unit.symbol()));

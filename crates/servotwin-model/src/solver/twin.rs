@@ -18,6 +18,7 @@ use super::{MIN_STEP_S, SolverFailure, SolverSettings, Statistics};
 use crate::program::{Program, Slot};
 use crate::signal::hermite_piece;
 use alloc::vec::Vec;
+use serde::{Deserialize, Serialize};
 
 /// Interpolation of an input between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +32,7 @@ pub enum Between {
 }
 
 /// An input at a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Knot {
     /// The value, in the input's SI unit.
     pub value: f64,
@@ -47,7 +48,7 @@ impl From<f64> for Knot {
 }
 
 /// The complete state of a twin, from which it continues later with the same bits.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Snapshot {
     /// Index of the current sample.
     pub sample: u64,

@@ -4,7 +4,7 @@
 use crate::Material;
 use crate::vocabulary::Vocabulary;
 use crate::words::{
-    NONE, begun, by_environment, by_environment_and_tail, chosen, number, spoken, stacked,
+    NONE, begun, by_environment, chosen, fitted_twins, healthy_flights, number, spoken, stacked,
 };
 use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::FlownSuite;
@@ -12,7 +12,6 @@ use servotwin::learn::metrics::{Rate, poisson_mean};
 use servotwin::measure::flights::{FlightMetrics, Latency, STRONG};
 use servotwin::measure::unseen::{SHUTDOWN_HEALTHY, SHUTDOWN_MISINFORMED};
 use servotwin::measure::{self, Measure};
-use servotwin::run::fitted_twins::CalibrationRecords;
 use servotwin::study::flights::Limits;
 use servotwin::study::suites::{
     HARD_NEGATIVES, JUDGE, LEARN, OTHER_STRUCTURE, OTHER_STRUCTURE_FITTED,
@@ -105,16 +104,8 @@ fn in_own_environments(runs: &[FlownSuite], page: &mut Document) {
          the count stands an extrapolation: the largest evidence of each flight is a part of the limit at which an \
          action may be raised, and the tail of these values says how often it would reach that limit.",
     );
-    for run in runs {
-        let FlownSuite { seed, outcomes, .. } = run;
-        let (flown, failed) = (outcomes.len(), run.failed());
-        let lines = by_environment_and_tail(&run.healthy()).join("; ");
-        page.note(format!(
-            "{}: {flown} healthy flights of {} s (seed {seed}), {failed} not finished. {}.",
-            begun(&run.title()),
-            chosen(run.longest_s()),
-            begun(&lines)
-        ));
+    for (flown, lines) in runs.iter().map(healthy_flights) {
+        page.note(format!("{}. {}.", begun(&flown), begun(&lines.join("; "))));
     }
 }
 
@@ -547,14 +538,12 @@ fn wrong_kinds(results: &FlightResults, words: &Vocabulary, page: &mut Document)
 /// A sentence on twins that are fitted to such plants; empty if there are none.
 fn fitted_plants(results: &FlightResults) -> String {
     let fitted = results.of_suite(OTHER_STRUCTURE_FITTED).find_map(|metrics| metrics.calibration);
-    let Some(CalibrationRecords { flown, rejected, with_findings }) = fitted else {
-        return String::new();
-    };
-    format!(
-        " In the suite {OTHER_STRUCTURE_FITTED} each twin was fitted to a calibration flight of its plant: {with_findings} \
-         of {flown} fits left a deviation that nothing unknown explains, and {rejected} records were rejected, so \
-         that their twins stayed nominal."
-    )
+    fitted.map_or(String::new(), |fitted| {
+        format!(
+            " In the suite {OTHER_STRUCTURE_FITTED} each twin was fitted to a calibration flight of its plant: {}.",
+            fitted_twins(&fitted)
+        )
+    })
 }
 
 #[cfg(test)]

@@ -34,10 +34,8 @@ pub fn write(material: &Material, page: &mut Document) {
                 result.title,
                 named.join(", ")
             )));
-        let baseline: Vec<_> =
-            evaluation.baseline.iter().map(|result| (Who::Trees, result)).collect();
-        if !baseline.is_empty() {
-            page.table("", grid(&baseline, &words).captioned(format!(
+        if let Some(baseline) = &evaluation.baseline {
+            page.table("", grid(&[(Who::Trees, baseline)], &words).captioned(format!(
                     "Scenario: {}. The same for trees with fewer features{}: mean, variance and indicator of \
                      each residual{}, and the fixed band of ±3 %.",
                     result.title,

@@ -9,10 +9,8 @@ use crate::words::{NONE, number, percent, rate, stacked};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::Evaluation;
-use servotwin::learn::baseline::RandomThirds;
-use servotwin::learn::metrics::Rate;
-use servotwin::learn::protocol::{Protocol, ProtocolResult};
-use servotwin::measure::{self, VISIBLE, VISIBLE_BY_CHANCE};
+use servotwin::learn::protocol::Protocol;
+use servotwin::measure::{VISIBLE, VISIBLE_BY_CHANCE};
 use servotwin_diagnosis::hierarchy::Question;
 use servotwin_view::document::{Document, Table};
 
@@ -140,11 +138,7 @@ fn seed_paper(material: &Material, page: &mut Document) {
         return;
     };
     let evaluation = &ideal.evaluation;
-    let third = Protocol::RandomThird;
-    let baseline = evaluation.baseline.iter().find(|result| result.protocol == third);
-    let Some((baseline, trees)) = baseline.zip(evaluation.protocol(third)) else {
-        return;
-    };
+    let Some(trees) = evaluation.protocol(Protocol::RandomThird) else { return };
     // Only the paper's study has published values to compare with.
     if material.study.name != PAPER {
         return;
@@ -152,37 +146,22 @@ fn seed_paper(material: &Material, page: &mut Document) {
     let mut grid = Table::headed([
         "",
         "seed paper",
-        "its trees, repeated here",
-        "mean of random thirds",
+        "its trees here, mean of random thirds",
         "of them below the seed paper",
         "trees of this report",
     ]);
-    let thirds = |letter: &str| evaluation.random_thirds.iter().find(|t| t.stage == letter);
-    let mut push = |letter: &str, title: &str, values: [Option<Rate>; 2]| {
+    for thirds in &evaluation.random_thirds {
+        let (letter, all) = (thirds.stage.as_str(), thirds.accuracies.len());
+        let title = if letter == "A" { "actuator" } else { "action" };
         let paper = OF_PAPER.iter().find(|known| known.0 == letter).map(|known| known.1);
-        let shown = |thirds: &RandomThirds| {
-            format!("{} ± {:.2}", percent(Some(thirds.mean())), 100.0 * thirds.deviation())
-        };
-        let below = |thirds: &RandomThirds| {
-            Some(format!("{} of {}", thirds.below(paper?), thirds.accuracies.len()))
-        };
-        let [baseline, trees] = values.map(rate);
         grid.push(vec![
-            format!("{letter}  {title}").trim().to_owned(),
-            paper.map_or_else(|| NONE.into(), |paper| percent(Some(paper))),
-            baseline,
-            thirds(letter).map_or_else(|| NONE.into(), shown),
-            thirds(letter).and_then(below).unwrap_or_else(|| NONE.into()),
-            trees,
+            format!("{letter}  {title}"),
+            percent(paper),
+            format!("{} ± {:.2}", percent(Some(thirds.mean())), 100.0 * thirds.deviation()),
+            paper.map_or_else(|| NONE.into(), |paper| format!("{} of {all}", thirds.below(paper))),
+            rate(trees.stage(letter).map(|score| score.accuracy)),
         ]);
-    };
-    for (letter, title) in [("A", "actuator"), ("B", "action")] {
-        let accuracy = |score: Option<&servotwin::learn::metrics::Score>| score.map(|s| s.accuracy);
-        let values = [baseline, trees].map(|result| accuracy(result.stage(letter)));
-        push(letter, title, values);
     }
-    let end_to_end = |own: &ProtocolResult| own.rates.counted(&measure::END_TO_END);
-    push("", "end to end", [end_to_end(baseline), end_to_end(trees)]);
     page.table("", grid.captioned("Apart: the seed paper's own test, which is another question. No noise, plants that \
         are the twin but for one fault, and a third of the variants held out at random, so that nearly \
         every one has a neighbour in training (the same fault at the same intensity in another operating \

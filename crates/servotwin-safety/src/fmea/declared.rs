@@ -79,8 +79,8 @@ fn reaction_in_words(study: &Study, reaction: &Reaction) -> String {
     }
     for &(component, parameter, value) in &reaction.parameters {
         let instance = &network.components[component];
-        let declared = &instance.component.parameters[parameter];
-        parts.push(format!("{}.{} = {}", instance.id, declared.name, shown(value, declared.unit)));
+        let unit = instance.component.parameters[parameter].unit;
+        parts.push(format!("{} = {}", instance.parameter_name(parameter), shown(value, unit)));
     }
     let ignored = reaction.takes_out.iter().map(|&sensor| study.sensors.0[sensor].name.as_str());
     let ignored = ignored.collect::<Vec<_>>();

@@ -17,6 +17,8 @@
 //!
 //! Every term is positive, so nothing cancels even where two rare faults must meet.
 
+use crate::tree::numbers::ExposureHours;
+
 /// Number of panels of Simpson's rule; an even number.
 const PANELS: usize = 1024;
 
@@ -76,26 +78,20 @@ pub struct FlightModel {
     pub lanes: Vec<LaneOnsets>,
     /// Whether the last lane that is on is never shut down.
     pub keeps_last: bool,
-    /// Duration of a flight, h.
-    pub flight_h: f64,
-    /// From the report of a fault to its repair, h.
-    pub repair_h: f64,
-    /// Between two checks that find every hidden fault, h.
-    pub check_h: f64,
-    /// Between two tests on the ground, h; `None` without tests.
-    pub test_h: Option<f64>,
+    /// How long failures may have been there.
+    pub hours: ExposureHours,
 }
 
 impl FlightModel {
     /// How often the function fails, as a mean over flights that begin at any time since the last check.
     pub fn function_failure(&self) -> FunctionFailure {
         let sum = |of: fn(&LaneOnsets) -> f64| self.lanes.iter().map(of).sum::<f64>();
-        let share = |rate: f64, hours: f64| mean_share(rate * (hours - self.flight_h));
-        let before = match self.test_h {
-            None => share(sum(|lane| lane.hidden), self.check_h),
+        let share = |rate: f64, hours: f64| mean_share(rate * (hours - self.hours.flight_h));
+        let before = match self.hours.test_h {
+            None => share(sum(|lane| lane.hidden), self.hours.check_h),
             // What the test passes stays until the check, and the rest until the next test.
             Some(test_h) => {
-                let passed = share(sum(|lane| lane.passed), self.check_h);
+                let passed = share(sum(|lane| lane.passed), self.hours.check_h);
                 let found = share(sum(|lane| lane.hidden - lane.passed), test_h);
                 passed + (1.0 - passed) * found
             }
@@ -105,17 +101,17 @@ impl FlightModel {
         FunctionFailure {
             failed: either(now.failure),
             uncontained: either(now.uncontained),
-            begins_per_h: (1.0 - before) * now.failure / self.flight_h,
+            begins_per_h: (1.0 - before) * now.failure / self.hours.flight_h,
         }
     }
 
     /// The probabilities of a flight without a hidden fault. A lane may wait for its repair.
     fn flight(&self) -> FlightFailure {
-        let last = |lane: usize| self.of_last(lane, self.flight_h);
+        let last = |lane: usize| self.of_last(lane, self.hours.flight_h);
         let &[first, second] = self.lanes.as_slice() else { return last(0) };
         // A lane that was shut down leaves the other one.
         let lost = [second, first].map(|other| other.contained + other.needless);
-        let waits = -(-(lost[0] + lost[1]) * self.repair_h).exp_m1();
+        let waits = -(-(lost[0] + lost[1]) * self.hours.repair_h).exp_m1();
         let mut sum = self.of_both(lost);
         sum.failure *= 1.0 - waits;
         sum.uncontained *= 1.0 - waits;
@@ -132,7 +128,7 @@ impl FlightModel {
     fn of_both(&self, lost: [f64; 2]) -> FlightFailure {
         let all: f64 = self.lanes.iter().map(|lane| lane.faults() + lane.needless).sum();
         let uncontained: f64 = self.lanes.iter().map(LaneOnsets::uncontained).sum();
-        let step = self.flight_h.min(LAST_EXPONENT / all) / PANELS as f64;
+        let step = self.hours.flight_h.min(LAST_EXPONENT / all) / PANELS as f64;
         let mut sum = FlightFailure::default();
         for node in 0..=PANELS {
             let weight = match node {
@@ -142,7 +138,7 @@ impl FlightModel {
             };
             let begins = node as f64 * step;
             let weight = weight * step / 3.0 * (-all * begins).exp();
-            let later = [0, 1].map(|lane| self.of_last(lane, self.flight_h - begins));
+            let later = [0, 1].map(|lane| self.of_last(lane, self.hours.flight_h - begins));
             let second =
                 |of: fn(&FlightFailure) -> f64| lost[0] * of(&later[0]) + lost[1] * of(&later[1]);
             sum.failure += weight * (uncontained + second(|own| own.failure));

@@ -17,13 +17,13 @@
 
 pub mod flight;
 
-use crate::counts::{FaultIntensities, JudgedFlights};
+use crate::counts::{Answer, FaultIntensities, JudgedFlights};
 use crate::error::SafetyError;
-use crate::interval::{CountedValue, clopper_pearson};
+use crate::interval::{CountedValue, confidence_of_each};
 use crate::rated_flights::RatedFlights;
 use crate::rates::FailureRates;
 use crate::results::StudyResultsFolder;
-use crate::tree::lanes::{CONFIDENCE, TreeParameter};
+use crate::tree::lanes::TreeParameter;
 use crate::tree::numbers::{BandEnd, ExposureHours};
 use flight::{FlightModel, FunctionFailure, LaneOnsets};
 use serde::Serialize;
@@ -123,7 +123,8 @@ impl FunctionRate {
             ("strong faults, intensity 0.5 and more", FaultIntensities::Strong),
             ("weak faults, intensity below 0.5", FaultIntensities::Weak),
         ] {
-            if study.shutdowns().iter().all(|action| flights.of(action, intensities).flown > 0) {
+            let flown = |action: &String| flights.count((action, intensities), Answer::Missed)[1];
+            if study.shutdowns().iter().all(|action| flown(action) > 0) {
                 let own = model(flights, intensities);
                 conditions.push(own.condition(words.into(), &exposure, 1.0));
             }
@@ -245,57 +246,42 @@ impl FunctionModel {
         intensities: FaultIntensities,
     ) -> Self {
         let actions = study.actions();
-        // Bonferroni, as in the fault trees.
         let of_action = 5 + usize::from(tested.passed.is_some());
-        let confidence = 1.0 - (1.0 - CONFIDENCE) / (1 + of_action * actions.len()) as f64;
+        let confidence = confidence_of_each(1 + of_action * actions.len());
         let mut inputs: Vec<TreeParameter> = vec![];
         let mut answers = vec![];
         for action in &actions {
-            let counts = flights.of(action, intensities);
-            let mut input = |what: &str, [count, of]: [u64; 2], evidence: String| {
-                let value = clopper_pearson(count, of, confidence);
+            let faults = (action.as_str(), intensities);
+            let mut input = |what: &str, (value, evidence): (CountedValue, String)| {
                 inputs.push(TreeParameter { id: format!("{what}: {action}"), value, evidence });
                 inputs.len() - 1
             };
             let passed = tested.passed.is_some().then(|| {
-                let counts = tested.of(action, intensities);
-                let (tested, passed) = (counts.tested, counts.passed);
-                let evidence =
-                    format!("{passed} of {tested} tests, outcomes-judge-*.parquet of both");
-                input("passed by the test on the ground", [passed, tested], evidence)
+                let share = tested.share(faults, Answer::Passed, confidence);
+                input("passed by the test on the ground", share)
             });
-            let mut share = |what: &str, count: u64| {
-                let (of, scenario) = (counts.flown, &flights.title);
-                let evidence =
-                    format!("{count} of {of} flights, flights.json, scenario {scenario}");
-                input(what, [count, of], evidence)
-            };
+            let mut share =
+                |what: &str, answer: Answer| input(what, flights.share(faults, answer, confidence));
             answers.push(AnswerInputs {
                 needs_shutdown: study.reactions.switches_off(action),
-                missed: share("missed", counts.missed),
-                hidden: share("missed and nothing reported", counts.hidden),
+                missed: share("missed", Answer::Missed),
+                hidden: share("missed and nothing reported", Answer::Hidden),
                 passed,
-                invisible: share("not visible", counts.invisible),
-                other_action: share("another action", counts.other_action),
-                wrong_shutdown: share("wrong shutdown", counts.wrong_shutdown),
+                invisible: share("not visible", Answer::Invisible),
+                other_action: share("another action", Answer::OtherAction),
+                wrong_shutdown: share("wrong shutdown", Answer::WrongShutdown),
             });
         }
         let (value, evidence) = flights.false_shutdowns_per_h(study.actuators.len(), confidence);
         inputs.push(TreeParameter { id: "false shutdown".into(), value, evidence });
         let false_shutdown = inputs.len() - 1;
         let mut faults = vec![vec![]; study.actuators.len()];
-        let mut last = None;
-        for fault in &study.faults {
-            // A fault stands in the list once for each intensity.
-            let rate = rates.of(&fault.id, &fault.kind);
-            let Some(rate) = rate.filter(|_| last.replace(&fault.id) != Some(&fault.id)) else {
-                continue;
-            };
+        for (fault, rate) in rates.of_study(study) {
             let id = format!("failure rate: {}", rate.fault);
             let known = inputs.iter().position(|input| input.id == id);
             let place = known.unwrap_or_else(|| {
-                let value = CountedValue { point: rate.per_h, low: rate.per_h, high: rate.per_h };
-                inputs.push(TreeParameter { id, value, evidence: rate.source.clone() });
+                let (value, evidence) = (CountedValue::given(rate.per_h), rate.source.clone());
+                inputs.push(TreeParameter { id, value, evidence });
                 inputs.len() - 1
             });
             let action = &study.classes[fault.class].action;
@@ -373,11 +359,11 @@ impl FunctionModel {
         values: &[f64],
         hours: &ExposureHours,
     ) -> FunctionFailure {
-        let ExposureHours { flight_h, repair_h, check_h, test_h } = *hours;
         let (lanes, keeps_last) = (self.onsets(monitoring, values), self.keeps_last);
         // The test on the ground is one of the twin.
-        let test_h = test_h.filter(|_| monitoring == Monitoring::Twin);
-        FlightModel { lanes, keeps_last, flight_h, repair_h, check_h, test_h }.function_failure()
+        let test_h = hours.test_h.filter(|_| monitoring == Monitoring::Twin);
+        let hours = ExposureHours { test_h, ..*hours };
+        FlightModel { lanes, keeps_last, hours }.function_failure()
     }
 
     /// The rates of all kinds of monitoring; `wear` multiplies the failure rates.
@@ -446,8 +432,7 @@ impl FunctionModel {
                 let test_h = own.test_h.map(|test_h| test_h.clamp(own.flight_h, check_h));
                 rate(&points, &ExposureHours { check_h, test_h, ..own })
             };
-            let value = CountedValue { point: value, low: value, high: value };
-            found.push(sensitivity(name, value, "given", &with));
+            found.push(sensitivity(name, CountedValue::given(value), "given", &with));
         }
         let size = |own: &InputSensitivity| own.elasticity.abs();
         found.sort_by(|a, b| size(b).total_cmp(&size(a)).then_with(|| a.input.cmp(&b.input)));

@@ -24,15 +24,12 @@
 //! weak ones included, and a fault that never becomes visible counts as missed.
 
 use super::structure::{EventLaw, Exposure, FaultTree, GateKind, TopEvent, TreeInput};
-use crate::counts::{FaultIntensities, JudgedFlights};
+use crate::counts::{Answer, FaultIntensities, JudgedFlights};
 use crate::error::SafetyError;
-use crate::interval::{CountedValue, clopper_pearson};
+use crate::interval::{CountedValue, confidence_of_each};
 use crate::rates::FailureRates;
 use servotwin::study::Study;
 use servotwin::text::spoken;
-
-/// The joint confidence of all counted intervals together.
-pub(crate) const CONFIDENCE: f64 = 0.95;
 
 /// A number that basic events share.
 #[derive(Debug, Clone, PartialEq)]
@@ -186,8 +183,7 @@ impl TreeGrower<'_> {
         let of_action =
             2 + usize::from(self.names.len() > 1) + usize::from(self.flights.passed.is_some());
         let counted = 1 + actions.len() * of_action;
-        // Bonferroni: all intervals together hold with the joint confidence.
-        self.confidence = 1.0 - (1.0 - CONFIDENCE) / counted as f64;
+        self.confidence = confidence_of_each(counted);
         let actions: Vec<AnsweredAction> =
             actions.into_iter().map(|action| self.answered(action)).collect();
         let mut groups = vec![];
@@ -202,45 +198,30 @@ impl TreeGrower<'_> {
         self.tops(&lanes, &groups);
     }
 
-    fn constant(&mut self, id: String, count: u64, of: u64, what: &str) -> usize {
-        let evidence = match of {
-            0 => format!("{what}: not flown, so nothing is known"),
-            _ => format!(
-                "{what}: {count} of {of} flights, flights.json, scenario {}",
-                self.flights.title
-            ),
-        };
-        add(&mut self.trees.constants, id, clopper_pearson(count, of, self.confidence), evidence)
-    }
-
     /// An action with the constants of its answers.
     fn answered(&mut self, action: String) -> AnsweredAction {
-        let counts = self.flights.of(&action, FaultIntensities::All);
         let name = TreeName::of(&action);
         let TreeName { id, words } = &name;
         let needs_shutdown = self.study.reactions.switches_off(&action);
         let has_several = self.names.len() > 1;
-        let mut constant = |what: &str, how: &str, count: u64| {
-            let how = format!("{how} for faults that need '{words}'");
-            self.constant(format!("{what}-{id}"), count, counts.flown, &how)
+        let mut constant = |id_of: &str, how: &str, answer: Answer| {
+            let (value, evidence) =
+                self.flights.share((&action, FaultIntensities::All), answer, self.confidence);
+            let evidence = format!("{how} for faults that need '{words}': {evidence}");
+            add(&mut self.trees.constants, format!("{id_of}-{id}"), value, evidence)
         };
-        let missed = constant("missed", "right action not raised first", counts.missed);
+        let missed = constant("missed", "right action not raised first", Answer::Missed);
         let other_action = (!needs_shutdown).then(|| {
-            constant("other_action", "another action for the right lane", counts.other_action)
+            constant("other_action", "another action for the right lane", Answer::OtherAction)
         });
         let wrong_shutdown = has_several
-            .then(|| constant("wrong_shutdown", "shutdown of another lane", counts.wrong_shutdown));
+            .then(|| constant("wrong_shutdown", "shutdown of another lane", Answer::WrongShutdown));
         let passed = self.flights.passed.is_some().then(|| {
-            let (tested, passed) = (counts.tested, counts.passed);
-            let evidence = match tested {
-                0 => "no hidden fault was tested on the ground, so nothing is known".into(),
-                _ => format!(
-                    "the test on the ground passes {passed} of {tested} faults that need '{words}' and were hidden in \
-                     flight, outcomes-judge-*.parquet of both"
-                ),
-            };
-            let value = clopper_pearson(passed, tested, self.confidence);
-            add(&mut self.trees.constants, format!("passed-{id}"), value, evidence)
+            constant(
+                "passed",
+                "hidden in flight and passed by the test on the ground",
+                Answer::Passed,
+            )
         });
         AnsweredAction {
             action,
@@ -323,15 +304,14 @@ impl TreeGrower<'_> {
         exposures: &[(&str, &str, Exposure)],
     ) -> Vec<(String, Vec<TreeInput>)> {
         let study = self.study;
-        let (mut found, mut last) = (vec![], None);
-        for fault in study.faults.iter().filter(|fault| fault.actuator == lane) {
+        let mut found = vec![];
+        for (fault, rate) in self.rates.of_study(study).filter(|(fault, _)| fault.actuator == lane)
+        {
             let class = &study.classes[fault.class];
-            // A fault stands in the list once for each intensity.
-            if class.action != action || last.replace(&fault.id) == Some(&fault.id) {
+            if class.action != action {
                 continue;
             }
-            let Some(rate) = self.rates.of(&fault.id, &fault.kind) else { continue };
-            let value = CountedValue { point: rate.per_h, low: rate.per_h, high: rate.per_h };
+            let value = CountedValue::given(rate.per_h);
             let TreeName { id, words } = TreeName::of(&fault.id);
             let evidence =
                 format!("{} line {}: {}", self.rates.path.display(), rate.line, rate.source);

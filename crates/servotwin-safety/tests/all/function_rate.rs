@@ -2,17 +2,14 @@
 
 use servotwin_diagnosis::random::Random;
 use servotwin_safety::function_rate::flight::{FlightModel, LaneOnsets};
+use servotwin_safety::tree::numbers::ExposureHours;
 
 fn model(lanes: &[LaneOnsets]) -> FlightModel {
-    FlightModel {
-        lanes: lanes.to_vec(),
-        keeps_last: true,
-        flight_h: 2.0,
-        repair_h: 0.0,
-        check_h: 100.0,
-        test_h: None,
-    }
+    FlightModel { lanes: lanes.to_vec(), keeps_last: true, hours: HOURS }
 }
+
+const HOURS: ExposureHours =
+    ExposureHours { flight_h: 2.0, repair_h: 0.0, check_h: 100.0, test_h: None };
 
 fn assert_close(found: f64, wanted: f64, relative: f64) {
     assert!((found / wanted - 1.0).abs() < relative, "{found} instead of {wanted}");
@@ -32,11 +29,14 @@ fn with_perfect_detection_both_lanes_must_fail_in_a_flight() {
 fn a_test_on_the_ground_ends_what_it_finds_and_nothing_else() {
     let tested = |passed: f64| {
         let lane = LaneOnsets { hidden: 2e-3, passed: passed * 2e-3, ..Default::default() };
-        FlightModel { test_h: Some(10.0), ..model(&[lane, lane]) }.function_failure().failed
+        let hours = ExposureHours { test_h: Some(10.0), ..HOURS };
+        FlightModel { hours, ..model(&[lane, lane]) }.function_failure().failed
     };
     let lane = LaneOnsets { hidden: 2e-3, ..Default::default() };
-    let checked =
-        |check_h: f64| FlightModel { check_h, ..model(&[lane, lane]) }.function_failure().failed;
+    let checked = |check_h: f64| {
+        let hours = ExposureHours { check_h, ..HOURS };
+        FlightModel { hours, ..model(&[lane, lane]) }.function_failure().failed
+    };
     // A test that passes everything is none, and one that finds everything is a check.
     assert_close(tested(1.0), checked(100.0), 1e-12);
     assert_close(tested(0.0), checked(10.0), 1e-12);
@@ -78,7 +78,7 @@ fn a_series_continues_the_mean_share() {
 fn fly(model: &FlightModel, random: &mut Random) -> [f64; 2] {
     let exponential = |random: &mut Random, rate: f64| -(1.0 - random.unit()).ln() / rate;
     let of = |holds: bool| f64::from(u8::from(holds));
-    let since_check = (model.check_h - model.flight_h) * random.unit();
+    let since_check = (model.hours.check_h - model.hours.flight_h) * random.unit();
     let hidden = model.lanes.iter().map(|lane| exponential(random, lane.hidden));
     if hidden.collect::<Vec<_>>().into_iter().any(|moment| moment < since_check) {
         return [1.0, 1.0];
@@ -93,7 +93,7 @@ fn fly(model: &FlightModel, random: &mut Random) -> [f64; 2] {
     }
     events.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut on = vec![true; model.lanes.len()];
-    for (_, lane, kind) in events.into_iter().take_while(|event| event.0 < model.flight_h) {
+    for (_, lane, kind) in events.into_iter().take_while(|event| event.0 < model.hours.flight_h) {
         let is_last = on.iter().filter(|on| **on).count() == 1;
         let stays_on = kind == 1 || (is_last && model.keeps_last && kind == 0);
         if !on[lane] || (kind == 2 && is_last && model.keeps_last) {
@@ -137,7 +137,8 @@ fn an_independent_simulation_of_flights_agrees() {
 #[test]
 fn a_lane_that_waits_for_its_repair_leaves_the_other_alone() {
     let lane = LaneOnsets { contained: 1e-4, ..Default::default() };
-    let waiting = FlightModel { repair_h: 50.0, ..model(&[lane, lane]) };
+    let hours = ExposureHours { repair_h: 50.0, ..HOURS };
+    let waiting = FlightModel { hours, ..model(&[lane, lane]) };
     let waits = -(-2e-4_f64 * 50.0).exp_m1();
     let one = -(-2e-4_f64).exp_m1();
     let wanted = (1.0 - waits) * one * one + waits * one;

@@ -121,7 +121,7 @@ impl Map {
     }
 
     /// The number of inputs and sensors.
-    pub fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.channels.len()
     }
 

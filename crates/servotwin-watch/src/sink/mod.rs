@@ -140,7 +140,7 @@ pub struct Scene {
     pub title: String,
     /// The sampling period, s.
     pub period_s: f64,
-    /// The signals, in the order of [`values`](Self::values).
+    /// The signals, in the order of their values.
     pub signals: Vec<PlayerSignal>,
     /// How the inputs and the sensors of the system are shown.
     inputs: Vec<Shown>,
@@ -187,7 +187,7 @@ impl Scene {
     }
 
     /// The values of the signals in a sample, in the units that are shown.
-    pub fn values(&self, sample: &Sample) -> impl Iterator<Item = f64> {
+    pub(crate) fn values(&self, sample: &Sample) -> impl Iterator<Item = f64> {
         let shown = |(shown, &value): (&Shown, &f64)| shown.value(value);
         let inputs = self.inputs.iter().zip(&sample.inputs).map(shown);
         let residuals = sample.residuals.iter().map(|residual| 100.0 * residual);

@@ -361,7 +361,6 @@ impl Fit<'_> {
     }
 
     pub(super) fn fault_name(&self, (component, fault): (usize, usize)) -> String {
-        let instance = &self.system.network().components[component];
-        format!("{}.{}", instance.id, instance.component.faults[fault].name)
+        self.system.network().components[component].fault_name(fault)
     }
 }

@@ -61,11 +61,10 @@ impl Unknown {
             (component, parameter, components[component].parameters[parameter])
         };
         let members: Vec<_> = tolerance.parameters.iter().map(member).collect();
-        let instance = &components[members[0].0];
-        let parameter = &instance.component.parameters[members[0].1];
+        let (instance, first) = (&components[members[0].0], members[0].1);
         let mut unknown = Self {
-            name: format!("{}.{}", instance.id, parameter.name),
-            unit: parameter.unit,
+            name: instance.parameter_name(first),
+            unit: instance.component.parameters[first].unit,
             members,
             sigma: tolerance.sigma,
             is_absolute: tolerance.absolute,
@@ -107,9 +106,8 @@ impl Unknown {
 
     /// The intensity of a fault, without prior knowledge.
     pub(super) fn fault(system: &System, component: usize, fault: usize) -> Self {
-        let instance = &system.network().components[component];
         Self {
-            name: format!("{}.{}", instance.id, instance.component.faults[fault].name),
+            name: system.network().components[component].fault_name(fault),
             unit: Unit::None,
             members: vec![],
             sigma: 1.0,

@@ -7,7 +7,7 @@
 use super::watched::{SessionWatch, Truth};
 use crate::live::closed_loop::{ClosedLoop, FlightRecord, fly_watched};
 use crate::live::runtime::RuntimeError;
-use crate::live::tracking::TrackedQuantities;
+use crate::live::tracking::{Deviation, TrackedQuantities};
 use crate::measure::outcome::{Needed, RunOutcome};
 use crate::parallel::{self, Workers};
 use crate::run::{Profile, Run, RunError};
@@ -126,7 +126,7 @@ impl EffectFlyer<'_> {
         if listed.is_some() {
             return truth;
         }
-        let actuator = self.study.unit_of(id);
+        let actuator = self.study.actuator_of(id);
         let name = actuator.map_or("", |actuator| &self.study.actuators[actuator]);
         let run = RunOutcome {
             event: id.clone(),
@@ -168,9 +168,13 @@ impl EffectFlyer<'_> {
     ) -> RunOutcome {
         let onset_s = self.suite.onset_s.map_or(0.0, |[middle, _]| middle);
         let since = alone.time_s.partition_point(|time_s| *time_s < onset_s);
-        let error =
-            |record| Some(self.tracked.tracking_error(self.study, record)?.split_off(since));
-        let fight = |record| Some(rms(&self.tracked.force_fight(self.study, record)?[since..]));
+        let error = |record| {
+            Some(Deviation::since(since, &self.tracked.tracking_error(self.study, record)?))
+        };
+        let fight = |record| {
+            Some(Deviation::since(since, &self.tracked.force_fight(self.study, record)?).rms)
+        };
+        let command = &reacting.inputs[self.study.command_input];
         let (error_alone, error_reacting) = (error(alone), error(reacting));
         let rod = |record| self.tracked.rod_force(&self.study.actuators[actuator?], record);
         let piston =
@@ -183,11 +187,11 @@ impl EffectFlyer<'_> {
         RunOutcome {
             switched_off: self.switched_off(reacting),
             changes_mode: reactions().any(|reaction| reaction.changes_mode()),
-            command_rms: Some(rms(&reacting.inputs[self.study.command_input][since..])),
-            error_rms: error_alone.as_deref().map(rms),
-            error_max: error_alone.as_deref().map(largest),
-            reacting_error_rms: error_reacting.as_deref().map(rms),
-            reacting_error_max: error_reacting.as_deref().map(largest),
+            command_rms: Some(Deviation::since(since, command).rms),
+            error_rms: error_alone.map(|error| error.rms),
+            error_max: error_alone.map(|error| error.largest),
+            reacting_error_rms: error_reacting.map(|error| error.rms),
+            reacting_error_max: error_reacting.map(|error| error.largest),
             force_fight_rms_n: fight(alone),
             reacting_force_fight_rms_n: fight(reacting),
             force_difference_n: rod(alone).zip(rod(healthy)).map(|(a, b)| farthest(a, b)),
@@ -208,12 +212,4 @@ impl EffectFlyer<'_> {
         }
         off.join(",")
     }
-}
-
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
 }

@@ -70,16 +70,16 @@ impl FlightResults {
     fn count(folder: &Folder, study: &Study, prefix: &str) -> Result<Self, JobError> {
         let flights = flights(study)?;
         let mut all = FlightResults { left_out: BTreeMap::new(), suites: vec![], unseen: vec![] };
-        for scenario in
-            scenarios(study).into_iter().filter(|&scenario| folder.diagnoser(scenario).exists())
-        {
+        let mut learned = scenarios(study);
+        learned.retain(|&scenario| folder.diagnoser(scenario).exists());
+        for scenario in learned {
             let basis = Basis::of(folder, study, scenario)?;
             let model = diagnoser(folder, scenario)?;
             all.left_out.insert(scenario.name().into(), left_out(folder, scenario)?);
-            let of_scenario = study.suites().filter(|suite| suite.is_flown_in(scenario));
-            for suite in of_scenario {
-                let stored =
-                    outcomes::stored(folder, &format!("{prefix}{}", suite.name), scenario)?;
+            let judged = study.suites().filter(|suite| suite.purpose == Purpose::Test);
+            for (suite, scenario) in in_scenarios(judged, &[scenario]) {
+                let name = format!("{prefix}{}", suite.name);
+                let stored = outcomes::stored(folder, &name, scenario)?;
                 if let Some(stored) = stored.filter(|stored| stored.basis == basis) {
                     all.take((study, limit_s(flights, scenario)), suite, &model, stored);
                 }
@@ -136,6 +136,19 @@ pub fn scenarios(study: &Study) -> Vec<Scenario> {
     all.iter().copied().filter(possible).collect()
 }
 
+/// Suites with each of the scenarios in which they are flown, scenario by scenario.
+pub(super) fn in_scenarios<'s>(
+    suites: impl Iterator<Item = &'s Suite>,
+    scenarios: &[Scenario],
+) -> Vec<(&'s Suite, Scenario)> {
+    let suites: Vec<&Suite> = suites.collect();
+    let of_scenario = |&scenario: &Scenario| {
+        let own = suites.iter().filter(move |suite| suite.scenarios.contains(&scenario));
+        own.map(move |suite| (*suite, scenario))
+    };
+    scenarios.iter().flat_map(of_scenario).collect()
+}
+
 pub(super) fn flights(study: &Study) -> Result<&Flights, JobError> {
     study.flights.as_ref().ok_or(JobError::NoFlights)
 }
@@ -164,9 +177,9 @@ impl Job<'_> {
             taught(&mut taken, HARD_NEGATIVES, bands, [0.5, 0.7])?;
         }
         self.tell("training", 0.7);
-        let tables = training_windows::tables(&design, &taken, workers)?;
+        let learned = training_windows::data_sets(&design, &taken, workers)?;
         let environment = train::environment(study)?;
-        let trained = train::diagnoser(&design, tables, &pools, workers)?;
+        let trained = train::diagnoser(&design, learned, &pools, workers)?;
         let boundaries = boundaries(study, &trained.sensors, trained.watched())?;
         let diagnoser = Diagnoser { boundaries, environment, ..trained };
         let diagnoser = held_out::with_margin(study, scenario, diagnoser, workers)?;
@@ -235,7 +248,7 @@ impl Job<'_> {
     /// # Errors
     /// As `Job::learn` and `Job::fly_suites`.
     pub fn fly_all(&self, scenarios: &[Scenario]) -> Result<FlightResults, JobError> {
-        let suites: Vec<&Suite> = self.study.suites().filter(|suite| is_usual(suite)).collect();
+        let suites: Vec<&Suite> = self.study.usual_suites().collect();
         let mut counted = None;
         for (place, &scenario) in scenarios.iter().enumerate() {
             let part = |share: f64| (place as f64 + share) / scenarios.len() as f64;
@@ -258,11 +271,7 @@ impl Job<'_> {
         suites: &[&Suite],
         scenarios: &[Scenario],
     ) -> Result<FlightResults, JobError> {
-        let flown = suites.iter().flat_map(|suite| {
-            let own = scenarios.iter().filter(|&&scenario| suite.is_flown_in(scenario));
-            own.map(move |scenario| (*suite, *scenario))
-        });
-        let flown: Vec<(&Suite, Scenario)> = flown.collect();
+        let flown = in_scenarios(suites.iter().copied(), scenarios);
         for (place, &(suite, scenario)) in flown.iter().enumerate() {
             let part = |share: f64| (place as f64 + share) / flown.len() as f64;
             self.told(&|what, share| self.tell(what, part(share))).fly(suite, scenario)?;
@@ -352,11 +361,6 @@ fn known<T: Serialize + DeserializeOwned>(
 fn left_out(folder: &Folder, scenario: Scenario) -> Result<LeftOut, JobError> {
     let path = folder.left_out(scenario);
     Ok(if path.exists() { model_file::read(path)? } else { LeftOut::default() })
-}
-
-/// Whether a suite is flown without being named.
-pub(super) fn is_usual(suite: &Suite) -> bool {
-    suite.purpose == Purpose::Test && !suite.is_on_request
 }
 
 /// Reads the results in sealed environments; `None` if none were opened in this folder.

@@ -8,7 +8,7 @@ use crate::flight::watched::{self, Flown};
 use crate::measure::outcome::RunOutcome;
 use crate::parallel::Workers;
 use crate::run::part;
-use crate::study::suites::{HARD_NEGATIVES, HELD_OUT, LEARN};
+use crate::study::suites::HELD_OUT;
 use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::diagnoser::{Diagnoser, HealthyEvidence};
 use std::sync::Arc;
@@ -31,8 +31,7 @@ pub(crate) fn with_margin(
     let suite = study.suite(HELD_OUT).filter(|suite| suite.environments > 0);
     let Some(suite) = suite else { return Ok(diagnoser) };
     let (allowed, most_nats) = (diagnoser.tuning.pending_share, diagnoser.tuning.clip_nats);
-    let taught = [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name));
-    let learned = taught.map(|suite| suite.environments).sum();
+    let learned = study.training_suites().map(|suite| suite.environments).sum();
     let evidence = smallest_margin((learned, suite.scatter), (allowed, most_nats), |margin| {
         fly(study, suite, scenario, diagnoser.with_shutdown_margin(margin), workers)
     })?;

@@ -81,7 +81,7 @@ impl Manifest {
 
     /// The stored hash of a file, if known.
     pub(crate) fn hash_of(&self, file: &str) -> Option<&FileHash> {
-        self.inputs.iter().chain(&self.outputs).find(|known| known.file == file)
+        manifest::hash_of([&self.inputs, &self.outputs], file)
     }
 }
 

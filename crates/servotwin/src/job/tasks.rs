@@ -9,6 +9,7 @@ use crate::records::{RecordsOutcome, RunError, calibration_file, runs, title};
 use crate::run::part;
 use crate::study::suites::{FLIGHTS, HARD_NEGATIVES, LEARN, RECORDS};
 use crate::study::{Purpose, Scenario, Study, Suite};
+use std::iter::once;
 use std::path::PathBuf;
 use std::slice::from_ref;
 
@@ -50,8 +51,10 @@ impl<'j> Job<'j> {
     }
 
     /// The scenarios of flights that are wanted.
-    fn flown(&self, wanted: impl Fn(Scenario) -> bool) -> impl Iterator<Item = Scenario> {
-        flights::scenarios(self.study).into_iter().filter(move |&scenario| wanted(scenario))
+    fn flown(&self, wanted: impl Fn(Scenario) -> bool) -> Vec<Scenario> {
+        let mut scenarios = flights::scenarios(self.study);
+        scenarios.retain(|&scenario| wanted(scenario));
+        scenarios
     }
 
     /// The tasks of some suites in those of the scenarios that they have, in an order in which they can run. [`RECORDS`]
@@ -65,24 +68,18 @@ impl<'j> Job<'j> {
         scenarios: impl Fn(Scenario) -> bool,
     ) -> Result<Vec<Task>, JobError> {
         let study = self.study;
+        let flown = self.flown(&scenarios);
         let mut tasks = vec![];
         for name in suites {
             match name.as_str() {
                 RECORDS => tasks.extend(self.of_records(&scenarios)?),
                 FLIGHTS => {
                     flights::flights(study)?;
-                    let judged = study.suites().filter(|suite| flights::is_usual(suite));
-                    let taught = [LEARN, HARD_NEGATIVES].into_iter();
-                    let taught = taught.filter_map(|name| study.suite(name));
-                    let all: Vec<&Suite> = taught.chain(judged).collect();
-                    for scenario in self.flown(&scenarios) {
-                        tasks.extend(all.iter().flat_map(|suite| self.of_suite(suite, scenario)));
-                    }
+                    tasks.extend(
+                        self.of_suites(study.training_suites().chain(study.usual_suites()), &flown),
+                    );
                 }
-                name => {
-                    let suite = self.suite(name)?;
-                    tasks.extend(self.flown(&scenarios).flat_map(|own| self.of_suite(suite, own)));
-                }
+                name => tasks.extend(self.of_suites(once(self.suite(name)?), &flown)),
             }
         }
         Ok(tasks)
@@ -104,10 +101,16 @@ impl<'j> Job<'j> {
         Ok(tasks)
     }
 
+    fn of_suites<'s>(
+        &self,
+        suites: impl Iterator<Item = &'s Suite>,
+        scenarios: &[Scenario],
+    ) -> Vec<Task> {
+        let all = flights::in_scenarios(suites, scenarios).into_iter();
+        all.flat_map(|(suite, scenario)| self.of_suite(suite, scenario)).collect()
+    }
+
     fn of_suite(&self, suite: &Suite, scenario: Scenario) -> Vec<Task> {
-        if !suite.scenarios.contains(&scenario) {
-            return vec![];
-        }
         let folder = self.folder;
         let (stem, needs) = match suite.name.as_str() {
             HARD_NEGATIVES => (
@@ -249,7 +252,7 @@ impl<'j> Job<'j> {
         learns: bool,
     ) -> Result<(Vec<RecordsOutcome>, Option<FlightResults>), JobError> {
         let Job { study, folder, .. } = *self;
-        let flown: Vec<Scenario> = self.flown(&scenarios).collect();
+        let flown = self.flown(&scenarios);
         let (mut judged, mut simulated, mut results) = (vec![], vec![], None);
         for name in suites {
             match name.as_str() {
@@ -260,7 +263,7 @@ impl<'j> Job<'j> {
                     data_card::write(folder, study)?;
                 }
                 FLIGHTS if learns => results = Some(self.fly_all(&flown)?),
-                FLIGHTS => judged.extend(study.suites().filter(|suite| flights::is_usual(suite))),
+                FLIGHTS => judged.extend(study.usual_suites()),
                 name => match self.suite(name)? {
                     suite if suite.purpose == Purpose::Test => judged.push(suite),
                     suite => self.run(&self.tasks(from_ref(&suite.name), &scenarios)?)?,

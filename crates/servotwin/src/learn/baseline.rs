@@ -12,9 +12,6 @@ use serde::{Deserialize, Serialize};
 /// The paper's family of features.
 const FAMILY: &str = "moments";
 
-/// The protocols of these trees.
-const PROTOCOLS: [Protocol; 2] = [Protocol::RandomThird, Protocol::NewCommand];
-
 /// Number of random thirds.
 const REPEATS: u64 = 30;
 
@@ -56,24 +53,18 @@ fn prepared(data: &DataSet) -> Result<Option<(DataSet, Training)>, EvaluationErr
     Ok(Some((data.with_features(family)?, training)))
 }
 
-/// The paper's trees in its own test and on new commands.
+/// The paper's trees on new commands; `None` without training commands.
 ///
 /// # Errors
 /// What training returns.
-pub(crate) fn evaluate(
+pub(crate) fn on_new_commands(
     data: &DataSet,
     settings: &EvaluationSettings,
     workers: Workers,
-) -> Result<Vec<ProtocolResult>, EvaluationError> {
-    let Some((data, training)) = prepared(data)? else { return Ok(vec![]) };
-    let shutdowns = data.actions(&settings.shutdowns);
-    let mut results = vec![];
-    for protocol in PROTOCOLS {
-        let holding = settings.holding;
-        results
-            .extend(protocol::evaluate(protocol, &data, &training, holding, &shutdowns, workers)?);
-    }
-    Ok(results)
+) -> Result<Option<ProtocolResult>, EvaluationError> {
+    let Some((data, training)) = prepared(data)? else { return Ok(None) };
+    let (holding, shutdowns) = (settings.holding, data.actions(&settings.shutdowns));
+    protocol::evaluate(Protocol::NewCommand, &data, &training, holding, &shutdowns, workers)
 }
 
 /// The paper's own test with many random thirds.

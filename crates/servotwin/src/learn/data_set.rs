@@ -18,7 +18,6 @@ use crate::table::{Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::hierarchy::{HEALTHY, Names};
 use servotwin_learning::hierarchy::{Examples, Label};
-use std::borrow::Cow;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
@@ -123,12 +122,28 @@ pub struct DataSet {
 /// Rows below this excess are not used for training and need no perturbation.
 const LEAST_EXCESS: f64 = 0.5;
 
-/// The table and row that a data set's row comes from.
-#[derive(Clone, Copy)]
-struct Origin<'t> {
-    purpose: Purpose,
-    table: &'t Table,
-    row: usize,
+/// What is known of a row besides its features.
+#[derive(Clone)]
+pub(crate) struct LabeledRow<'t> {
+    pub(crate) purpose: Purpose,
+    /// The variant's number in its data set.
+    pub(crate) variant: usize,
+    /// The operating case, and its command.
+    pub(crate) case: &'t str,
+    pub(crate) flown: &'t str,
+    /// The fault, and the fault without its actuator; [`HEALTHY`] for none, as all labels.
+    pub(crate) fault: &'t str,
+    pub(crate) kind: &'t str,
+    pub(crate) actuator: &'t str,
+    pub(crate) action: &'t str,
+    pub(crate) detail: &'t str,
+    /// The study's nominal intensity, and the actual one.
+    pub(crate) grade: f64,
+    pub(crate) own_intensity: f64,
+    pub(crate) began_on_the_move: bool,
+    pub(crate) is_detectable: bool,
+    /// See [`DataRow::largest`].
+    pub(crate) largest: Vec<f64>,
 }
 
 impl DataSet {
@@ -152,69 +167,71 @@ impl DataSet {
         if features.is_empty() {
             return Err(EvaluationError::NoFeatures);
         }
-        let (mut origins, mut all) = (vec![], 0);
-        for (purpose, table) in tables {
-            all += table.row_count();
-            let failures = table.text("failure")?.iter().enumerate();
-            let done = failures.filter(|(_, failure)| failure.is_empty());
-            origins.extend(done.map(|(row, _)| Origin { purpose: *purpose, table, row }));
-        }
-        let origins = origins.as_slice();
-        let column = |name: &str| texts(origins, name);
-        let kinds = column("kind")?;
-        if kinds.iter().all(|kind| kind == HEALTHY) {
-            return Err(EvaluationError::NoFaults);
-        }
-        let names = names(origins, &features, units, urgency)?;
+        let sensors = known_sensors(tables);
+        let rows = tables.iter().map(|table| labeled_rows(table, &sensors));
+        let rows = rows.collect::<Result<Vec<_>, _>>()?;
+        let all_rows = rows.concat();
+        let has = |view: usize| tables.iter().all(|(_, table)| has_view(table, view, &features));
+        let names = names(&all_rows, &features, units, urgency)?;
         let all_views = 0..names.actuators.len();
-        let has = |view| tables.iter().all(|(_, table)| has_view(table, view, &features));
         let count = if all_views.clone().all(has) { all_views.end } else { 1 };
-        let views = (0..count).map(|view| values(origins, view, &features));
-        let views: Vec<Vec<f64>> = views.collect::<Result<_, _>>()?;
-        let is_faulty: Vec<bool> = kinds.iter().map(|kind| kind != HEALTHY).collect();
+        let of_view = |view| values(tables.iter().zip(&rows), view, &features);
+        let views = (0..count).map(of_view).collect::<Result<_, _>>()?;
+        let all: usize = tables.iter().map(|(_, table)| table.row_count()).sum();
+        let failed = all - all_rows.len();
+        Ok(DataSet { failed, ..Self::of(&all_rows, (features, views), sensors, names)? })
+    }
+
+    /// Makes a data set of rows with the column-major values of their features in each view, and of the largest
+    /// residuals of some sensors. `names` come from [`names`].
+    ///
+    /// # Errors
+    /// The features have other numbers of values.
+    pub(crate) fn of(
+        labeled: &[LabeledRow],
+        (features, views): (Vec<DataFeature>, Vec<Vec<f64>>),
+        sensors: Vec<String>,
+        names: Names,
+    ) -> Result<Self, EvaluationError> {
+        let is_faulty: Vec<bool> = labeled.iter().map(|row| row.kind != HEALTHY).collect();
         let constant = constant_features(&views[0], &features, &is_faulty);
         let read = own_columns(&features, &names);
-        let labels = labels(origins, &names)?;
+        let labels = labels(labeled, &names);
         let examples = Examples::new(names, read, views, labels)?;
-        let sensors = known_sensors(tables);
-        let (cases, case) = in_order(&column("case")?);
-        let (_, command) = in_order(&column("flown")?);
-        let (faults, fault) = coded(&column("fault")?, Ord::cmp);
-        let (kind_names, kind) = coded(&kinds, Ord::cmp);
-        let own_intensity = numbers(origins, "intensity")?;
-        let (intensities, intensity) = coded(&numbers(origins, "grade")?, f64::total_cmp);
-        let moving = flags(origins, "began_on_the_move");
-        let moving = moving.unwrap_or_else(|_| vec![false; origins.len()]);
-        let detectable = flags(origins, "detectable")?;
-        let largest = sensors.iter().map(|s| numbers(origins, &largest_column(s)));
-        let largest: Vec<Vec<f64>> = largest.collect::<Result<_, _>>()?;
-        let row = |place: usize| DataRow {
-            purpose: origins[place].purpose,
-            variant: origins[place].row,
+        let (cases, case) = in_order(labeled.iter().map(|row| row.case));
+        let (_, command) = in_order(labeled.iter().map(|row| row.flown));
+        let (faults, fault) = coded(labeled.iter().map(|row| row.fault).collect(), Ord::cmp);
+        let (kinds, kind) = coded(labeled.iter().map(|row| row.kind).collect(), Ord::cmp);
+        let (intensities, intensity) =
+            coded(labeled.iter().map(|row| row.grade).collect(), f64::total_cmp);
+        let row = |(place, own): (usize, &LabeledRow)| DataRow {
+            purpose: own.purpose,
+            variant: own.variant,
             case: case[place],
             flown: command[place],
             fault: fault[place],
             kind: kind[place],
             intensity: intensity[place],
-            own_intensity: own_intensity[place],
+            own_intensity: own.own_intensity,
             moved: 0,
             factor: 1.0,
-            is_healthy: kinds[place] == HEALTHY,
-            began_on_the_move: moving[place],
-            largest: largest.iter().map(|column| column[place]).collect(),
+            is_healthy: own.kind == HEALTHY,
+            began_on_the_move: own.began_on_the_move,
+            largest: own.largest.clone(),
             // The data set's own verdict, until bands are applied.
-            excess: if detectable[place] { f64::INFINITY } else { 0.0 },
+            excess: if own.is_detectable { f64::INFINITY } else { 0.0 },
         };
+        let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
         Ok(DataSet {
-            rows: (0..origins.len()).map(row).collect(),
+            rows: labeled.iter().enumerate().map(row).collect(),
             features,
             examples: Arc::new(examples),
             sensors,
-            cases,
-            faults,
-            kinds: kind_names,
+            cases: owned(cases),
+            faults: owned(faults),
+            kinds: owned(kinds),
             intensities,
-            failed: all - origins.len(),
+            failed: 0,
             constant,
         })
     }
@@ -366,14 +383,6 @@ impl DataSet {
         self.with_features(|feature| feature.feature.teaches.of_records())
     }
 
-    /// The same data set with only the features for diagnosing sliding windows.
-    ///
-    /// # Errors
-    /// [`EvaluationError::NoFeatures`] if none is left.
-    pub(crate) fn taught_to_windows(&self) -> Result<Self, EvaluationError> {
-        self.with_features(|feature| feature.feature.teaches.of_windows())
-    }
-
     /// The same data set, in which a committee reads only the features for sliding windows.
     ///
     /// # Errors
@@ -407,52 +416,60 @@ fn known_sensors(tables: &[(Purpose, Table)]) -> Vec<String> {
     if same { first } else { vec![] }
 }
 
-/// Joins a column over the rows of several tables.
-fn gather<'t, T: Clone + 't>(
-    origins: &[Origin<'t>],
-    column: impl Fn(&'t Table) -> Result<Cow<'t, [T]>, TableError>,
-) -> Result<Vec<T>, EvaluationError> {
-    let mut values = Vec::with_capacity(origins.len());
-    for run in origins.chunk_by(|a, b| std::ptr::eq(a.table, b.table)) {
-        let column = column(run[0].table)?;
-        values.extend(run.iter().map(|origin| column[origin.row].clone()));
-    }
-    Ok(values)
-}
-
-fn texts(origins: &[Origin], name: &str) -> Result<Vec<String>, EvaluationError> {
-    gather(origins, |table| Ok(Cow::Borrowed(table.text(name)?)))
-}
-
-fn flags(origins: &[Origin], name: &str) -> Result<Vec<bool>, EvaluationError> {
-    gather(origins, |table| Ok(Cow::Borrowed(table.bool(name)?)))
-}
-
-fn numbers(origins: &[Origin], name: &str) -> Result<Vec<f64>, EvaluationError> {
-    gather(origins, |table| table.finite_f64(name))
+/// The labels of those rows of a table that were simulated to the end, each with its row as the variant.
+fn labeled_rows<'t>(
+    (purpose, table): &'t (Purpose, Table),
+    sensors: &[String],
+) -> Result<Vec<LabeledRow<'t>>, TableError> {
+    let texts = ["failure", "case", "flown", "fault", "kind", "actuator", "action", "detail"];
+    let texts = texts.map(|name| table.text(name));
+    let [failures, cases, commands, faults, kinds, actuators, actions, details] = texts;
+    let (failures, cases, commands, faults) = (failures?, cases?, commands?, faults?);
+    let (kinds, actuators, actions, details) = (kinds?, actuators?, actions?, details?);
+    let (grades, intensities) = (table.finite_f64("grade")?, table.finite_f64("intensity")?);
+    let (moving, detectable) = (table.bool("began_on_the_move").ok(), table.bool("detectable")?);
+    let largest = sensors.iter().map(|sensor| table.finite_f64(&largest_column(sensor)));
+    let largest = largest.collect::<Result<Vec<_>, _>>()?;
+    let row = |row: usize| LabeledRow {
+        purpose: *purpose,
+        variant: row,
+        case: &cases[row],
+        flown: &commands[row],
+        fault: &faults[row],
+        kind: &kinds[row],
+        actuator: &actuators[row],
+        action: &actions[row],
+        detail: &details[row],
+        grade: grades[row],
+        own_intensity: intensities[row],
+        began_on_the_move: moving.is_some_and(|moving| moving[row]),
+        is_detectable: detectable[row],
+        largest: largest.iter().map(|column| column[row]).collect(),
+    };
+    Ok((0..table.row_count()).filter(|&own| failures[own].is_empty()).map(row).collect())
 }
 
 /// Numbers texts in the order of first occurrence.
-pub(crate) fn in_order(texts: &[String]) -> (Vec<String>, Vec<u32>) {
-    let mut names: Vec<String> = vec![];
+pub(crate) fn in_order<T: PartialEq>(texts: impl IntoIterator<Item = T>) -> (Vec<T>, Vec<u32>) {
+    let mut names: Vec<T> = vec![];
     // Equal texts mostly follow one another.
-    let code = |text: &String| match names.iter().rposition(|name| name == text) {
+    let code = |text: T| match names.iter().rposition(|name| *name == text) {
         Some(place) => place as u32,
         None => {
-            names.push(text.clone());
+            names.push(text);
             names.len() as u32 - 1
         }
     };
-    let codes = texts.iter().map(code).collect();
+    let codes = texts.into_iter().map(code).collect();
     (names, codes)
 }
 
 /// Numbers values in ascending order.
 pub(crate) fn coded<T: Clone + PartialEq>(
-    values: &[T],
+    values: Vec<T>,
     order: impl Fn(&T, &T) -> Ordering,
 ) -> (Vec<T>, Vec<u32>) {
-    let mut names = values.to_vec();
+    let mut names = values.clone();
     names.sort_by(&order);
     names.dedup();
     let place = |value: &T| names.binary_search_by(|known| order(known, value)).unwrap_or(0) as u32;
@@ -460,45 +477,50 @@ pub(crate) fn coded<T: Clone + PartialEq>(
     (names, codes)
 }
 
-fn names(
-    origins: &[Origin],
+/// The names that the labels of rows refer to; for `units` and `urgency` see [`DataSet::new`].
+///
+/// # Errors
+/// [`EvaluationError::NoFaults`].
+pub(crate) fn names(
+    rows: &[LabeledRow],
     features: &[DataFeature],
     units: &[String],
     urgency: &[String],
 ) -> Result<Names, EvaluationError> {
-    let of = |column: &str| -> Result<Vec<String>, EvaluationError> {
-        let mut names = coded(&texts(origins, column)?, Ord::cmp).0;
-        names.retain(|name| name != HEALTHY);
-        Ok(names)
+    if rows.iter().all(|row| row.kind == HEALTHY) {
+        return Err(EvaluationError::NoFaults);
+    }
+    let of = |text: for<'r> fn(&'r LabeledRow) -> &'r str| -> Vec<String> {
+        let mut names = coded(rows.iter().map(text).collect(), Ord::cmp).0;
+        names.retain(|name| *name != HEALTHY);
+        names.into_iter().map(str::to_owned).collect()
     };
-    let mut actions = of("action")?;
+    let mut actions = of(|row| row.action);
     let place = |name: &String| urgency.iter().position(|known| known == name);
     actions.sort_by_key(|name| (place(name).unwrap_or(urgency.len()), name.clone()));
-    let found = of("actuator")?;
+    let found = of(|row| row.actuator);
     let all_known = found.iter().all(|name| units.contains(name));
     Ok(Names {
         features: features.iter().map(|feature| feature.feature.name.clone()).collect(),
         actuators: if all_known { units.to_vec() } else { found },
         actions,
-        details: of("detail")?,
+        details: of(|row| row.detail),
     })
 }
 
-fn labels(origins: &[Origin], names: &Names) -> Result<Vec<Label>, EvaluationError> {
-    let place = |known: &[String], text: &String| {
+fn labels(rows: &[LabeledRow], names: &Names) -> Vec<Label> {
+    let place = |known: &[String], text: &str| {
         known.iter().position(|name| name == text).unwrap_or(0) as u32
     };
-    let (actuators, actions, details) =
-        (texts(origins, "actuator")?, texts(origins, "action")?, texts(origins, "detail")?);
-    let label = |row: usize| Label {
-        actuator: match actuators[row] == HEALTHY {
+    let label = |row: &LabeledRow| Label {
+        actuator: match row.actuator == HEALTHY {
             true => names.healthy(),
-            false => place(&names.actuators, &actuators[row]),
+            false => place(&names.actuators, row.actuator),
         },
-        action: place(&names.actions, &actions[row]),
-        detail: place(&names.details, &details[row]),
+        action: place(&names.actions, row.action),
+        detail: place(&names.details, row.detail),
     };
-    Ok((0..origins.len()).map(label).collect())
+    rows.iter().map(label).collect()
 }
 
 /// For each actuator, the features of its own sensors; all features if it has none.
@@ -512,14 +534,17 @@ fn own_columns(features: &[DataFeature], names: &Names) -> Vec<Vec<usize>> {
     (0..names.actuators.len()).map(own).collect()
 }
 
-fn values(
-    origins: &[Origin],
+fn values<'t>(
+    tables: impl Iterator<Item = (&'t (Purpose, Table), &'t Vec<LabeledRow<'t>>)> + Clone,
     view: usize,
     features: &[DataFeature],
-) -> Result<Vec<f64>, EvaluationError> {
-    let mut values = Vec::with_capacity(features.len() * origins.len());
+) -> Result<Vec<f64>, TableError> {
+    let mut values = vec![];
     for feature in features {
-        values.extend(numbers(origins, &view_column(view, &feature.feature.name))?);
+        for ((_, table), rows) in tables.clone() {
+            let column = table.finite_f64(&view_column(view, &feature.feature.name))?;
+            values.extend(rows.iter().map(|row| column[row.variant]));
+        }
     }
     Ok(values)
 }

@@ -152,9 +152,9 @@ pub struct Evaluation {
     pub protocols: Vec<ProtocolResult>,
     /// The committee under its protocols.
     pub committee: Vec<ProtocolResult>,
-    /// The seed paper's trees: its features, without symmetric copies and pooling.
-    pub baseline: Vec<ProtocolResult>,
-    /// The seed paper's test of these trees, repeated.
+    /// The seed paper's trees on new commands: its features, without symmetric copies and pooling.
+    pub baseline: Option<ProtocolResult>,
+    /// The same trees in the seed paper's test, repeated.
     pub random_thirds: Vec<RandomThirds>,
     /// What trees and committee decide together if a fault may stay not isolated, where kinds are left out and under new
     /// commands.
@@ -324,7 +324,7 @@ pub fn evaluate(
     under_protocols(data, settings, context, &mut evaluation)?;
     if settings.protocols.len() > 1 {
         progress("trees of fewer features", 0.5);
-        evaluation.baseline = baseline::evaluate(all_features, settings, workers)?;
+        evaluation.baseline = baseline::on_new_commands(all_features, settings, workers)?;
     }
     if !settings.classifiers.is_empty() {
         // Where classifiers are compared, as in the paper.

@@ -1,14 +1,13 @@
 //! Trains trees, committee and bands for each kind of window from flights.
 
+use super::training_windows::WindowData;
 use super::windows::WindowDesign;
 use crate::learn::data_set::DataRow;
 use crate::learn::{self, DataSet, EvaluationError, EvaluationSettings, bands, committee};
 use crate::parallel::{self, Workers};
-use crate::records::data_features;
 use crate::run::{RunError, ensemble};
-use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Purpose, Scenario, Study};
-use crate::table::Table;
+use crate::study::suites::HARD_NEGATIVES;
+use crate::study::{Scenario, Study};
 use servotwin_diagnosis::diagnoser::decision::{Allowances, Costs};
 use servotwin_diagnosis::diagnoser::environment::{InputChecks, InputRange};
 use servotwin_diagnosis::diagnoser::tuning::{
@@ -68,22 +67,21 @@ pub(crate) fn settings() -> EvaluationSettings {
     EvaluationSettings { learned_bands: true, training, committee, ..EvaluationSettings::default() }
 }
 
-/// Trains a diagnoser from windows of flights, one table for each kind. It accepts all inputs and knows no boundaries.
+/// Trains a diagnoser from windows of flights, one data set for each kind. It accepts all inputs and knows no boundaries.
 ///
 /// # Errors
 /// Training fails.
 pub(crate) fn diagnoser(
     design: &WindowDesign,
-    tables: Vec<Table>,
+    learned: Vec<WindowData>,
     pools: &[usize],
     workers: Workers,
 ) -> Result<Diagnoser, EvaluationError> {
     let (study, scenario, kinds) = (design.study, design.scenario, design.kinds());
-    let tables = tables.into_iter().map(|table| [(Purpose::Train, table)]);
-    let pairs: Vec<_> = kinds.iter().zip(tables).collect();
+    let pairs: Vec<_> = kinds.iter().zip(&learned).collect();
     // All kinds in parallel: most of the time of a kind is the training of its largest stage, on one thread.
-    let lengths = parallel::map(&pairs, workers, |(kind, tables)| {
-        length(design, **kind, tables, pools, workers)
+    let lengths = parallel::map(&pairs, workers, |(kind, learned)| {
+        length(design, **kind, learned, pools, workers)
     });
     let lengths: Vec<LearnedLength> = lengths?.into_iter().collect::<Result<_, _>>()?;
     let scatter = lengths[0].widest.map(|(flights, median_excess)| Scatter {
@@ -261,14 +259,14 @@ struct LearnedLength {
 const LEAST_OF_MEDIAN: usize = 2;
 
 /// The number of healthy flights in ordinary environments, and the largest of the medians of their windows' excesses.
-/// `flight_of` has the number of each row's flight.
+/// `flight_of` has the number of each variant's flight.
 fn widest(
     data: &DataSet,
-    flight_of: &[u32],
+    flight_of: &[usize],
     is_further: impl Fn(&DataSet, &DataRow) -> bool,
 ) -> Option<(u64, f64)> {
     let is_own = |row: &&DataRow| row.is_healthy && !is_further(data, row);
-    let mut flights: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
+    let mut flights: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
     for row in data.rows.iter().filter(is_own) {
         flights.entry(flight_of[row.variant]).or_default().push(row.excess);
     }
@@ -284,20 +282,16 @@ fn widest(
 fn length(
     design: &WindowDesign,
     kind: WindowKind,
-    tables: &[(Purpose, Table)],
+    WindowData { data, flight_of }: &WindowData,
     pools: &[usize],
     workers: Workers,
 ) -> Result<LearnedLength, EvaluationError> {
     let study = design.study;
-    let mut features = data_features(study);
-    features.retain(|known| !known.extra);
-    let data =
-        DataSet::new(tables, features, &study.actuators, &study.actions())?.taught_to_windows()?;
     let settings = settings();
     let is_further =
         |data: &DataSet, row: &DataRow| data.cases[row.case as usize].starts_with(HARD_NEGATIVES);
     // The guarantee of bands applies to ordinary flights, so hard negatives are excluded.
-    let ordinary = data.without(|row| is_further(&data, row));
+    let ordinary = data.without(|row| is_further(data, row));
     let mut bands = bands::learn(&ordinary, pools, design.alarms());
     if study.is_on_ground() {
         // Noise alone leaves these bands, so trees and committee judge every test.
@@ -306,8 +300,8 @@ fn length(
         });
     }
     let half_widths = bands.iter().flatten().map(|band| band.half_width).collect::<Vec<f64>>();
-    let data = if bands.is_some() { data.with_bands(&half_widths) } else { data };
-    let widest = widest(&data, &tables[0].1.u32("variant")?, is_further);
+    let data = if bands.is_some() { data.with_bands(&half_widths) } else { data.clone() };
+    let widest = widest(&data, flight_of, is_further);
     let for_trees =
         data.without(|row| is_further(&data, row) && !row.variant.is_multiple_of(TREES_EVERY));
     let band = |band: bands::Band| SensorBand { sensor: band.sensor, half_width: band.half_width };
@@ -345,7 +339,7 @@ pub(crate) fn environment(study: &Study) -> Result<InputChecks, RunError> {
         let (low, high) = &mut flown[input];
         (*low, *high) = (low.min(value), high.max(value));
     };
-    for suite in [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| study.suite(name)) {
+    for suite in study.training_suites() {
         for (name, range) in study.ranges_of(suite).ranges {
             if let Some(input) = network.inputs.iter().position(|input| input.id == name) {
                 range.into_iter().for_each(|value| reach(input, value));

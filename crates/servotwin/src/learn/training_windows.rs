@@ -1,4 +1,4 @@
-//! Takes training windows out of flights, one table for each kind of window. They are the windows that a diagnosis
+//! Takes training windows out of flights, one data set for each kind of window. They are the windows that a diagnosis
 //! would judge there, from the same [`Windows`].
 //!
 //! A healthy flight gives windows at even distances. A flight with a fault gives the last window before the onset and
@@ -6,21 +6,25 @@
 //! give only the windows that leave their bands (hard negatives): trees and committee are only asked about such
 //! windows, and there are a few hundred in all other healthy flights of a study, most of them in a few environments.
 //!
-//! The tables have the columns of a data set of records ([`crate::learn::DataSet`] reads them). Every environment
-//! counts as a separate command.
+//! Every environment counts as a separate command.
 
+use super::data_set::{self, DataSet, LabeledRow};
+use super::error::EvaluationError;
 use super::windows::WindowDesign;
 use crate::learn::bands;
 use crate::parallel::{self, Workers};
-use crate::records::columns::{Shown, fault_columns, feature_columns, largest_columns, seen};
+use crate::records::columns::seen;
+use crate::records::{DataFeature, data_features};
 use crate::run::compute::{Kept, Round, Take};
 use crate::run::part::{self, PartFiles};
 use crate::run::{Observer, Run, RunError, Runner, plan};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
-use crate::study::{Scenario, Stream, Study, Suite};
+use crate::study::{Purpose, Scenario, Stream, Study, Suite};
 use crate::table::{Column, Table, TableError, Values};
 use serde::{Deserialize, Serialize};
+use servotwin_diagnosis::Error;
 use servotwin_diagnosis::features::{self, Sensors};
+use servotwin_diagnosis::hierarchy::HEALTHY;
 use servotwin_diagnosis::random::Random;
 use servotwin_diagnosis::residual::{BAND, Window};
 use servotwin_diagnosis::spread::Spread;
@@ -369,24 +373,109 @@ pub(crate) fn stem(suite: &Suite, scenario: Scenario) -> String {
     format!("windows-{}-{}", suite.name, scenario.name())
 }
 
-/// A table for each kind of window.
+/// What windows of one kind teach: their data set, and the number of the flight of each of its variants.
+pub(crate) struct WindowData {
+    pub(crate) data: DataSet,
+    pub(crate) flight_of: Vec<usize>,
+}
+
+/// The data sets of all kinds of windows.
 ///
 /// # Errors
-/// The run was cancelled.
-pub(crate) fn tables(
+/// There is no fault to learn from, or the run was cancelled.
+pub(crate) fn data_sets(
     design: &WindowDesign,
     taken: &TrainingWindows,
     workers: Workers,
-) -> Result<Vec<Table>, RunError> {
+) -> Result<Vec<WindowData>, EvaluationError> {
+    let of_kind = |kind: usize| {
+        let own: Vec<&TrainingWindow> = taken.list.iter().filter(|own| own.kind == kind).collect();
+        data_set(design, &own, workers)
+    };
+    (0..design.kinds().len()).map(of_kind).collect()
+}
+
+fn data_set(
+    design: &WindowDesign,
+    taken: &[&TrainingWindow],
+    workers: Workers,
+) -> Result<WindowData, EvaluationError> {
     let study = design.study;
     let sensors = Sensors(study.sensors_in(design.scenario).0[..study.base_sensors()].to_vec());
     let suites = [LEARN, HARD_NEGATIVES].map(|name| study.suite(name));
-    let mut tables = vec![];
-    for kind in 0..design.kinds().len() {
-        let of: Vec<&TrainingWindow> = taken.list.iter().filter(|l| l.kind == kind).collect();
-        tables.push(Maker { study, sensors: &sensors, suites }.table(&of, workers)?);
+    let suite_of = |own: &TrainingWindow| {
+        suites[usize::from(own.is_hard_negative)].expect("the suite of the window")
+    };
+    let runs: Vec<Run> = taken.iter().map(|w| plan::run(study, suite_of(w), w.flight)).collect();
+    let case = |(own, run): (&&TrainingWindow, &Run)| {
+        format!("{}/{:03}", suite_of(own).name, run.environment)
+    };
+    let cases: Vec<String> = taken.iter().zip(&runs).map(case).collect();
+    let rows = taken.iter().zip(&runs).zip(&cases).enumerate();
+    let rows = rows.map(|(place, ((own, run), case))| labeled(study, place, (own, run, case)));
+    let rows: Vec<LabeledRow> = rows.collect();
+    let (features, views) = features_of(study, &sensors, taken, workers)?;
+    let names = data_set::names(&rows, &features, &study.actuators, &study.actions())?;
+    let sensors = sensors.0.into_iter().map(|sensor| sensor.name).collect();
+    let data = DataSet::of(&rows, (features, views), sensors, names)?;
+    Ok(WindowData { data, flight_of: taken.iter().map(|own| own.flight).collect() })
+}
+
+/// What is known of a window. Its environment is its operating case and its command.
+fn labeled<'t>(
+    study: &'t Study,
+    variant: usize,
+    (own, run, case): (&TrainingWindow, &Run, &'t str),
+) -> LabeledRow<'t> {
+    let fault = run.fault.filter(|_| own.is_faulty).map(|fault| &study.faults[fault]);
+    let class = fault.map(|fault| &study.classes[fault.class]);
+    let or_healthy = |text: Option<&'t String>| text.map_or(HEALTHY, String::as_str);
+    LabeledRow {
+        purpose: Purpose::Train,
+        variant,
+        case,
+        flown: case,
+        fault: or_healthy(fault.map(|fault| &fault.id)),
+        kind: or_healthy(fault.map(|fault| &fault.kind)),
+        actuator: or_healthy(fault.map(|fault| &study.actuators[fault.actuator])),
+        action: or_healthy(class.map(|class| &class.action)),
+        detail: or_healthy(class.map(|class| &class.detail)),
+        grade: fault.map_or(0.0, |fault| fault.at.intensity),
+        own_intensity: fault.map_or(0.0, |_| run.intensity),
+        began_on_the_move: false,
+        is_detectable: own.window.largest_of_all() > BAND,
+        largest: (0..study.base_sensors()).map(|sensor| own.window.largest(sensor)).collect(),
     }
-    Ok(tables)
+}
+
+/// The features that sliding windows teach, and their column-major values in every view.
+fn features_of(
+    study: &Study,
+    sensors: &Sensors,
+    taken: &[&TrainingWindow],
+    workers: Workers,
+) -> Result<(Vec<DataFeature>, Vec<Vec<f64>>), EvaluationError> {
+    let mut features = data_features(study);
+    features.retain(|known| !known.extra && known.feature.teaches.of_windows());
+    let known = features::ALL.iter().flat_map(|family| family.features(sensors));
+    let known: Vec<String> = known.map(|feature| feature.name).collect();
+    let orders = sensors.rotations(study.actuators.len()).unwrap_or_default();
+    let rows = parallel::map(taken, workers, |own| seen(sensors, &orders, &own.window))?;
+    let mut views = vec![];
+    for view in 0..=orders.len() {
+        let mut values = Vec::with_capacity(features.len() * rows.len());
+        for DataFeature { feature, .. } in &features {
+            let place = known.iter().position(|name| *name == feature.name);
+            let place = place.expect("a feature of these sensors");
+            values.extend(rows.iter().map(|row| row[view][place]));
+            let column = &values[values.len() - rows.len()..];
+            if let Some(row) = column.iter().position(|value| !value.is_finite()) {
+                return Err(Error::NotFinite { column: feature.name.clone(), row }.into());
+            }
+        }
+        views.push(values);
+    }
+    Ok((features, views))
 }
 
 /// The windows to take out of a flight, the latest first.
@@ -426,53 +515,4 @@ fn planned(kinds: &[WindowKind], flight: &Run, period_s: f64, mut random: Random
     }
     all.sort_by_key(|planned| std::cmp::Reverse(planned.at));
     all
-}
-
-struct Maker<'m> {
-    study: &'m Study,
-    sensors: &'m Sensors,
-    /// [`LEARN`] and [`HARD_NEGATIVES`].
-    suites: [Option<&'m Suite>; 2],
-}
-
-impl Maker<'_> {
-    fn table(&self, taken: &[&TrainingWindow], workers: Workers) -> Result<Table, RunError> {
-        let windows: Vec<&Window> = taken.iter().map(|own| &own.window).collect();
-        let orders = self.sensors.rotations(self.study.actuators.len()).unwrap_or_default();
-        let view = |window: &&Window| seen(self.sensors, &orders, window);
-        let rows = parallel::map(&windows, workers, view).map_err(|_| RunError::Cancelled)?;
-        let mut columns = self.labels(taken, &windows);
-        columns.extend(largest_columns(&self.sensors.0, &windows));
-        let features: Vec<_> =
-            features::ALL.iter().flat_map(|family| family.features(self.sensors)).collect();
-        columns.extend(feature_columns(features.iter(), &rows));
-        Ok(Table::from_columns(columns).expect("columns of one length, named apart"))
-    }
-
-    fn labels(&self, taken: &[&TrainingWindow], windows: &[&Window]) -> Vec<Column> {
-        let suite = |own: &TrainingWindow| {
-            self.suites[usize::from(own.is_hard_negative)].expect("the suite of the window")
-        };
-        let flight = |own: &TrainingWindow| plan::run(self.study, suite(own), own.flight);
-        let shown = |own: &&TrainingWindow| match flight(own) {
-            Run { fault, intensity, .. } if own.is_faulty => Shown { fault, intensity },
-            _ => Shown { fault: None, intensity: 0.0 },
-        };
-        let case =
-            |own: &&TrainingWindow| format!("{}/{:03}", suite(own).name, flight(own).environment);
-        let cases: Vec<String> = taken.iter().map(case).collect();
-        let detectable = windows.iter().map(|w| w.largest_of_all() > BAND).collect();
-        let number_of = taken.iter().map(|l| l.flight as u32).collect();
-        let mut columns = vec![
-            Column::new("variant", "", Values::Unsigned(number_of)),
-            Column::new("case", "", Values::Text(cases.clone())),
-            Column::new("flown", "", Values::Text(cases)),
-        ];
-        columns.extend(fault_columns(self.study, &taken.iter().map(shown).collect::<Vec<_>>()));
-        columns.extend([
-            Column::new("detectable", "", Values::Flag(detectable)),
-            Column::new("failure", "", Values::Text(vec![String::new(); taken.len()])),
-        ]);
-        columns
-    }
 }

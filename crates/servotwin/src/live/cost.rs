@@ -91,19 +91,16 @@ fn authority(study: &Study, record: &FlightRecord) -> f64 {
         let of_actuator = |a: &&super::closed_loop::Action| a.raised.actuator as usize == actuator;
         record.actions.iter().rfind(of_actuator).is_some_and(|action| action.reaction.switches_off)
     };
-    let share = |(actuator, name): (usize, &String)| {
-        if off(actuator) { 0.0 } else { pressure(study, record, name) }
-    };
-    let shares = study.actuators.iter().enumerate().map(share);
+    let share =
+        |actuator: usize| if off(actuator) { 0.0 } else { pressure(study, record, actuator) };
+    let shares = (0..study.actuators.len()).map(share);
     shares.sum::<f64>() / study.actuators.len().max(1) as f64
 }
 
 /// The share of its pressure that an actuator's source delivers at the end.
-fn pressure(study: &Study, record: &FlightRecord, actuator: &str) -> f64 {
+fn pressure(study: &Study, record: &FlightRecord, actuator: usize) -> f64 {
     let components = &study.system.network().components;
-    let feeds = |source: usize| {
-        actuator.is_empty() || components[source].id.starts_with(&format!("{actuator}."))
-    };
+    let feeds = |source: usize| study.actuator_of(&components[source].id) == Some(actuator);
     let reservoirs = study.system.reservoirs.iter().zip(&record.fluid_m3);
     let mut own = reservoirs.filter(|(reservoir, _)| feeds(reservoir.supply));
     own.next()

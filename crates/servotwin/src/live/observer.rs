@@ -190,7 +190,7 @@ impl Finding {
     }
 
     /// Name of the actuator for people; empty for none, and for an only actuator without a name.
-    pub fn actuator_in_words(&self) -> String {
+    pub(crate) fn actuator_in_words(&self) -> String {
         match (&self.actuator, self.actuator_number) {
             (Some(name), _) => spoken(name),
             (None, Some(number)) => format!("actuator {number}"),
@@ -214,7 +214,7 @@ impl Finding {
     }
 
     /// State and phase as text, with the shutdowns that stand beside the action of the finding.
-    pub fn state_in_words(&self) -> String {
+    pub(crate) fn state_in_words(&self) -> String {
         let mut words = self.state.words().to_owned();
         if self.phase != Phase::None {
             words += &format!(", {}", self.phase.words());

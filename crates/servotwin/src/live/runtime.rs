@@ -3,6 +3,7 @@
 use crate::rest::Stopped;
 use crate::signal::bus::Bus;
 use crate::study::{Reaction, Study};
+use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{Diagnoser, Outcome, Session, StoredSession};
 use servotwin_diagnosis::error::Error;
 use servotwin_model::lanes::Level;
@@ -26,7 +27,7 @@ pub enum RuntimeError {
 }
 
 /// The complete state of a runtime, for resuming with the same bits.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// The twin's state; `None` before the first sample.
     pub(crate) twin: Option<Snapshot>,

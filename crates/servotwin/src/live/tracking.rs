@@ -3,6 +3,7 @@
 
 use super::closed_loop::FlightRecord;
 use crate::study::Study;
+use crate::study::faults::full_name;
 use servotwin_diagnosis::diagnoser::IndexedFinding;
 use servotwin_model::program::Slot;
 use servotwin_model::spec::Unit;
@@ -57,7 +58,7 @@ impl TrackedQuantities {
 
     /// The index of the rod force of an actuator; `None` if it has no rod.
     fn rod(&self, actuator: &str) -> Option<usize> {
-        let own = if actuator.is_empty() { String::new() } else { format!("{actuator}.") };
+        let own = full_name(actuator, "");
         let is_rod = |name: &String| name.starts_with(&own) && name.contains("rod.force");
         self.names.iter().position(is_rod)
     }
@@ -88,6 +89,25 @@ impl TrackedQuantities {
             force_fight_n(&forces.iter().map(|rod| rod[sample]).collect::<Vec<f64>>())
         };
         (0..record.time_s.len()).map(at).collect()
+    }
+}
+
+/// How far a quantity of a flight is from zero since an onset, in its actuator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Deviation {
+    /// The root mean square.
+    pub rms: f64,
+    /// The largest magnitude.
+    pub largest: f64,
+}
+
+impl Deviation {
+    /// The deviation of the last values of a record, of which `since` come before the onset.
+    pub fn since(since: usize, values: &[f64]) -> Self {
+        let tail = &values[since..];
+        let square = tail.iter().map(|x| x * x).sum::<f64>() / tail.len().max(1) as f64;
+        let largest = tail.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+        Deviation { rms: square.sqrt(), largest }
     }
 }
 

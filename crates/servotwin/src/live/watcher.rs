@@ -5,10 +5,10 @@ use crate::live::observer::{DiagnosisState, Finding, Observation, Observer, Phas
 use crate::study::{Reaction, Scenario, Study};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::diagnoser::{
-    self, Alarm, Diagnoser, IndexedFinding, Outcome, Raised, ScatterTest,
+    Alarm, Diagnoser, IndexedFinding, Outcome, Raised, ScatterTest,
 };
 use servotwin_model::program::Slot;
-use servotwin_model::solver::{Knot, Snapshot, SolverSettings};
+use servotwin_model::solver::SolverSettings;
 use std::sync::Arc;
 
 /// Observes an actuator beside its twin. Inputs and sensor values are in the order of the system.
@@ -36,29 +36,15 @@ pub struct Watcher<'s> {
     last: Option<Outcome>,
 }
 
-/// The stored form of a checkpoint.
+/// The state of a watcher, as it is stored.
 #[derive(Serialize, Deserialize)]
 struct Stored {
-    twin: Option<StoredTwin>,
-    session: diagnoser::StoredSession,
-    buses: Vec<(Option<f64>, f64)>,
-    reactions: Vec<(usize, Reaction)>,
+    runtime: Checkpoint,
     is_seen_off: Vec<bool>,
     /// The last finding; `None` if there was none.
     finding: Option<Finding>,
     scatter: ScatterTest,
     panes: u32,
-}
-
-#[derive(Serialize, Deserialize)]
-struct StoredTwin {
-    sample: u64,
-    wanted_s: f64,
-    effort: f64,
-    states: Vec<f64>,
-    held: Vec<f64>,
-    next_tick: Vec<u64>,
-    inputs: Vec<(f64, f64)>,
 }
 
 impl<'s> Watcher<'s> {
@@ -67,22 +53,19 @@ impl<'s> Watcher<'s> {
     /// # Errors
     /// The diagnoser does not fit this study.
     pub fn new(study: &'s Study, diagnoser: Arc<Diagnoser>) -> Result<Self, RuntimeError> {
+        // It refuses a diagnoser with a sensor that the system does not have.
+        let runtime = Runtime::new(study, diagnoser.clone(), vec![])?;
         let sensors = &study.system.sensors;
         let place = |name: &str| sensors.iter().position(|sensor| sensor.id == name);
-        let named = diagnoser.sensors.iter();
-        let unknown = |name: &String| {
-            let (name, study) = (name.clone(), study.name.clone());
-            RuntimeError::Sensor { name, study }
-        };
-        let places = named.map(|s| place(&s.name).ok_or_else(|| unknown(&s.name)));
-        let places: Vec<usize> = places.collect::<Result<_, _>>()?;
+        let places = diagnoser.sensors.iter().filter_map(|sensor| place(&sensor.name));
+        let places: Vec<usize> = places.collect();
         let names = diagnoser.names();
         let off = (0..names.actuators.len()).map(|actuator| {
             let actions = names.actions.iter().map(|c| study.reactions.of(actuator, c, None));
             actions.into_iter().find(|r| r.switches_off && !r.inputs.is_empty()).unwrap_or_default()
         });
         Ok(Watcher {
-            runtime: Runtime::new(study, diagnoser.clone(), vec![])?,
+            runtime,
             slots: runtime::slots(study, sensors.iter().map(|sensor| sensor.id.as_str()))?,
             scales: sensors.iter().map(|sensor| sensor.scale).collect(),
             actuators: study.actuators.clone(),
@@ -342,24 +325,10 @@ impl Observer for Watcher<'_> {
     }
 
     fn save(&self) -> String {
-        let Checkpoint { twin, session, buses, reactions } = self.runtime.save();
-        let twin = twin.map(|twin| StoredTwin {
-            sample: twin.sample,
-            wanted_s: twin.wanted_s,
-            effort: twin.attempt_rate_per_s,
-            states: twin.states,
-            held: twin.held,
-            next_tick: twin.next_tick,
-            inputs: twin.inputs.iter().map(|knot| (knot.value, knot.slope_per_s)).collect(),
-        });
-        let finding = self.last.map(|_| self.finding.clone());
         let stored = Stored {
-            twin,
-            session,
-            buses,
-            reactions,
+            runtime: self.runtime.save(),
             is_seen_off: self.is_seen_off.clone(),
-            finding,
+            finding: self.last.map(|_| self.finding.clone()),
             scatter: self.scatter,
             panes: self.panes,
         };
@@ -377,22 +346,9 @@ impl Observer for Watcher<'_> {
         if stored.finding.as_ref().is_some_and(|finding| !finding.is_text()) {
             return Err("its words are no text".into());
         }
-        let knot = |&(value, slope_per_s): &(f64, f64)| Knot { value, slope_per_s };
-        let Stored { twin, session, buses, reactions, .. } = stored;
-        let twin = twin.map(|twin| Snapshot {
-            sample: twin.sample,
-            wanted_s: twin.wanted_s,
-            attempt_rate_per_s: twin.effort,
-            states: twin.states,
-            held: twin.held,
-            next_tick: twin.next_tick,
-            inputs: twin.inputs.iter().map(knot).collect(),
-        });
         // A state that does not fit leaves this one as it was.
         let mut runtime = self.runtime.anew().map_err(|error| error.to_string())?;
-        runtime
-            .restore(&Checkpoint { twin, session, buses, reactions })
-            .map_err(|error| error.to_string())?;
+        runtime.restore(&stored.runtime).map_err(|error| error.to_string())?;
         self.runtime = runtime;
         self.is_seen_off = stored.is_seen_off;
         (self.scatter, self.panes) = (stored.scatter, stored.panes);

@@ -280,6 +280,14 @@ pub const RIGHT_OR_NOT_ISOLATED: Measure = Measure {
     holds: |row, _| matches!(row.first, FirstAction::Right | FirstAction::None),
 };
 
+/// The right answer: the right action first for a fault, and none without one.
+pub const RIGHT_ANSWER: Measure = Measure {
+    name: "right_answer",
+    sentence: "right answer",
+    of: CountedRuns::new("all runs, with a fault and without one", |_| true),
+    holds: |row, _| if row.is_fault() { row.is_isolated() } else { row.early_alarms == 0 },
+};
+
 /// Windows left their bands, although nothing was wrong.
 pub const VISIBLE_BY_CHANCE: Measure = Measure {
     name: "visible_by_chance",
@@ -334,7 +342,7 @@ pub const OF_ISOLATED: [&Measure; 3] = [&ISOLATED, &RIGHT_OF_ISOLATED, &RIGHT_OR
 
 /// All measures.
 pub fn all() -> impl Iterator<Item = &'static Measure> {
-    OF_FLIGHTS.iter().copied().chain(OF_ISOLATED).chain(unseen::all())
+    OF_FLIGHTS.iter().copied().chain(OF_ISOLATED).chain([&RIGHT_ANSWER]).chain(unseen::all())
 }
 
 /// What bands alone show of records.
@@ -344,7 +352,8 @@ pub(crate) const OF_BANDS: &[&Measure] = &[&VISIBLE, &VISIBLE_BY_CHANCE];
 pub(crate) const OF_HEALTHY: &[&Measure] = &[&VISIBLE_BY_CHANCE, &FALSE_ALARM, &FALSE_SHUTDOWN];
 
 /// The measures of windows that are judged alone.
-pub(crate) const OF_WINDOWS: &[&Measure] = &[&RIGHT_ACTION_OF_ALL, &SILENT, &FALSE_ALARM];
+pub(crate) const OF_WINDOWS: &[&Measure] =
+    &[&RIGHT_ANSWER, &RIGHT_ACTION_OF_ALL, &SILENT, &FALSE_ALARM];
 
 /// The measures of records, each judged once at its end.
 pub(crate) const OF_RECORDS: &[&Measure] = &[

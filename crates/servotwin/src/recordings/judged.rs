@@ -14,11 +14,11 @@ use super::{RecordingError, RecordingStudy, Target};
 use crate::files::write_atomically;
 use crate::job::{Among, Folder, JobError};
 use crate::learn::data_set::{coded, in_order};
-use crate::learn::metrics::{Prediction, Score};
+use crate::learn::metrics::Rate;
 use crate::learn::run::{RowOutcome, Scope, ask, fit_stages};
 use crate::learn::{EvaluationError, model_file};
 use crate::measure::outcome::RunOutcome;
-use crate::measure::{Answers, OF_WINDOWS, Rates};
+use crate::measure::{Answers, OF_WINDOWS, RIGHT_ANSWER, Rates};
 use crate::parallel::{self, Workers};
 use crate::table::{Column, Table};
 use serde::{Deserialize, Serialize};
@@ -83,10 +83,10 @@ pub struct TargetResult {
     pub classifier: ClassifierKind,
     /// Windows without a value of the target, which are not used.
     pub(crate) unlabeled: usize,
-    /// Right answers, with an interval over groups.
-    pub score: Score,
-    /// The measures of windows. A value that is not the healthy one is a fault.
+    /// The measures of windows, with intervals over groups. A value that is not the healthy one is a fault.
     pub rates: Rates,
+    /// The values of the target, each with the right answers among its windows.
+    pub classes: Vec<(String, Rate)>,
 }
 
 /// The windows of records with what all targets have in common.
@@ -126,7 +126,7 @@ struct Labels<'s> {
 
 impl<'s> Labels<'s> {
     fn new(target: &'s Target, windows: &Table) -> Result<Self, RecordingError> {
-        let (mut classes, codes) = coded(windows.text(&target.column)?, Ord::cmp);
+        let (mut classes, codes) = coded(windows.text(&target.column)?.to_vec(), Ord::cmp);
         // The empty text is the first.
         let missing = u32::from(classes.first().is_some_and(String::is_empty));
         classes.drain(..missing as usize);
@@ -165,6 +165,7 @@ impl<'s> Labels<'s> {
         };
         let is_fault = Some(truth) != self.healthy;
         let record = RunOutcome {
+            number: row as u64,
             at_fault: self.classes[truth as usize].clone(),
             onset_s: is_fault.then_some(0.0),
             ..RunOutcome::default()
@@ -259,7 +260,7 @@ impl RecordingStudy {
         healthy: &[usize],
         workers: Workers,
     ) -> Result<Prepared, RecordingError> {
-        let (groups, group) = in_order(&joined(&windows.table, &self.groups)?);
+        let (groups, group) = in_order(joined(&windows.table, &self.groups)?);
         let splits = match (self.targets.is_empty(), self.groups.is_empty()) {
             (true, _) => vec![],
             (false, true) => consecutive(&windows, self.folds)?,
@@ -397,19 +398,25 @@ fn result(
     // Without groups, the windows of a fold depend on each other.
     let is_grouped = prepared.groups.len() > 1;
     let clusters = if is_grouped { prepared.group.clone() } else { prepared.folds() };
-    let prediction = |own: &JudgedWindow| {
-        let cluster = clusters[own.window];
-        Prediction { cluster, kind: cluster, truth: own.truth, said: own.answer }
-    };
-    let predictions: Vec<Prediction> = judged.iter().map(prediction).collect();
     let answers = Answers { has_several: false, has_shutdown: false };
-    let outcomes: Vec<&RunOutcome> = judged.iter().map(|own| &own.outcome).collect();
+    let rates = |choice: &dyn Fn(&JudgedWindow) -> bool| {
+        let chosen = judged.iter().filter(|own| choice(own));
+        let outcomes: Vec<&RunOutcome> = chosen.map(|own| &own.outcome).collect();
+        Rates::count((OF_WINDOWS, 0.0), answers, &outcomes, |own| {
+            let cluster = clusters[own.number as usize];
+            Some((cluster, cluster))
+        })
+    };
+    let classes =
+        labels.classes.iter().zip(0..).map(|(name, class)| {
+            (name.clone(), rates(&|own| own.truth == class).of(&RIGHT_ANSWER))
+        });
     TargetResult {
         column: labels.target.column.clone(),
         classifier,
         unlabeled: labels.of_window.iter().filter(|class| class.is_none()).count(),
-        score: Score::of(labels.classes.clone(), &predictions),
-        rates: Rates::count((OF_WINDOWS, 0.0), answers, &outcomes, |_| None),
+        rates: rates(&|_| true),
+        classes: classes.collect(),
     }
 }
 /// Cuts every run of windows with the same kept columns into consecutive parts, one for each fold.

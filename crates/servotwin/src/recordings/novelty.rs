@@ -129,7 +129,7 @@ impl RecordingStudy {
 
     /// The groups in the order of the records.
     fn in_order(&self, records: &Table) -> Result<Groups, RecordingError> {
-        let (names, of_row) = in_order(&joined(records, &self.groups)?);
+        let (names, of_row) = in_order(joined(records, &self.groups)?);
         let mut is_healthy_row = vec![false; of_row.len()];
         self.healthy_rows(records)?.into_iter().for_each(|row| is_healthy_row[row] = true);
         let mut is_healthy = vec![true; names.len()];

@@ -115,7 +115,7 @@ pub(crate) fn rounds(
 ) -> Vec<Vec<usize>> {
     let twin_samples = suite.longest_s() / study.sample_period_s;
     let twin = |number: usize| {
-        if suite.is_unseen {
+        if suite.has_own_twins() {
             return (number, None);
         }
         let run = plan::run(study, suite, number);

@@ -28,11 +28,9 @@ section! {
             "lengths of the sliding windows";
         must pub(super) commands: Vec<At<String>> = some::<Vec<At<String>>>(),
             "signals with {a..b} and {n}; the environments use them in turn";
-        may pub(super) inputs: Ranges, "ranges of inputs, drawn for each environment";
+        with pub(super) drawn: DrawnRanges, "ranges from which each environment is drawn";
         may pub(super) phases: Vec<At<PhaseText>>,
             "parts of a flight with ranges of their own; the environments take turns";
-        may pub(super) actuator_inputs: Ranges, "ranges of inputs that every actuator has";
-        may pub(super) actuator_parameters: Ranges, "ranges of parameters that every actuator has";
         may pub(super) least_on: Option<At<u32>> = Value::Whole(0.0, MAX_ACTUATORS as f64),
             "minimum number of actuators that stay on; default 1, or 0 for a single actuator";
         may pub(super) draws: Vec<At<DrawText>>,
@@ -40,6 +38,16 @@ section! {
         may pub(super) other_plant: Option<other_plant::Text>,
             "plants that differ from their twin in structure, for the evaluation only";
         may pub(super) limits: Limits => usual(), "targets of the diagnosis";
+    }
+}
+
+section! {
+    /// Ranges from which each environment is drawn. Flights, suites and tests on the ground have these keys.
+    #[derive(Default)]
+    pub(super) struct DrawnRanges {
+        may pub(super) inputs: Ranges, "ranges of inputs, drawn for each environment; those of a suite replace those of [flights]";
+        may pub(super) actuator_inputs: Ranges, "ranges of inputs that every actuator has, likewise";
+        may pub(super) actuator_parameters: Ranges, "ranges of parameters that every actuator has, likewise";
     }
 }
 
@@ -145,10 +153,8 @@ impl Flights {
     pub(super) fn new(text: &Text, reader: &Reader) -> Result<Self, Noted> {
         let varied = Varied {
             commands: text.commands.clone(),
-            inputs: text.inputs.clone(),
+            drawn: text.drawn.clone(),
             phases: text.phases.iter().map(|phase| phase.value.inputs.clone()).collect(),
-            actuator_inputs: text.actuator_inputs.clone(),
-            actuator_parameters: text.actuator_parameters.clone(),
         };
         let ranges = varied.check(reader);
         let other_plant = text.other_plant.as_ref().map(|text| OtherPlant::new(text, reader));
@@ -196,7 +202,7 @@ impl Text {
                 return Err(reader.note(at, Diagnostic::new(message)));
             }
             if let Some((name, _)) =
-                phase.inputs.iter().find(|(name, _)| self.inputs.contains_key(*name))
+                phase.inputs.iter().find(|(name, _)| self.drawn.inputs.contains_key(*name))
             {
                 let message = format!("'{}' has a range for all phases, too", name.value);
                 return Err(reader.note(&name.at, Diagnostic::new(message)));
@@ -216,23 +222,14 @@ impl Text {
 pub(super) struct Varied {
     /// The patterns of the commands.
     pub(crate) commands: Vec<At<String>>,
-    /// Ranges of inputs.
-    pub(crate) inputs: Ranges,
+    pub(super) drawn: DrawnRanges,
     /// Ranges of inputs that belong together, of which an environment has one.
     pub(crate) phases: Vec<Ranges>,
-    /// Ranges of inputs that every actuator has.
-    pub(crate) actuator_inputs: Ranges,
-    /// Ranges of parameters that every actuator has.
-    pub(crate) actuator_parameters: Ranges,
 }
 
 impl Varied {
     /// The same with the commands and ranges of a suite in place of those of the same name.
-    pub(super) fn with(
-        &self,
-        commands: Option<&Vec<At<String>>>,
-        [inputs, actuator_inputs, actuator_parameters]: [&Ranges; 3],
-    ) -> Self {
+    pub(super) fn with(&self, commands: Option<&Vec<At<String>>>, given: &DrawnRanges) -> Self {
         let merged = |own: &Ranges, given: &Ranges| {
             let mut merged = given.clone();
             own.iter().for_each(|(name, range)| {
@@ -241,15 +238,15 @@ impl Varied {
             merged
         };
         let mut phases = self.phases.clone();
-        phases.iter_mut().for_each(|own| own.retain(|name, _| !inputs.contains_key(name)));
+        phases.iter_mut().for_each(|own| own.retain(|name, _| !given.inputs.contains_key(name)));
         phases.retain(|own| !own.is_empty());
-        Varied {
-            commands: commands.unwrap_or(&self.commands).clone(),
-            inputs: merged(&self.inputs, inputs),
-            phases,
-            actuator_inputs: merged(&self.actuator_inputs, actuator_inputs),
-            actuator_parameters: merged(&self.actuator_parameters, actuator_parameters),
-        }
+        let own = &self.drawn;
+        let drawn = DrawnRanges {
+            inputs: merged(&own.inputs, &given.inputs),
+            actuator_inputs: merged(&own.actuator_inputs, &given.actuator_inputs),
+            actuator_parameters: merged(&own.actuator_parameters, &given.actuator_parameters),
+        };
+        Varied { commands: commands.unwrap_or(&self.commands).clone(), drawn, phases }
     }
 
     /// The environment of the first command, in the middle of its ranges and of those of inputs that all actuators
@@ -259,8 +256,9 @@ impl Varied {
         reader: &Reader,
         duration_s: f64,
     ) -> Result<Environment, Noted> {
-        let Varied { commands, inputs, phases, .. } = self.clone();
-        let shared = Varied { commands, inputs, phases, ..Varied::default() };
+        let Varied { commands, drawn: DrawnRanges { inputs, .. }, phases } = self.clone();
+        let shared = DrawnRanges { inputs, ..DrawnRanges::default() };
+        let shared = Varied { commands, drawn: shared, phases };
         shared.middle(reader, 0, duration_s)
     }
 
@@ -293,9 +291,9 @@ impl Varied {
     /// Checks that both ends of every range are possible.
     pub(super) fn check(&self, reader: &Reader) -> Result<(), Noted> {
         let actuators = || reader.text.actuators.iter();
-        let own = self.inputs.iter().chain(self.phases.iter().flatten());
+        let own = self.drawn.inputs.iter().chain(self.phases.iter().flatten());
         let own = own.map(|range| (String::new(), range));
-        let of_actuators = self.actuator_inputs.iter();
+        let of_actuators = self.drawn.actuator_inputs.iter();
         let of_actuators = of_actuators
             .flat_map(|range| actuators().map(move |actuator| (actuator.value.clone(), range)));
         for (actuator, (name, range)) in own.chain(of_actuators) {
@@ -304,7 +302,7 @@ impl Varied {
                 reader.constant((name, &range.at), input, value)?;
             }
         }
-        for (name, range) in &self.actuator_parameters {
+        for (name, range) in &self.drawn.actuator_parameters {
             for actuator in actuators() {
                 let found = super::realism::find(reader, actuator, name)?;
                 for value in range.value {
@@ -328,7 +326,8 @@ impl Varied {
             });
             names.collect()
         };
-        let shared = self.inputs.iter().map(|(name, range)| (name.value.clone(), range.value));
+        let shared =
+            self.drawn.inputs.iter().map(|(name, range)| (name.value.clone(), range.value));
         let shared = shared.collect();
         let all_phases = |(name, range): (&At<String>, &At<[f64; 2]>)| {
             let own = self.phases.iter().filter_map(|phase| phase.get(name));
@@ -350,8 +349,8 @@ impl Varied {
             commands: (0..self.phases.len().max(1)).flat_map(of_phase).collect(),
             ranges: [
                 shared,
-                of_actuators(&self.actuator_inputs),
-                of_actuators(&self.actuator_parameters),
+                of_actuators(&self.drawn.actuator_inputs),
+                of_actuators(&self.drawn.actuator_parameters),
                 of_phases,
             ]
             .concat(),
@@ -385,8 +384,9 @@ impl Varied {
         let mut random = seed.stream(Stream::Ranges);
         let count = |ranges: &Ranges| ranges.len() * reader.text.actuators.len();
         let of_phase = self.phases.first().map_or(0, |phase| phase.len());
-        let shared = self.inputs.len() + of_phase;
-        let ranges = shared + count(&self.actuator_inputs) + count(&self.actuator_parameters);
+        let shared = self.drawn.inputs.len() + of_phase;
+        let ranges =
+            shared + count(&self.drawn.actuator_inputs) + count(&self.drawn.actuator_parameters);
         let shares: Vec<f64> = (0..ranges).map(|_| random.unit()).collect();
         let phase = (number / patterns) % self.phases.len().max(1);
         let pattern = pattern + patterns * phase;
@@ -418,17 +418,17 @@ impl Varied {
         let constant = |value: f64| Piecewise::constant(value).expect("a finite value");
         let mut shares = shares.iter().copied();
         let mut draw = |[low, high]: [f64; 2]| low + (high - low) * shares.next().unwrap_or(0.5);
-        for (input, range) in &self.inputs {
+        for (input, range) in &self.drawn.inputs {
             inputs[reader.input(&input.at, input)?] = constant(draw(range.value));
         }
-        for (input, range) in &self.actuator_inputs {
+        for (input, range) in &self.drawn.actuator_inputs {
             for actuator in &reader.text.actuators {
                 let place = reader.input(&input.at, &full_name(actuator, input))?;
                 inputs[place] = constant(draw(range.value));
             }
         }
         let mut parameters = vec![];
-        for (parameter, range) in &self.actuator_parameters {
+        for (parameter, range) in &self.drawn.actuator_parameters {
             for actuator in &reader.text.actuators {
                 let (component, place) = super::realism::find(reader, actuator, parameter)?;
                 parameters.push((component, place, draw(range.value)));

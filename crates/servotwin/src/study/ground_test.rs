@@ -25,9 +25,7 @@ section! {
         must command: At<String>, "command of the test, from rest";
         must duration_s: f64 = FLIGHT_S, "length of the test, and of its only window";
         may sample_hz: Option<f64> = SAMPLE_HZ, "sampling rate of the test, if it is not that of flights";
-        may inputs: flights::Ranges, "ranges of inputs, drawn for each environment";
-        may actuator_inputs: flights::Ranges, "ranges of inputs that every actuator has";
-        may actuator_parameters: flights::Ranges, "ranges of parameters that every actuator has";
+        with drawn: flights::DrawnRanges, "ranges from which each environment is drawn";
         may sensors: Names<TestSensor>,
             "sensors that only the test reads, such as what the computer itself puts out";
         may wear: Vec<At<DrawText>>,
@@ -88,10 +86,8 @@ impl super::Text {
             onset_s,
             windows_s: vec![At::new(test.duration_s, at.clone())],
             commands: vec![test.command],
-            inputs: test.inputs,
+            drawn: test.drawn,
             phases: vec![],
-            actuator_inputs: test.actuator_inputs,
-            actuator_parameters: test.actuator_parameters,
             // An action at the end of a test is in time.
             limits: flights::Limits {
                 latency_s: test.duration_s,

@@ -336,7 +336,7 @@ impl Study {
 
     /// The index of the actuator that a fault or another part of the system belongs to by its name; `None` if it
     /// belongs to no single one. The only actuator of a study has all.
-    pub fn unit_of(&self, name: &str) -> Option<usize> {
+    pub fn actuator_of(&self, name: &str) -> Option<usize> {
         let has_it = |actuator: &String| {
             let rest = name.strip_prefix(actuator.as_str());
             self.actuators.len() == 1 || rest.is_some_and(|rest| rest.starts_with('.'))

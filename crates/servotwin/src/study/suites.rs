@@ -5,7 +5,7 @@
 //! suite that is `like` another has its environments, numbers, specimens and noise, so the two differ only by what the
 //! suite itself says.
 
-use super::flights::{Environment, EnvironmentRanges, Flights, Ranges, Varied};
+use super::flights::{DrawnRanges, Environment, EnvironmentRanges, Flights, Varied};
 pub use super::keys::MAX_ENVIRONMENTS;
 use super::keys::{FLIGHT_COUNT, FLIGHT_S};
 use super::reader::{Noted, Reader};
@@ -47,9 +47,7 @@ section! {
             "true: every fault of the system is flown in the operating cases with a flight control computer that \
              reacts, and without";
         may commands: Option<Vec<At<String>>>, "commands in place of those of [flights]";
-        may inputs: Ranges, "ranges of inputs in place of those of [flights]";
-        may actuator_inputs: Ranges, "ranges of inputs that every actuator has, likewise";
-        may actuator_parameters: Ranges, "ranges of parameters that every actuator has, likewise";
+        with drawn: DrawnRanges, "ranges in place of those of [flights]";
         may on_request: bool, "true: flown only when it is named";
     }
 }
@@ -256,11 +254,6 @@ pub struct Suite {
 }
 
 impl Suite {
-    /// Whether it is flown for judging in a scenario.
-    pub(crate) fn is_flown_in(&self, scenario: Scenario) -> bool {
-        self.purpose == Purpose::Test && self.scenarios.contains(&scenario)
-    }
-
     /// The root of the random numbers of a run.
     pub(crate) fn seed_of(&self, number: usize) -> Seed {
         Seed::of(self.seed, &self.draws, number as u64)
@@ -277,6 +270,11 @@ impl Suite {
             true => Seed::of(self.seed, &format!("{}/pool", self.draws), number as u64),
             false => self.seed_of_environment(number),
         }
+    }
+
+    /// Whether every run has a twin of its own: an unseen fault may change what the twin reads.
+    pub(crate) fn has_own_twins(&self) -> bool {
+        self.is_unseen
     }
 
     /// The length of the longest run in an environment, s.
@@ -358,9 +356,8 @@ impl Suite {
             is_on_request: text.on_request,
             is_records: false,
             varied: {
-                let ranges = [&text.inputs, &text.actuator_inputs, &text.actuator_parameters];
                 let base = like.map_or(&flights.varied, |suite| &suite.varied);
-                base.with(text.commands.as_ref(), ranges)
+                base.with(text.commands.as_ref(), &text.drawn)
             },
         };
         suite.varied.check(reader)?;
@@ -473,6 +470,16 @@ impl Study {
     /// All suites of flights, by name.
     pub(crate) fn suites(&self) -> impl Iterator<Item = &Suite> {
         self.suites.values()
+    }
+
+    /// The suites of flights from which a diagnosis learns, in their order.
+    pub(crate) fn training_suites(&self) -> impl Iterator<Item = &Suite> {
+        [LEARN, HARD_NEGATIVES].into_iter().filter_map(|name| self.suite(name))
+    }
+
+    /// The suites that are flown for judging without being named.
+    pub(crate) fn usual_suites(&self) -> impl Iterator<Item = &Suite> {
+        self.suites().filter(|suite| suite.purpose == Purpose::Test && !suite.is_on_request)
     }
 
     /// What varies between the environments of a suite.

@@ -93,7 +93,7 @@ impl Study {
         // A relative deviation of zero is zero.
         let mut absolute = tolerances.filter(|tolerance| tolerance.absolute);
         let flown =
-            self.flights.iter().flat_map(|flights| flights.varied.actuator_parameters.keys());
+            self.flights.iter().flat_map(|flights| flights.varied.drawn.actuator_parameters.keys());
         let mut flown =
             flown.flat_map(|name| self.actuators.iter().map(|actuator| full_name(actuator, name)));
         absolute.any(|tolerance| tolerance.parameters.contains(&at))

@@ -3,6 +3,7 @@
 use super::System;
 use crate::nearest::UnknownName;
 use crate::table::{Column, Table};
+use servotwin_model::network::Instance;
 use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
 
@@ -40,7 +41,7 @@ impl System {
                 let place = spec.parameter(declared.parameter).expect("checked by the contract");
                 let full = self.program.parameters(&[FaultAt { component, fault, intensity: 1.0 }]);
                 list.push(ListedFault {
-                    id: format!("{}.{}", instance.id, declared.name),
+                    id: instance.fault_name(fault),
                     component: instance.id.clone(),
                     kind: spec.kind,
                     category: declared.category.name(),
@@ -57,12 +58,7 @@ impl System {
 
     /// The full names of all faults.
     pub fn all_faults(&self) -> Vec<String> {
-        let components = self.network().components.iter();
-        let names = components.flat_map(|instance| {
-            let declared = instance.component.faults.iter();
-            declared.map(|fault| format!("{}.{}", instance.id, fault.name))
-        });
-        names.collect()
+        self.network().components.iter().flat_map(Instance::fault_names).collect()
     }
 
     /// A fault by its id, e.g. `actuator_1.servo_valve.clogging_pa`: (component, fault).

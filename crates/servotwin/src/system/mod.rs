@@ -50,7 +50,7 @@ use crate::kind::FileType;
 use crate::signal::{Signal, SignalError};
 use crate::toml_text::{NumberWithUnit, Quantities, TomlError};
 use servotwin_model::components::MeasuringSpan;
-use servotwin_model::network::{self, Network};
+use servotwin_model::network::{self, Instance, Network};
 use servotwin_model::program::{Program, Slot};
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
@@ -165,12 +165,7 @@ impl System {
 
     /// The full names of all parameters.
     pub(crate) fn all_parameters(&self) -> Vec<String> {
-        let components = self.network().components.iter();
-        let names = components.flat_map(|instance| {
-            let declared = instance.component.parameters.iter();
-            declared.map(|parameter| format!("{}.{}", instance.id, parameter.name))
-        });
-        names.collect()
+        self.network().components.iter().flat_map(Instance::parameter_names).collect()
     }
 
     /// Checks whether a parameter may have a value.

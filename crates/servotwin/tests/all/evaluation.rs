@@ -245,8 +245,14 @@ fn easy_records_are_solved_under_every_protocol() {
     // Pooled: A, B and one detail stage for each command.
     let ids: Vec<&str> = hierarchy.stages.iter().map(|stage| stage.id.as_str()).collect();
     assert_eq!(ids, ["A", "B", "C", "D", "E"]);
-    let nine: Vec<&str> = evaluation.baseline[0].stages.iter().map(|s| s.id.as_str()).collect();
+    assert!(evaluation.baseline.is_none(), "no training commands");
+    let (evaluation, _) = evaluated_with(&with_training(0.01), &settings(), 2);
+    let baseline = evaluation.baseline.unwrap();
+    let nine: Vec<&str> = baseline.stages.iter().map(|s| s.id.as_str()).collect();
     assert_eq!(nine, ["A", "B", "C", "D", "E", "B1", "B2", "C1", "C2", "D1", "D2", "E1", "E2"]);
+    let thirds = evaluation.random_thirds.iter();
+    let thirds: Vec<_> = thirds.map(|own| (own.stage.as_str(), own.accuracies.len())).collect();
+    assert_eq!(thirds, [("A", 30), ("B", 30)]);
 }
 
 #[test]

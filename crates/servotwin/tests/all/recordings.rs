@@ -2,8 +2,9 @@
 
 use super::folder::Folder;
 use servotwin::job::{self, JobError};
+use servotwin::learn::metrics::Rate;
 use servotwin::learn::model_file::read_diagnoser;
-use servotwin::measure::FALSE_ALARM;
+use servotwin::measure::{FALSE_ALARM, RIGHT_ANSWER};
 use servotwin::parallel::Workers;
 use servotwin::recordings::judged::JudgedRecordings;
 use servotwin::recordings::{Answers, NominalSource, RecordingError, RecordingStudy, Windows};
@@ -245,7 +246,11 @@ fn windows_are_judged_by_what_other_groups_teach() {
     let judged = judged(RUNS, &runs(|run| 0.01 * run as f64));
     let [cart, forest] = judged.results.targets.as_slice() else { panic!("two classifiers") };
     for target in [cart, forest] {
-        assert_eq!((target.score.accuracy.count, target.score.accuracy.of), (120, 120));
+        let right = target.rates.of(&RIGHT_ANSWER);
+        assert_eq!((right.count, right.of), (120, 120));
+        let of_class = |(name, right): &(String, Rate)| (name.clone(), right.count, right.of);
+        let classes: Vec<_> = target.classes.iter().map(of_class).collect();
+        assert_eq!(classes, [("leak".into(), 60, 60), ("none".into(), 60, 60)]);
         assert_eq!(target.rates.of(&FALSE_ALARM).of, 60);
     }
     let outcomes = &judged.outcomes;
@@ -258,7 +263,10 @@ fn windows_are_judged_by_what_other_groups_teach() {
     // What only identifies the run teaches nothing about another one.
     let by_run = runs(|run| 10.0 * run as f64 + if run % 2 == 0 { 0.0 } else { 0.5 });
     let lost = self::judged(RUNS, &by_run);
-    assert!(lost.results.targets[0].score.accuracy.share.unwrap() < 0.8);
+    let lost = &lost.results.targets[0];
+    let right = lost.rates.of(&RIGHT_ANSWER);
+    assert!(right.share.unwrap() < 0.8);
+    assert_eq!(lost.classes.iter().map(|(_, own)| own.count).sum::<u64>(), right.count);
 }
 
 #[test]
@@ -270,7 +278,7 @@ fn a_sensor_that_is_silent_for_some_windows_is_learned_around() {
     let judged = judged(RUNS, &records);
     assert_eq!(judged.results.incomplete_rows, 17);
     for target in &judged.results.targets {
-        assert_eq!(target.score.accuracy.count, 120, "{:?}", target.classifier);
+        assert_eq!(target.rates.of(&RIGHT_ANSWER).count, 120, "{:?}", target.classifier);
     }
 }
 
@@ -424,7 +432,7 @@ fn nominal_values_come_from_a_twin_of_every_record() {
         assert_eq!(fit.source, NominalSource::Column(format!("twin.{}", fit.sensor)));
         assert!(fit.rows == 1600 && fit.r2.unwrap() > 0.99, "the twin is the plant: {fit:?}");
     }
-    let accuracy = judged.results.targets[1].score.accuracy;
+    let accuracy = judged.results.targets[1].rates.of(&RIGHT_ANSWER);
     assert!(accuracy.of == 32 && accuracy.count >= 30, "{accuracy:?}");
     let mut new = logged(9, 0.5);
     new.push(Column::new("twin.x_p", "", vec![0.0; 400])).unwrap();
@@ -463,7 +471,7 @@ fn compare(judged: &JudgedRecordings, peers: &[(&str, f64, f64)]) {
     let forests = judged.results.targets.iter().filter(|t| t.classifier.id() == "random_forest");
     for (target, (name, sklearn, least)) in forests.zip(peers) {
         assert_eq!(target.column, *name);
-        let ours = target.score.accuracy.share.unwrap();
+        let ours = target.rates.of(&RIGHT_ANSWER).share.unwrap();
         println!("{name}: {ours:.4}, scikit-learn {sklearn}");
         assert!(ours >= *least && ours >= sklearn - 0.01, "{name}: {ours}");
     }

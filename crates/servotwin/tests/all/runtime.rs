@@ -395,22 +395,22 @@ fn a_stored_state_with_absurd_numbers_is_refused_or_goes_on() {
     }
     assert!(tried > 1000 && refused > tried / 2, "{refused} of {tried}");
     for (place, value) in [
-        ("/twin/wanted_s", json!(0)),
-        ("/twin/wanted_s", json!(1e-300)),
-        ("/twin/sample", json!(u64::MAX)),
-        ("/twin/states/0", json!(null)),
-        ("/session/samples", json!(u64::MAX)),
-        ("/session/guard/settling", json!(1_u64 << 40)),
-        ("/session/outcome/length", json!(99)),
-        ("/session/outcome/finding", json!({ "actuator": { "actuator": 99 } })),
-        ("/session/windows/absolute/spans/0/ended", json!(u64::MAX)),
-        ("/session/windows/absolute/spans/0/open/0", json!(-3)),
-        ("/reactions", json!([])),
-        ("/reactions/0/0", json!(1)),
-        ("/reactions/0/0", json!(99)),
-        ("/reactions/0/1/takes_out", json!([99])),
+        ("/runtime/twin/wanted_s", json!(0)),
+        ("/runtime/twin/wanted_s", json!(1e-300)),
+        ("/runtime/twin/sample", json!(u64::MAX)),
+        ("/runtime/twin/states/0", json!(null)),
+        ("/runtime/session/samples", json!(u64::MAX)),
+        ("/runtime/session/guard/settling", json!(1_u64 << 40)),
+        ("/runtime/session/outcome/length", json!(99)),
+        ("/runtime/session/outcome/finding", json!({ "actuator": { "actuator": 99 } })),
+        ("/runtime/session/windows/absolute/spans/0/ended", json!(u64::MAX)),
+        ("/runtime/session/windows/absolute/spans/0/open/0", json!(-3)),
+        ("/runtime/reactions", json!([])),
+        ("/runtime/reactions/0/0", json!(1)),
+        ("/runtime/reactions/0/0", json!(99)),
+        ("/runtime/reactions/0/1/takes_out", json!([99])),
         ("/is_seen_off", json!([])),
-        ("/buses/0/1", json!(null)),
+        ("/runtime/buses/0/1", json!(null)),
     ] {
         let mut changed = saved.clone();
         *changed.pointer_mut(place).unwrap_or_else(|| panic!("{place}")) = value;

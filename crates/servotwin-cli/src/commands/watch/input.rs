@@ -1,7 +1,7 @@
 //! What is watched: a source, its map, and the twin with its diagnosis. Shared by the commands that watch.
 
 use crate::Global;
-use crate::commands::{SpanOptions, note, warn};
+use crate::commands::{SpanOptions, diagnoser_at_hand, note, warn};
 use crate::failure::Failure;
 use servotwin::job::{Folder, flights};
 use servotwin::live::watcher::Watcher;
@@ -11,7 +11,6 @@ use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_watch::guard::{self, LogPlan, Opened, Trial};
 use servotwin_watch::intake;
 use servotwin_watch::map::Map;
-use servotwin_watch::shipped;
 use servotwin_watch::source::{Address, Source};
 use servotwin_watch::span::LogSpan;
 use std::path::{Path, PathBuf};
@@ -162,11 +161,9 @@ pub(crate) fn usual_diagnoser() -> PathBuf {
 
 /// The diagnoser of the default output folder. If it is missing, the built-in aileron has a shipped one.
 pub(crate) fn diagnoser(study: &Study, global: Global) -> Result<Diagnoser, Failure> {
-    let shipped = (!usual_diagnoser().exists()).then(|| shipped::diagnoser(study)).flatten();
-    if let Some(shipped) = shipped {
-        let text = "the diagnosis comes with the program and allows for no tolerances; servotwin study --suite flights learns one that does";
-        note(global, text);
-        return Ok(shipped);
+    let (folder, scenario) = (Folder::new("out"), Scenario::Realistic);
+    match diagnoser_at_hand((&folder, study), scenario, true, global)? {
+        Some(diagnoser) => Ok(diagnoser),
+        None => Ok(flights::diagnoser(&folder, scenario)?),
     }
-    Ok(flights::diagnoser(&Folder::new("out"), Scenario::Realistic)?)
 }

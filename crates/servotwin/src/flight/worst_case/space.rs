@@ -149,10 +149,8 @@ impl SearchSpace {
         let realism = study.realism.as_ref().filter(|_| scenario.has_tolerances());
         let parts = &study.system.network().components;
         for tolerance in realism.map_or(&[][..], |realism| realism.tolerances()) {
-            let name = tolerance.parameters.first().map_or("none".into(), |&(part, parameter)| {
-                let own = &parts[part].component.parameters[parameter];
-                format!("{}.{}", parts[part].id, own.name)
-            });
+            let first = tolerance.parameters.first();
+            let name = first.map_or("none".into(), |&(part, own)| parts[part].parameter_name(own));
             dimensions.push(Dimension::new(name, Distribution::Deviation));
         }
         let begins = [commands, environment, tolerances];
