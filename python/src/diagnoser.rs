@@ -77,8 +77,8 @@ impl Diagnoser {
         let sensors = diagnoser.sensors.iter().enumerate();
         let lost = sensors.filter(|(place, _)| self.session.is_lost(*place));
         let in_names = |raised: diagnoser::Raised| {
-            let unit = names.actuators[raised.actuator as usize].clone();
-            (unit, names.actions[raised.action as usize].clone())
+            let actuator = names.actuators[raised.actuator as usize].clone();
+            (actuator, names.actions[raised.action as usize].clone())
         };
         Outcome {
             sample: said.sample,
@@ -92,10 +92,10 @@ impl Diagnoser {
         }
     }
 
-    fn unit(&self, name: &str) -> Result<usize, Failure> {
-        let units = &self.session.diagnoser().names().actuators;
-        let found = units.iter().position(|unit| unit == name);
-        let known = || units.join(", ");
+    fn place_of(&self, name: &str) -> Result<usize, Failure> {
+        let actuators = &self.session.diagnoser().names().actuators;
+        let found = actuators.iter().position(|actuator| actuator == name);
+        let known = || actuators.join(", ");
         found.ok_or_else(|| {
             Failure::value(format!("there is no actuator '{name}'; there are {}", known()))
         })
@@ -188,7 +188,7 @@ impl Diagnoser {
                 values[row * shape[1]..(row + 1) * shape[1]].to_vec()
             };
             let (mut times, mut findings, mut alarms) = (vec![], vec![], vec![]);
-            let (mut units, mut actions, mut confidences) = (vec![], vec![], vec![]);
+            let (mut actuators, mut actions, mut confidences) = (vec![], vec![], vec![]);
             for at in 0..rows {
                 if watch.cancel.load(Ordering::Relaxed) {
                     break;
@@ -199,8 +199,8 @@ impl Diagnoser {
                 times.push(self.session.time_s(said.sample));
                 findings.push(said.finding);
                 alarms.push(said.alarm.to_owned());
-                let (unit, action) = said.raised.unwrap_or_default();
-                units.push(unit);
+                let (actuator, action) = said.raised.unwrap_or_default();
+                actuators.push(actuator);
                 actions.push(action);
                 confidences.push(said.confidence);
             }
@@ -208,7 +208,7 @@ impl Diagnoser {
                 Column::new("time_s", "s", times),
                 Column::new("finding", "", findings),
                 Column::new("alarm", "", alarms),
-                Column::new("raised_actuator", "", units),
+                Column::new("raised_actuator", "", actuators),
                 Column::new("raised_action", "", actions),
                 Column::new("confidence", "", confidences),
             ])?)
@@ -253,8 +253,8 @@ impl Diagnoser {
     /// actuator : str
     ///     One of `actuators`.
     fn switched_off(&mut self, actuator: &str) -> PyResult<()> {
-        let unit = self.unit(actuator)?;
-        Ok(self.session.switched_off(unit).map_err(Failure::from)?)
+        let actuator = self.place_of(actuator)?;
+        Ok(self.session.switched_off(actuator).map_err(Failure::from)?)
     }
 
     /// Report that an actuator is on again. It is judged from now on, and what was raised for it is withdrawn.
@@ -264,8 +264,8 @@ impl Diagnoser {
     /// actuator : str
     ///     One of `actuators`.
     fn release(&mut self, actuator: &str) -> PyResult<()> {
-        let unit = self.unit(actuator)?;
-        Ok(self.session.release(unit).map_err(Failure::from)?)
+        let actuator = self.place_of(actuator)?;
+        Ok(self.session.release(actuator).map_err(Failure::from)?)
     }
 
     /// Withdraw everything that was raised. All is judged anew, also a fault that lasts.

@@ -72,8 +72,8 @@ pub(crate) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> 
 
 /// A fault's name without its actuator.
 pub(crate) fn kind_of(study: &Study, fault: &str) -> String {
-    let own =
-        actuator_of(study, fault).and_then(|unit| fault.strip_prefix(unit)?.strip_prefix('.'));
+    let own = actuator_of(study, fault)
+        .and_then(|actuator| fault.strip_prefix(actuator)?.strip_prefix('.'));
     own.unwrap_or(fault).to_owned()
 }
 

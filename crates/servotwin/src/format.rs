@@ -439,7 +439,9 @@ macro_rules! section {
                 place: (&$crate::format::TextSpan, &str),
                 mistakes: &mut $crate::format::Collector,
             ) -> Option<Self> {
-                let (mut keys, _) = (Self::OF_FIELDS.iter(), place);
+                let mut keys = Self::OF_FIELDS.iter();
+                // Only required keys tell their place.
+                let _ = place;
                 $(
                     let keys_of_field = *keys.next().expect("a list for each field");
                     let $field: Option<$type> =
@@ -471,7 +473,11 @@ macro_rules! section {
         )]
     };
     (@read with $type:ty, $keys:ident, $all:ident, $place:ident, $mistakes:ident) => {
-        <$type>::of_known($all, ($place, $keys).0, $mistakes)
+        {
+            // The section looks its own keys up.
+            let _ = $keys;
+            <$type>::of_known($all, $place, $mistakes)
+        }
     };
     (@read $need:ident $type:ty, $keys:ident, $all:ident, $place:ident, $mistakes:ident $(, $default:expr)?) => {
         match $crate::format::get($all, $keys[0].name) {

@@ -3,9 +3,10 @@
 //! Trees that learned from few healthy environments are too sure of a fault in others, and no plant deviates from its twin
 //! just as a study declares. So a trained diagnoser flies once in each of N held-out environments, by specimens that
 //! deviate more than declared, and the allowance of a shutdown grows until no flight has more than half of the evidence
-//! that a shutdown needs. It grows alike for windows of all kinds: held-out flights are of the twin's own structure, and from
-//! these alone the tail of baseline-corrected windows in other plants is not seen. Within one environment, a CuSum exceeds a limit b with a probability that falls as e^−b. So if
-//! half of the limit is exceeded with a probability of at most p, the limit is exceeded with about p².
+//! that a shutdown needs. It grows alike for windows of all kinds: held-out plants have the twin's own structure, so they do
+//! not show how far baseline-corrected windows of other plants deviate. Within one environment, a CuSum exceeds a limit b
+//! with a probability that falls as e^−b. So if half of the limit is exceeded with a probability of at most p, the limit is
+//! exceeded with about p².
 
 use crate::error::{Error, require};
 use serde::{Deserialize, Serialize};

@@ -153,7 +153,7 @@ impl DataSet {
         known.filter(|(_, name)| names.contains(name)).map(|(place, _)| place as u32).collect()
     }
 
-    /// Reads the tables of one scenario. `units` lists the actuators in the order in which features count them; if
+    /// Reads the tables of one scenario. `actuators` lists the actuators in the order in which features count them; if
     /// empty, they are sorted by name. `urgency` lists the actions, the most urgent first; others follow by name.
     ///
     /// # Errors
@@ -161,7 +161,7 @@ impl DataSet {
     pub fn new(
         tables: &[(Purpose, Table)],
         features: Vec<DataFeature>,
-        units: &[String],
+        actuators: &[String],
         urgency: &[String],
     ) -> Result<Self, EvaluationError> {
         if features.is_empty() {
@@ -172,7 +172,7 @@ impl DataSet {
         let rows = rows.collect::<Result<Vec<_>, _>>()?;
         let all_rows = rows.concat();
         let has = |view: usize| tables.iter().all(|(_, table)| has_view(table, view, &features));
-        let names = names(&all_rows, &features, units, urgency)?;
+        let names = names(&all_rows, &features, actuators, urgency)?;
         let all_views = 0..names.actuators.len();
         let count = if all_views.clone().all(has) { all_views.end } else { 1 };
         let of_view = |view| values(tables.iter().zip(&rows), view, &features);
@@ -477,14 +477,14 @@ pub(crate) fn coded<T: Clone + PartialEq>(
     (names, codes)
 }
 
-/// The names that the labels of rows refer to; for `units` and `urgency` see [`DataSet::new`].
+/// The names that the labels of rows refer to; for `actuators` and `urgency` see [`DataSet::new`].
 ///
 /// # Errors
 /// [`EvaluationError::NoFaults`].
 pub(crate) fn names(
     rows: &[LabeledRow],
     features: &[DataFeature],
-    units: &[String],
+    actuators: &[String],
     urgency: &[String],
 ) -> Result<Names, EvaluationError> {
     if rows.iter().all(|row| row.kind == HEALTHY) {
@@ -499,10 +499,10 @@ pub(crate) fn names(
     let place = |name: &String| urgency.iter().position(|known| known == name);
     actions.sort_by_key(|name| (place(name).unwrap_or(urgency.len()), name.clone()));
     let found = of(|row| row.actuator);
-    let all_known = found.iter().all(|name| units.contains(name));
+    let all_known = found.iter().all(|name| actuators.contains(name));
     Ok(Names {
         features: features.iter().map(|feature| feature.feature.name.clone()).collect(),
-        actuators: if all_known { units.to_vec() } else { found },
+        actuators: if all_known { actuators.to_vec() } else { found },
         actions,
         details: of(|row| row.detail),
     })

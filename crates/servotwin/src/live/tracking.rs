@@ -92,7 +92,7 @@ impl TrackedQuantities {
     }
 }
 
-/// How far a quantity of a flight is from zero since an onset, in its actuator.
+/// How far a quantity of a flight is from zero since an onset, in its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Deviation {
     /// The root mean square.

@@ -88,7 +88,7 @@ section! {
         may scale: Option<f64> = Value::Number(f64::MIN_POSITIVE, 1e300, ""),
             "what residuals are divided by; default where they are learned: 100 deviations of healthy rows";
         may quantity: Quantity => Quantity::Other, "role of the sensor in the diagnosis; default other";
-        may actuator: usize = COUNT => 1, "number of its channel; default 1";
+        may actuator: usize = COUNT => 1, "number of its actuator; default 1";
     }
 }
 
@@ -254,7 +254,7 @@ impl RecordingStudy {
         Sensors((0..parts).flat_map(of_part).collect())
     }
 
-    /// Number of channels that sensors belong to.
+    /// Number of actuators that sensors belong to.
     fn actuators(&self) -> usize {
         self.sensors.iter().map(|sensor| sensor.actuator).max().unwrap_or(1)
     }

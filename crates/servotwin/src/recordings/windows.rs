@@ -29,7 +29,7 @@ pub struct Windows {
     pub starts: Vec<usize>,
     /// Number of rows in a window.
     pub rows: usize,
-    /// Number of channels that sensors belong to.
+    /// Number of actuators that sensors belong to.
     pub(super) actuators: usize,
     /// The features of each window.
     pub(super) values: Vec<Vec<f64>>,
@@ -85,7 +85,7 @@ pub struct NominalFit {
     pub source: NominalSource,
     /// Number of healthy rows.
     pub rows: usize,
-    /// Root mean square of measured minus nominal over the healthy rows, in the actuator of the column.
+    /// Root mean square of measured minus nominal over the healthy rows, in the unit of the column.
     pub deviation: f64,
     /// Coefficient of determination over the healthy rows, of regressions within their conditions. `None` without
     /// variance.
