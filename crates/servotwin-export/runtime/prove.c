@@ -72,7 +72,7 @@ double prove_novelty(int32_t length, int32_t known, const double *row)
 
 /* The numbers that prove_push writes: of the outcome, and of each length. */
 #define OUTCOME_INTEGERS 18
-#define OUTCOME_NUMBERS 3
+#define OUTCOME_NUMBERS 4
 #define LENGTH_NUMBERS (1 + (2 * SERVOTWIN_HYPOTHESES) + (2 * SERVOTWIN_ACTUATORS) + (6 * SERVOTWIN_BOUNDARIES))
 
 uint64_t prove_session_size(void);
@@ -102,6 +102,7 @@ static void write_outcome(const servotwin_outcome *outcome, int64_t *integers, d
     numbers[0] = outcome->confidence;
     numbers[1] = outcome->worst;
     numbers[2] = raised->is_raised ? raised->confidence : 0.0;
+    numbers[3] = raised->is_raised ? raised->lead : 0.0;
 }
 
 void prove_push(servotwin_session *session, const double *inputs, const double *measured, const double *twin,

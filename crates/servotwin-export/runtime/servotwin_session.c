@@ -112,6 +112,27 @@ static bool is_same_action(const servotwin_raised *a, const servotwin_raised *b)
 }
 
 /*
+ * The same action after a newer window, `raised`. So that the named detail does not change from window to window, another
+ * one needs as much confidence in sum as those that named the present one.
+ */
+static void confirm(servotwin_raised *raised, const servotwin_raised *known)
+{
+    raised->sample = known->sample;
+    if (known->detail != SERVOTWIN_NONE) {
+        const servotwin_real lead = raised->lead;
+        if (raised->detail == known->detail) {
+            raised->lead = known->lead + lead;
+        } else if ((raised->detail != SERVOTWIN_NONE) && (lead > known->lead)) {
+            raised->lead = lead - known->lead;
+        } else {
+            raised->lead = known->lead - lead;
+            raised->detail = known->detail;
+            raised->confidence = known->confidence;
+        }
+    }
+}
+
+/*
  * Raises an allowed action, or updates the active one; a shutdown with evidence gives way to no other. Returns whether the
  * action is active.
  */
@@ -129,8 +150,7 @@ static bool raise_action(servotwin_session *session, const servotwin_raised *can
         servotwin_raised raised = *candidate;
         if (is_active || is_standing) {
             const servotwin_raised *known = is_active ? &session->active : &session->stands[actuator];
-            raised.detail = (candidate->detail != SERVOTWIN_NONE) ? candidate->detail : known->detail;
-            raised.sample = known->sample;
+            confirm(&raised, known);
         }
         session->active = raised;
         if (switches_off(raised.action)) {
@@ -258,7 +278,7 @@ void servotwin_session_restart(servotwin_session *session)
 static void clear_session(servotwin_session *session)
 {
     const servotwin_raised nothing_raised = {
-        false, SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 0U, SERVOTWIN_NONE, 0.0};
+        false, SERVOTWIN_NONE, SERVOTWIN_NONE, SERVOTWIN_NONE, 0U, SERVOTWIN_NONE, 0.0, 0.0};
     session->samples = 0U;
     session->settling = servotwin_tuning.settle_samples;
     session->gap = 0U;
@@ -799,6 +819,11 @@ static bool find_candidate(const servotwin_session *session, servotwin_raised *c
                 candidate->detail = servotwin_agreed_detail(judgement);
                 candidate->length = length;
                 candidate->confidence = judgement->probabilities[claim];
+                candidate->lead = 0.0;
+                if (candidate->detail != SERVOTWIN_NONE) {
+                    candidate->confidence *= judgement->detail_probability;
+                    candidate->lead = candidate->confidence;
+                }
             }
         }
     }

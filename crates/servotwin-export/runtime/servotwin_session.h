@@ -51,8 +51,9 @@ typedef struct {
     int32_t action;
     int32_t detail; /* or SERVOTWIN_NONE */
     uint64_t sample; /* the sample that raised it */
-    int32_t length; /* the window length that confirmed it last, and its probability then */
-    servotwin_real confidence;
+    int32_t length; /* the window length that confirmed it last */
+    servotwin_real confidence; /* the probability of all of this, in the last window that named it */
+    servotwin_real lead; /* the confidence of windows that named the detail, less that of those that named another one */
 } servotwin_raised;
 
 /* The result after a sample. */

@@ -85,13 +85,17 @@ impl Alarms {
         let candidate = self.candidate(basis);
         let is_raised = candidate.is_some_and(|(length, claim)| {
             let (actuator, action) = self.hypotheses.split(claim).unwrap_or_default();
+            let own = &basis.evidence.lengths[length];
+            let (detail, share) = own.detail().unzip();
+            let confidence = own.probability(claim) * share.unwrap_or(1.0);
             self.raise(Raised {
                 actuator: actuator as u32,
                 action: action as u32,
-                detail: basis.evidence.lengths[length].detail(),
+                detail,
                 sample,
                 length: length as u32,
-                confidence: basis.evidence.lengths[length].probability(claim),
+                confidence,
+                lead: share.map_or(0.0, |_| confidence),
             })
         });
         if !is_raised {
@@ -268,9 +272,7 @@ impl Alarms {
         if is_held || !is_allowed || self.is_masked(new.actuator) {
             return false;
         }
-        let detail = new.detail.or(known.and_then(|old| old.detail));
-        let sample = known.map_or(new.sample, |old| old.sample);
-        let raised = Some(Raised { detail, sample, ..new });
+        let raised = Some(known.map_or(new, |old| old.confirmed(new)));
         if is_shutdown(&new) {
             self.state.stands[actuator] = raised;
         }
@@ -380,7 +382,29 @@ mod tests {
 
     fn raised(actuator: usize, action: usize, sample: u64) -> Raised {
         let (actuator, action) = (actuator as u32, action as u32);
-        Raised { actuator, action, detail: Some(1), sample, length: 0, confidence: 0.9 }
+        Raised { actuator, action, detail: Some(1), sample, length: 0, confidence: 0.9, lead: 0.9 }
+    }
+
+    /// One window of another class changes no name, and most windows do.
+    #[test]
+    fn the_class_is_the_one_that_most_windows_named() {
+        let mut memory = alarms_that_keep(None, 2);
+        let named = |detail: Option<u32>, confidence, sample| {
+            let lead = if detail.is_some() { confidence } else { 0.0 };
+            Raised { detail, confidence, lead, ..raised(0, 1, sample) }
+        };
+        let said = |memory: &Alarms| memory.raised().map(|own| (own.detail, own.confidence));
+        memory.raise(named(None, 0.7, 10));
+        assert_eq!(said(&memory), Some((None, 0.7)));
+        memory.raise(named(Some(1), 0.6, 20));
+        memory.raise(named(Some(1), 0.5, 30));
+        memory.raise(named(Some(0), 0.99, 40));
+        assert_eq!(said(&memory), Some((Some(1), 0.5)), "one of three");
+        memory.raise(named(None, 0.9, 50));
+        assert_eq!(said(&memory), Some((Some(1), 0.5)), "the class was not asked again");
+        memory.raise(named(Some(0), 0.8, 60));
+        assert_eq!(said(&memory), Some((Some(0), 0.8)), "0.99 + 0.8 over 0.6 + 0.5");
+        assert_eq!(memory.raised().unwrap().sample, 10);
     }
 
     /// Random events in random order: a shutdown stands until it is withdrawn, the minimum number of actuators is never
@@ -467,8 +491,8 @@ mod tests {
     fn what_recovers_is_over_after_its_time_but_a_shutdown_stands() {
         let mut memory = alarms_that_keep(None, 2);
         memory.raise(raised(0, 1, 10));
-        memory.raise(Raised { detail: None, confidence: 0.8, ..raised(0, 1, 20) });
-        assert_eq!(memory.raised(), Some(Raised { confidence: 0.8, ..raised(0, 1, 10) }));
+        memory.raise(Raised { detail: None, confidence: 0.8, lead: 0.0, ..raised(0, 1, 20) });
+        assert_eq!(memory.raised(), Some(raised(0, 1, 10)));
         memory.hold(false, 100);
         assert_eq!(memory.alarm(false), Alarm::Recovering);
         memory.hold(true, 300);

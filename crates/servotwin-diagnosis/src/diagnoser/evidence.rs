@@ -379,12 +379,13 @@ impl LengthEvidence {
             && !last.is_novel
     }
 
-    /// The detail of the last window, if trees and committee agree on it.
-    pub(super) fn detail(&self) -> Option<u32> {
+    /// The detail of the last window and its probability, if trees and committee agree on it.
+    pub(super) fn detail(&self) -> Option<(u32, f64)> {
         let last = self.last()?;
         let (detail, probability) = last.detail?;
         let least = Some(self.tuning.least_detail_confidence);
-        agree(last.detail_of_trees, Some(detail), probability, least).then_some(detail)
+        agree(last.detail_of_trees, Some(detail), probability, least)
+            .then_some((detail, probability))
     }
 }
 

@@ -88,14 +88,17 @@ pub struct Raised {
     pub actuator: u32,
     /// Index of the action.
     pub action: u32,
-    /// The detail, if trees and committee agree on it.
+    /// The detail that windows named since then, each with the weight of its confidence, if trees and committee agreed on
+    /// any.
     pub detail: Option<u32>,
     /// Number of the sample that raised it.
     pub sample: u64,
     /// Index of the window length that confirmed it last.
     pub length: u32,
-    /// Its probability by that length's committee at that time.
+    /// The probability by the committee that all of this is so, detail included, in the last window that named it.
     pub confidence: f64,
+    /// The confidence of all windows that named the detail, less that of windows that named another one.
+    pub lead: f64,
 }
 
 /// Sizes of a diagnoser's lists, to check stored indices.
@@ -140,6 +143,25 @@ pub(super) fn is_share(number: f64) -> bool {
 }
 
 impl Raised {
+    /// The same action after a newer window. So that the named detail does not change from window to window, another one
+    /// needs as much confidence in sum as those that named the present one.
+    pub(super) fn confirmed(self, new: Raised) -> Raised {
+        let Raised { sample, detail, confidence, .. } = self;
+        match (detail, new.detail) {
+            (None, _) => Raised { sample, ..new },
+            (Some(_), None) => Raised { sample, detail, confidence, lead: self.lead, ..new },
+            (Some(old), Some(now)) if old == now => {
+                Raised { sample, lead: self.lead + new.lead, ..new }
+            }
+            (Some(_), Some(_)) if new.lead > self.lead => {
+                Raised { sample, lead: new.lead - self.lead, ..new }
+            }
+            (Some(_), Some(_)) => {
+                Raised { sample, detail, confidence, lead: self.lead - new.lead, ..new }
+            }
+        }
+    }
+
     /// Whether a stored one has valid indices and a past sample.
     pub(super) fn fits(&self, places: &Places, samples: u64) -> bool {
         places.has_actuator(self.actuator)
@@ -148,6 +170,8 @@ impl Raised {
             && self.sample <= samples
             && (self.length as usize) < places.lengths
             && is_share(self.confidence)
+            && self.lead.is_finite()
+            && self.lead >= 0.0
     }
 }
 

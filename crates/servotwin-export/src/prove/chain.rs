@@ -152,8 +152,9 @@ fn push(session: &mut Session, sample: &Sample, said: &mut SessionAnswer) {
     said.integers.clear();
     said.integers.extend(integers(&outcome));
     said.numbers.clear();
-    let confidence = outcome.raised.map_or(0.0, |raised| raised.confidence);
-    said.numbers.extend([outcome.confidence, outcome.excess, confidence]);
+    let [confidence, lead] =
+        outcome.raised.map_or([0.0; 2], |raised| [raised.confidence, raised.lead]);
+    said.numbers.extend([outcome.confidence, outcome.excess, confidence, lead]);
     let names = session.diagnoser().names();
     let (actuators, actions) = (names.actuators.len(), names.actions.len());
     let hypotheses = || (0..actuators).flat_map(move |u| (0..actions).map(move |a| (u, a)));

@@ -343,6 +343,7 @@ impl SessionWatch {
                 .and_then(|raised| Some(names.details[raised.detail? as usize].clone()))
                 .unwrap_or_default(),
             first_actuator: named(&names.actuators, |raised| raised.actuator as usize),
+            first_confidence: late.first().map(|raised| raised.confidence),
             first_action_s: late.first().map(|raised| after(raised.sample)),
             right_action_s: late
                 .iter()

@@ -245,6 +245,18 @@ pub const WRONG_ACTUATOR: Measure = Measure {
     holds: |row, _| row.first == FirstAction::OtherActuator,
 };
 
+/// Another class than that of the fault was named, and surely so.
+pub const WRONG_CLASS_SURE: Measure = Measure {
+    name: "wrong_class_sure",
+    sentence: "another class named with 99 % and more",
+    of: CountedRuns::new("faults whose class is named first with 99 % and more", |row| {
+        has_class(row)
+            && !row.first_class.is_empty()
+            && row.first_confidence.is_some_and(|confidence| confidence >= 0.99)
+    }),
+    holds: |row, _| !row.is_right_class(),
+};
+
 /// No action came.
 pub const SILENT: Measure = Measure {
     name: "silent",
@@ -332,6 +344,7 @@ pub const OF_FLIGHTS: &[&Measure] = &[
     &OTHER_ACTION,
     &WRONG_ACTUATOR,
     &SILENT,
+    &WRONG_CLASS_SURE,
     &VISIBLE_BY_CHANCE,
     &FALSE_ALARM,
     &FALSE_SHUTDOWN,

@@ -124,6 +124,8 @@ outcome! {
     first_actuator: String, "";
     /// The class of fault that the first action named; empty for none.
     first_class: String, "";
+    /// How sure the diagnosis was of actuator, action and class when it raised the first action.
+    first_confidence: Option<f64>, DIMENSIONLESS;
     /// When the first action was raised, since the onset.
     first_action_s: Option<f64>, "s";
     /// When a right action was raised first, since the onset, whatever was raised before.
