@@ -5,7 +5,9 @@
 
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
-use crate::words::{begun, by_environment, distinct, healthy_flights, number, percent, spoken};
+use crate::words::{
+    begun, by_environment, distinct, healthy_flights, percent, spoken, three_digits,
+};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -218,7 +220,7 @@ fn scenario(
         ));
         section.text(format!(
             "The rate of false alarms is at most {} in 1,000 hours, with a confidence of 95 %.",
-            number(1000.0 * alarms_per_h_upper)
+            three_digits(1000.0 * alarms_per_h_upper)
         ));
     }
     let by_environment = by_environment(environments);

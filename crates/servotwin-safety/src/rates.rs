@@ -8,10 +8,11 @@
 //! | `source` | where the rate comes from |
 
 use crate::error::{SafetyError, unknown};
-use servotwin::moment::rounded;
+
 use servotwin::study::{FaultCase, Study};
 use servotwin::table::csv::texts::{self, TextRow, Texts};
 use servotwin::table::{Column, Table};
+use servotwin::text::rounded;
 use std::path::{Path, PathBuf};
 
 /// The columns of the table.
@@ -172,7 +173,7 @@ fn remedy(text: &str) -> String {
     let number = with_point.trim_end_matches('%').trim();
     match number.parse::<f64>() {
         Ok(value) if with_point.ends_with('%') => {
-            format!("a rate is no share: write {:?} for {number} %; ", rounded(0.01 * value))
+            format!("a rate is no share: write {:?} for {number} %; ", rounded(0.01 * value, 3))
         }
         Ok(_) => format!("write {number}, with a decimal point; "),
         Err(_) => String::new(),

@@ -11,7 +11,7 @@ use servotwin::measure::{FALSE_ALARM, RIGHT_ANSWER, SILENT};
 use servotwin::recordings::judged::{RecordingResults, TargetResult};
 use servotwin::recordings::novelty::NoveltyResult;
 use servotwin::recordings::{Answers, NominalFit, NominalSource};
-use servotwin::shown::number;
+use servotwin::text::number;
 use servotwin::toml_text::counted;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Recorded};
 use servotwin_export::recording;

@@ -4,7 +4,8 @@
 use crate::Material;
 use crate::vocabulary::Vocabulary;
 use crate::words::{
-    NONE, begun, by_environment, chosen, fitted_twins, healthy_flights, number, spoken, stacked,
+    NONE, begun, by_environment, chosen, fitted_twins, healthy_flights, spoken, stacked,
+    three_digits,
 };
 use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::FlownSuite;
@@ -272,7 +273,7 @@ impl SettingLimits<'_> {
                 "{} in {:.1} h\nat most {} per hour (95 %)\n{}",
                 healthy.alarms,
                 healthy.hours,
-                number(healthy.alarms_per_h_upper),
+                three_digits(healthy.alarms_per_h_upper),
                 by_environment(healthy.environments)
             ),
             match healthy {
@@ -306,7 +307,7 @@ impl SettingLimits<'_> {
         if healthy.hours <= 0.0 {
             return;
         }
-        let most = number(poisson_mean(healthy.shutdowns, 0.05) / healthy.hours);
+        let most = three_digits(poisson_mean(healthy.shutdowns, 0.05) / healthy.hours);
         let (actuator, off) = (self.words.actuator(), self.words.switched_off());
         self.push(
             format!("a healthy {actuator} {off}, nothing being wrong"),

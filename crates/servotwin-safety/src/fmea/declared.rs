@@ -6,7 +6,7 @@ use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use crate::rates::actuator_of;
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
-use servotwin::text::spoken;
+use servotwin::text::{rounded, spoken};
 
 pub(super) fn actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
     let name = match actuator_of(sources.study, &subject.fault.id) {
@@ -110,7 +110,7 @@ pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> Fill
     // Without a table the cell stays empty: a rate is never invented.
     Ok(rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
         // No rate is known to more than six digits; the unit's division has more.
-        let per_h: f64 = format!("{:.5e}", rate.per_h).parse().unwrap_or(rate.per_h);
+        let per_h = rounded(rate.per_h, 6);
         FmeaCell::new(format!("{per_h:e}"), rate_evidence(sources, rate.line))
     }))
 }

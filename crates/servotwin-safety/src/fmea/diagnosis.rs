@@ -9,7 +9,8 @@ use servotwin::learn::protocol::{Confused, Protocol};
 use servotwin::measure::FALSE_ALARM;
 use servotwin::measure::flights::{KindLatency, STRONG};
 use servotwin::measure::outcome::{FirstAction, RunOutcome};
-use servotwin::shown::{number, shown};
+use servotwin::shown::shown;
+use servotwin::text::{first_of, number};
 use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
 use servotwin_learning::metrics::{MedianTime, Rate};
 use servotwin_model::program::FaultAt;
@@ -70,12 +71,8 @@ pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> Fill
             moved.beyond
         )
     };
-    let named: Vec<String> = moved.iter().take(MAX_SENSORS).map(words).collect();
-    let more = match moved.len().saturating_sub(MAX_SENSORS) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
-    let text = format!("residuals leave their bands: {}{more}", named.join(", "));
+    let named: Vec<String> = moved.iter().map(words).collect();
+    let text = format!("residuals leave their bands: {}", first_of(&named, MAX_SENSORS));
     Ok(FmeaCell::new(text, evidence))
 }
 

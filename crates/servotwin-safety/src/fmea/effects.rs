@@ -9,7 +9,7 @@ use crate::rates::actuator_of;
 use servotwin::live::tracking::{TrackedQuantities, command_unit};
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};
-use servotwin::text::spoken;
+use servotwin::text::{number, spoken};
 use servotwin_model::spec::Unit;
 
 /// All flights, and those of a fault.
@@ -208,7 +208,7 @@ pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
         changes_mode: own.iter().any(|flown| flown.changes_mode),
     };
     let measured = match growth {
-        Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),
+        Some(growth) => format!("g = {}", number(growth, 3)),
         None => "g is not measured".into(),
     };
     let (level, clause) = level(inputs);
