@@ -57,7 +57,7 @@ impl FaultTreeArtefact {
         let (study, hours) = (&results.study, *hours);
         let trees = lane_trees(study, flights, rates)?;
         let mut notes = trees.notes.clone();
-        let listed = rated_faults(study).len();
+        let listed = rated_faults(study).count();
         let all = study.system.all_faults().len();
         if listed < all {
             notes.push(format!(

@@ -12,7 +12,7 @@ use servotwin_safety::function_rate::flight::FunctionFailure;
 use servotwin_safety::function_rate::{ConditionRates, FunctionRate};
 use servotwin_safety::interval::CountedValue;
 use servotwin_safety::rated_flights::RatedFlights;
-use servotwin_safety::rates::{self, rated_faults};
+use servotwin_safety::rates;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::tree::numbers::{ExposureHours, TopNumbers};
 use servotwin_view::document::{Document, Table, Value, Verdict, fact, line};
@@ -69,7 +69,7 @@ impl Run for Options {
         let folder = Folder::new(&self.folder);
         if let Some(path) = &self.template {
             Failure::if_exists(path)?;
-            rates::write_template(path, &rated_faults(&folder.read_study()?))?;
+            rates::write_template(path, &folder.read_study()?)?;
             let verdict = line("{template}: fill in the rates", [("template", path.into())]);
             return Ok(Document::new("fault-tree", Verdict::good(verdict)));
         }

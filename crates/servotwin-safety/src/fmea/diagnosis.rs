@@ -1,7 +1,7 @@
 //! Cells about detection and isolation, from records, the evaluation and flights.
 
 use super::cell::{Filled, FmeaCell, rate_in_words, span_in_words};
-use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
+use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown, intensities};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns};
 use servotwin::job::results::SubjectResult;
@@ -119,12 +119,12 @@ fn reported_in_words((_, own): &OwnFlights) -> String {
 
 /// How many of some flights reported their fault, and at which intensities.
 fn counted_in_words(all: &[&RunOutcome], of: &str) -> String {
-    let reported = all.iter().filter(|flown| flown.reports_fault());
-    let reported: Vec<String> = reported.map(|flown| flown.intensity.to_string()).collect();
+    let reported: Vec<&RunOutcome> =
+        all.iter().copied().filter(|flown| flown.reports_fault()).collect();
     let (count, all) = (reported.len(), all.len());
     match count {
         0 => format!("reported in 0 of {all} {of}"),
-        _ => format!("reported in {count} of {all} {of} (intensity {})", reported.join(", ")),
+        _ => format!("reported in {count} of {all} {of} (intensity {})", intensities(&reported)),
     }
 }
 
@@ -304,11 +304,11 @@ impl RightActions {
             return Err(not_in_study("no right action to compare with"));
         }
         let right = own.iter().filter(|flown| flown.first == FirstAction::Right).count() as u64;
-        let alarmed = flights.healthy().is_some_and(|flown| flown.early_alarms > 0);
+        let [alarmed, healthy] = FALSE_ALARM.count(flights.healthy().into_iter());
         Ok(RightActions {
             of_all: Rate::new(right, own.len() as u64),
             of_visible: None,
-            false_alarms: Rate::new(u64::from(alarmed), u64::from(flights.healthy().is_some())),
+            false_alarms: Rate::new(alarmed, healthy),
             flights: "own flights",
             evidence: flight_evidence(flights, &own),
         })

@@ -27,6 +27,7 @@ use crate::tree::lanes::TreeParameter;
 use crate::tree::numbers::{BandEnd, ExposureHours};
 use flight::{FlightModel, FunctionFailure, LaneOnsets};
 use serde::Serialize;
+use servotwin::measure::flights::STRONG;
 use servotwin::study::Study;
 use servotwin::table::{Column, Table};
 use std::path::PathBuf;
@@ -120,13 +121,13 @@ impl FunctionRate {
         let whole = model(flights, FaultIntensities::All);
         let mut conditions = vec![whole.condition("all intensities".into(), &exposure, 1.0)];
         for (words, intensities) in [
-            ("strong faults, intensity 0.5 and more", FaultIntensities::Strong),
-            ("weak faults, intensity below 0.5", FaultIntensities::Weak),
+            (format!("strong faults, intensity {STRONG} and more"), FaultIntensities::Strong),
+            (format!("weak faults, intensity below {STRONG}"), FaultIntensities::Weak),
         ] {
             let flown = |action: &String| flights.count((action, intensities), Answer::Missed)[1];
             if study.shutdowns().iter().all(|action| flown(action) > 0) {
                 let own = model(flights, intensities);
-                conditions.push(own.condition(words.into(), &exposure, 1.0));
+                conditions.push(own.condition(words, &exposure, 1.0));
             }
         }
         for other in results.flights.iter().flat_map(|flights| flights.of_other_plants()) {

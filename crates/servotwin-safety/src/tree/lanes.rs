@@ -313,8 +313,7 @@ impl TreeGrower<'_> {
             }
             let value = CountedValue::given(rate.per_h);
             let TreeName { id, words } = TreeName::of(&fault.id);
-            let evidence =
-                format!("{} line {}: {}", self.rates.path.display(), rate.line, rate.source);
+            let evidence = format!("{}: {}", self.rates.place(rate), rate.source);
             let rate = add(&mut self.trees.rates, format!("rate-{id}"), value, evidence);
             let event = |&(what, how, exposure): &(&str, &str, Exposure)| {
                 let law = EventLaw::Exponential(rate, exposure);
