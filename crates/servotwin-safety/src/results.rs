@@ -1,7 +1,7 @@
 //! The results of a study as evidence: what they were made of, and which scenario is quoted.
 
 use crate::error::SafetyError;
-use servotwin::files::{create_folder, write_atomically};
+use servotwin::files::{create_folder, write_text};
 use servotwin::job::flights::{self, FlightResults};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
@@ -115,7 +115,7 @@ impl StudyResultsFolder {
     pub(crate) fn write(&self, name: &str, text: &str) -> Result<PathBuf, SafetyError> {
         create_folder(self.folder.path().join(FOLDER))?;
         let path = self.artefact(name);
-        write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+        write_text(&path, text)?;
         Ok(path)
     }
 

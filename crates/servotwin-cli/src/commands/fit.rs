@@ -196,8 +196,7 @@ impl Run for Options {
         stages.end();
         let path = self.out.as_ref().filter(|_| fitted.is_update());
         if let Some(path) = path {
-            let system = fitted.system_text(&problem)?;
-            files::write_atomically(path, |out| out.write_all(system.as_bytes()))?;
+            files::write_text(path, &fitted.system_text(&problem)?)?;
         }
         Ok(described(&fitted, &verdict, &problem, self))
     }

@@ -161,9 +161,7 @@ pub(crate) fn export(
     let sources = recording::files(diagnoser)?;
     files::create_folder(out)?;
     for source in &sources {
-        files::write_atomically(out.join(source.name), |file| {
-            file.write_all(source.text.as_bytes())
-        })?;
+        files::write_text(out.join(source.name), &source.text)?;
     }
     let values = [("folder", out.into()), ("model", model.into())];
     let verdict = Verdict::good(line("{folder}: the trees of {model}", values));
