@@ -87,10 +87,14 @@ pub(crate) fn rate(rate: Option<Rate>) -> String {
     }
 }
 
+/// The count of a rate: `218 of 220`.
+pub fn count_of(rate: Rate) -> String {
+    format!("{} of {}", rate.count, rate.of)
+}
+
 /// A share with its count: `99.10 % (218 of 220)`. Programs read its interval too.
 pub fn share_of(rate: Rate) -> Value {
-    let text = format!("{} ({} of {})", percent(rate.share), rate.count, rate.of);
-    Value::of(text, &rate)
+    Value::of(format!("{} ({})", percent(rate.share), count_of(rate)), &rate)
 }
 
 /// A rate with its interval below it; the line feed switches to small type.
@@ -128,7 +132,7 @@ pub(crate) fn share(rate: Option<Rate>) -> String {
 /// gives percent with the decimals that a single case changes.
 pub fn of_count(rate: Option<Rate>) -> String {
     match rate {
-        Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),
+        Some(rate @ Rate { share: Some(_), of, .. }) if of < FEW => count_of(rate),
         Some(Rate { share: Some(share), of, .. }) => {
             let decimals = if of < MANY { 1 } else { 2 };
             format!("{:.decimals$} %", 100.0 * share)
