@@ -3,10 +3,10 @@
 use crate::array;
 use crate::errors::Failure;
 use crate::long::long;
-use crate::table::Table;
+use crate::table::{Table, table_of};
 use pyo3::prelude::*;
 use servotwin::learn::model_file;
-use servotwin::table::{Column, Table as Columns};
+use servotwin::table::Column;
 use servotwin::view::tree::TreeFigure as Drawing;
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::classifiers::{Classifier, Model as Trained, Scores};
@@ -204,21 +204,18 @@ impl Tree {
         let class = |node: usize| self.classes[tree.decision(node) as usize].clone();
         let feature = |node| split(node).map_or(String::new(), |(f, _)| self.features[f].clone());
         let rows = |node: usize| i64::from(tree.counts(node).iter().sum::<u32>());
-        let whole = |of: &dyn Fn(usize) -> i64| all().map(of).collect::<Vec<i64>>();
-        let real = |of: &dyn Fn(usize) -> f64| all().map(of).collect::<Vec<f64>>();
-        let columns = vec![
-            Column::new("node", "", whole(&|node| node as i64)),
-            Column::new("depth", "", whole(&|node| tree.node_depth(node) as i64)),
-            Column::new("feature", "", all().map(feature).collect::<Vec<String>>()),
-            Column::new("threshold", "", real(&|node| split(node).map_or(f64::NAN, |(_, t)| t))),
-            Column::new("left", "", whole(&|node| child(node, |(left, _)| left))),
-            Column::new("right", "", whole(&|node| child(node, |(_, right)| right))),
-            Column::new("class", "", all().map(class).collect::<Vec<String>>()),
-            Column::new("purity", "", real(&|node| tree.purity(node))),
-            Column::new("impurity", "", real(&|node| tree.impurity(node))),
-            Column::new("rows", "", whole(&rows)),
-        ];
-        Columns::from_columns(columns).expect("different names, one length").into()
+        table_of(vec![
+            Column::of("node", "", all(), |node| node as i64),
+            Column::of("depth", "", all(), |node| tree.node_depth(node) as i64),
+            Column::of("feature", "", all(), feature),
+            Column::of("threshold", "", all(), |node| split(node).map_or(f64::NAN, |(_, t)| t)),
+            Column::of("left", "", all(), |node| child(node, |(left, _)| left)),
+            Column::of("right", "", all(), |node| child(node, |(_, right)| right)),
+            Column::of("class", "", all(), class),
+            Column::of("purity", "", all(), |node| tree.purity(node)),
+            Column::of("impurity", "", all(), |node| tree.impurity(node)),
+            Column::of("rows", "", all(), rows),
+        ])
     }
 
     /// The share of each feature in the decrease of impurity.

@@ -4,7 +4,7 @@ use crate::diagnoser::Diagnoser;
 use crate::errors::Failure;
 use crate::long::long;
 use crate::study::Study;
-use crate::table::{Lines, Table, table_of};
+use crate::table::{Table, table_of};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use servotwin::fit::{Fit, FitError, FitRecord, FitResults as Solved, Unknown};
@@ -45,7 +45,7 @@ pub(crate) fn watch(
 ) -> PyResult<Table> {
     let (study, trained, log) = (&*study.inner, diagnoser.trained(), &*log.inner);
     let watched = long(py, None, |watch| watch_table(study, &trained, log, &watch.cancel))?;
-    let TableFindings { changes: found, warnings } = watched.map_err(|error| match error {
+    let TableFindings { changes: lines, warnings } = watched.map_err(|error| match error {
         TableWatchError::Diagnoser(error) => Failure::stage(error),
         error => Failure::value(error),
     })?;
@@ -53,16 +53,17 @@ pub(crate) fn watch(
         let text = CString::new(warning.replace('\0', " ")).expect("no zero is left");
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
     }
-    let lines = Lines(found);
     let columns = vec![
-        Column { unit: "s".into(), ..lines.number("time_s", |(time_s, _)| *time_s) },
-        lines.text("state", |(_, finding)| finding.state.words().into()),
-        lines.text("phase", |(_, finding)| finding.phase.words().into()),
-        lines.text("actuator", |(_, finding)| finding.actuator.clone().unwrap_or_default()),
-        lines.text("action", |(_, finding)| finding.action.clone()),
-        lines.text("component", |(_, finding)| finding.detail.clone()),
-        lines.number("confidence", |(_, finding)| finding.confidence),
-        lines.text("finding", |(_, finding)| finding.words()),
+        Column::of("time_s", "s", &lines, |(time_s, _)| *time_s),
+        Column::of("state", "", &lines, |(_, finding)| finding.state.words().to_owned()),
+        Column::of("phase", "", &lines, |(_, finding)| finding.phase.words().to_owned()),
+        Column::of("actuator", "", &lines, |(_, finding)| {
+            finding.actuator.clone().unwrap_or_default()
+        }),
+        Column::of("action", "", &lines, |(_, finding)| finding.action.clone()),
+        Column::of("component", "", &lines, |(_, finding)| finding.detail.clone()),
+        Column::of("confidence", "", &lines, |(_, finding)| finding.confidence),
+        Column::of("finding", "", &lines, |(_, finding)| finding.words()),
     ];
     Ok(table_of(columns))
 }
@@ -148,17 +149,19 @@ pub(crate) fn fit_record(
 }
 
 fn parameters(problem: &Fit, fitted: &Solved) -> Table {
-    let lines = Lines(problem.unknowns.iter().enumerate().collect());
+    let lines: Vec<_> = problem.unknowns.iter().enumerate().collect();
     let error = |(k, unknown): &(usize, &Unknown)| {
         let per_sigma = unknown.per_sigma(unknown.nominal());
         (fitted.known.error(*k) * per_sigma).abs()
     };
     table_of(vec![
-        lines.text("name", |(_, unknown)| unknown.name.clone()),
-        lines.text("unit", |(_, unknown)| unknown.unit.symbol().into()),
-        lines.number("nominal", |(_, unknown)| unknown.nominal()),
-        lines.number("value", |(k, unknown)| unknown.value(fitted.z[*k])),
-        lines.number("standard_error", error),
-        lines.text("knowledge", |(k, _)| fitted.known.sentence("record", &problem.unknowns, *k)),
+        Column::of("name", "", &lines, |(_, unknown)| unknown.name.clone()),
+        Column::of("unit", "", &lines, |(_, unknown)| unknown.unit.symbol().to_owned()),
+        Column::of("nominal", "", &lines, |(_, unknown)| unknown.nominal()),
+        Column::of("value", "", &lines, |(k, unknown)| unknown.value(fitted.z[*k])),
+        Column::of("standard_error", "", &lines, error),
+        Column::of("knowledge", "", &lines, |(k, _)| {
+            fitted.known.sentence("record", &problem.unknowns, *k)
+        }),
     ])
 }

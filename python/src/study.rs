@@ -3,13 +3,14 @@
 use crate::errors::Failure;
 use crate::long::long;
 use crate::system::System;
-use crate::table::{Lines, Table, table_of};
+use crate::table::{Table, table_of};
 use pyo3::prelude::*;
 use servotwin::job::{Folder, JobError};
 use servotwin::learn::EvaluationError;
 use servotwin::records::RunError;
 use servotwin::records::columns::feature_columns_of;
 use servotwin::study::{Purpose, Scenario, Study as Inner};
+use servotwin::table::Column;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -113,12 +114,12 @@ impl Study {
     /// Every fault with every intensity, and the actuator that has it.
     #[getter]
     fn faults(&self) -> Table {
-        let lines = Lines(self.inner.faults.iter().collect());
+        let lines = &self.inner.faults;
         table_of(vec![
-            lines.text("id", |fault| fault.id.clone()),
-            lines.text("actuator", |fault| self.inner.actuators[fault.actuator].clone()),
-            lines.text("kind", |fault| fault.kind.clone()),
-            lines.number("intensity", |fault| fault.at.intensity),
+            Column::of("id", "", lines, |fault| fault.id.clone()),
+            Column::of("actuator", "", lines, |fault| self.inner.actuators[fault.actuator].clone()),
+            Column::of("kind", "", lines, |fault| fault.kind.clone()),
+            Column::of("intensity", "", lines, |fault| fault.at.intensity),
         ])
     }
 

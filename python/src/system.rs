@@ -1,11 +1,12 @@
 //! `System`: a system file, checked and compiled.
 
 use crate::errors::{Failure, Place};
-use crate::table::{Lines, Table, table_of};
+use crate::table::{Table, table_of};
 use pyo3::prelude::*;
 use servotwin::rest;
 use servotwin::system::System as Inner;
 use servotwin::system::listing::fault_table;
+use servotwin::table::Column;
 use servotwin::toml_text::TomlError;
 use servotwin::view::render;
 use servotwin_model::spec::Unit;
@@ -138,11 +139,11 @@ impl System {
     /// The components: id, kind and summary.
     #[getter]
     fn components(&self) -> Table {
-        let lines = Lines(self.inner.network().components.iter().collect());
+        let lines = &self.inner.network().components;
         table_of(vec![
-            lines.text("id", |line| line.id.clone()),
-            lines.text("kind", |line| line.component.kind.into()),
-            lines.text("summary", |line| line.component.summary.into()),
+            Column::of("id", "", lines, |line| line.id.clone()),
+            Column::of("kind", "", lines, |line| line.component.kind.to_owned()),
+            Column::of("summary", "", lines, |line| line.component.summary.to_owned()),
         ])
     }
 
@@ -154,16 +155,17 @@ impl System {
             let declared = instance.component.parameters.iter().zip(&instance.parameters);
             declared.map(move |(declared, value)| (instance, declared, *value))
         });
-        let lines = Lines(all.collect());
+        let lines: Vec<_> = all.collect();
         table_of(vec![
-            lines
-                .text("id", |(instance, declared, _)| format!("{}.{}", instance.id, declared.name)),
-            lines.text("component", |(instance, _, _)| instance.id.clone()),
-            lines.text("unit", |(_, declared, _)| symbol(declared.unit)),
-            lines.number("value", |(_, _, value)| *value),
-            lines.number("least", |(_, declared, _)| declared.min),
-            lines.number("largest", |(_, declared, _)| declared.max),
-            lines.text("summary", |(_, declared, _)| declared.summary.into()),
+            Column::of("id", "", &lines, |(instance, declared, _)| {
+                format!("{}.{}", instance.id, declared.name)
+            }),
+            Column::of("component", "", &lines, |(instance, _, _)| instance.id.clone()),
+            Column::of("unit", "", &lines, |(_, declared, _)| symbol(declared.unit)),
+            Column::of("value", "", &lines, |(_, _, value)| *value),
+            Column::of("least", "", &lines, |(_, declared, _)| declared.min),
+            Column::of("largest", "", &lines, |(_, declared, _)| declared.max),
+            Column::of("summary", "", &lines, |(_, declared, _)| declared.summary.to_owned()),
         ])
     }
 
@@ -176,24 +178,24 @@ impl System {
     /// The inputs with unit and default.
     #[getter]
     fn inputs(&self) -> Table {
-        let lines = Lines(self.inner.network().inputs.iter().collect());
+        let lines = &self.inner.network().inputs;
         table_of(vec![
-            lines.text("id", |line| line.id.clone()),
-            lines.text("unit", |line| symbol(line.unit)),
-            lines.number("default", |line| line.default),
+            Column::of("id", "", lines, |line| line.id.clone()),
+            Column::of("unit", "", lines, |line| symbol(line.unit)),
+            Column::of("default", "", lines, |line| line.default),
         ])
     }
 
     /// The sensors with unit and scale.
     #[getter]
     fn sensors(&self) -> Table {
-        let lines = Lines(self.inner.sensors.iter().collect());
+        let lines = &self.inner.sensors;
         table_of(vec![
-            lines.text("id", |line| line.id.clone()),
-            lines.text("label", |line| line.label.clone()),
-            lines.text("signal", |line| line.signal.clone()),
-            lines.text("unit", |line| symbol(line.unit)),
-            lines.number("scale", |line| line.scale),
+            Column::of("id", "", lines, |line| line.id.clone()),
+            Column::of("label", "", lines, |line| line.label.clone()),
+            Column::of("signal", "", lines, |line| line.signal.clone()),
+            Column::of("unit", "", lines, |line| symbol(line.unit)),
+            Column::of("scale", "", lines, |line| line.scale),
         ])
     }
 

@@ -51,22 +51,7 @@ impl Table {
     }
 }
 
-/// Columns of texts and numbers, one row for each of a list.
-pub(crate) struct Lines<T>(pub(crate) Vec<T>);
-
-impl<T> Lines<T> {
-    /// A column of texts.
-    pub(crate) fn text(&self, name: &str, of: impl Fn(&T) -> String) -> Column {
-        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
-    }
-
-    /// A column of numbers.
-    pub(crate) fn number(&self, name: &str, of: impl Fn(&T) -> f64) -> Column {
-        Column::new(name, "", self.0.iter().map(of).collect::<Vec<_>>())
-    }
-}
-
-/// A table of such columns.
+/// A table of columns with different names and one length.
 pub(crate) fn table_of(columns: Vec<Column>) -> Table {
     tables::Table::from_columns(columns).expect("different names, one length").into()
 }

@@ -9,7 +9,7 @@ use crate::source_file::SourceFile;
 use crate::twin::ExportedTwin;
 use serde::Serialize;
 use servotwin_diagnosis::diagnoser::Diagnoser;
-use servotwin_io::files::{create_folder, read_bytes, read_text, write_atomically};
+use servotwin_io::files::{create_folder, read_bytes, read_text, write_atomically, write_text};
 use servotwin_io::manifest::sha256;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -100,7 +100,7 @@ impl ExportFolder {
         // First: a folder that names itself an export can be written again after a failure.
         self.write_json(DESCRIPTION, &description)?;
         for SourceFile { name, text } in &files {
-            write_atomically(self.file(name), |out| out.write_all(text.as_bytes()))?;
+            write_text(self.file(name), text)?;
         }
         Ok(description)
     }
@@ -176,8 +176,7 @@ impl ExportFolder {
     ) -> Result<[PathBuf; 2], ExportError> {
         self.write_json(CERTIFICATE, certificate)?;
         let page = self.file(PAGE);
-        let html = servotwin::view::render::page(&certificate.document());
-        write_atomically(&page, |out| out.write_all(html.as_bytes()))?;
+        write_text(&page, &servotwin::view::render::page(&certificate.document()))?;
         Ok([self.file(CERTIFICATE), page])
     }
 

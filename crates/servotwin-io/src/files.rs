@@ -261,6 +261,11 @@ pub fn write_atomically(
     file.commit()
 }
 
+/// Writes a text as a whole file; on any error the old file stays as it was.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<(), FileError> {
+    write_atomically(path, |out| out.write_all(text.as_bytes()))
+}
+
 /// Checks that a file can be written, and leaves everything as it is.
 pub fn check_writable(path: impl AsRef<Path>) -> Result<(), FileError> {
     let path = path.as_ref();

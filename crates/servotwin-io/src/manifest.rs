@@ -4,7 +4,7 @@
 //! edited file never passes as the written one, and an interrupted stage leaves no claims about its file. Without a
 //! manifest, nothing is compared.
 
-use crate::files::{self, FileError, write_atomically};
+use crate::files::{self, FileError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -49,7 +49,7 @@ pub fn hash_of<'m>(known: [&'m [FileHash]; 2], file: &str) -> Option<&'m FileHas
 /// If it cannot be written.
 pub fn write(folder: &Path, manifest: &impl Serialize) -> Result<(), FileError> {
     let text = serde_json::to_string_pretty(manifest).expect("a manifest is JSON") + "\n";
-    write_atomically(folder.join(NAME), |out| out.write_all(text.as_bytes()))
+    files::write_text(folder.join(NAME), &text)
 }
 
 /// Reads the manifest of a folder; `None` if there is none of this format.

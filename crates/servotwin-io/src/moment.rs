@@ -3,6 +3,7 @@
 //!
 //! A [`Clock`] decides by the first time of a log what all of its times mean.
 
+use crate::text::rounded;
 use jiff::SignedDuration;
 use jiff::civil::Date;
 
@@ -38,7 +39,7 @@ pub const PERIODS_S: (f64, f64) = (1e-4, 0.1);
 
 /// Whether this is a plausible sampling period, s.
 pub fn is_period(step_s: f64) -> bool {
-    (PERIODS_S.0..=PERIODS_S.1).contains(&rounded(step_s))
+    (PERIODS_S.0..=PERIODS_S.1).contains(&rounded(step_s, 3))
 }
 
 /// The time unit that makes a step a plausible sampling period, and that period, s. Of several the one nearest to
@@ -48,15 +49,10 @@ pub fn likely_unit(
     period_s: f64,
     units: Vec<(&'static str, f64)>,
 ) -> Option<(&'static str, f64)> {
-    let periods = units.into_iter().map(|(unit, unit_s)| (unit, rounded(step * unit_s)));
+    let periods = units.into_iter().map(|(unit, unit_s)| (unit, rounded(step * unit_s, 3)));
     let far = |step_s: f64| (step_s / period_s).ln().abs();
     let likely = periods.filter(|(_, step_s)| is_period(*step_s));
     likely.min_by(|one, other| far(one.1).total_cmp(&far(other.1)))
-}
-
-/// A step rounded to three digits, which removes the rounding of the times.
-pub fn rounded(step_s: f64) -> f64 {
-    format!("{step_s:.2e}").parse().unwrap_or(step_s)
 }
 
 /// One day, s.

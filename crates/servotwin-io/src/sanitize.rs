@@ -4,6 +4,7 @@
 //! writing direction, as JSON does (`\\u001b`), so that JSON stays valid. [`text`] and [`list`] shorten names for
 //! messages.
 
+use crate::text::first_of;
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -28,12 +29,8 @@ pub fn text(text: &str) -> String {
 
 /// The first of some names, and the number of the others.
 pub fn list<T: AsRef<str>>(names: &[T]) -> String {
-    let first = names.iter().take(LIST).map(|name| text(name.as_ref()));
-    let first = first.collect::<Vec<_>>().join(", ");
-    match names.len().saturating_sub(LIST) {
-        0 => first,
-        more => format!("{first} and {more} more"),
-    }
+    let names: Vec<String> = names.iter().map(|name| text(name.as_ref())).collect();
+    first_of(&names, LIST)
 }
 
 /// The most characters of a line of a message. A name in a file may be as long as the file.

@@ -24,17 +24,52 @@ pub fn spoken(name: &str) -> String {
     name.replace('.', ": ").replace('_', " ")
 }
 
-/// A number with three significant digits.
-pub fn number(value: f64) -> String {
+/// A number with `digits` significant digits and no needless zeros.
+pub fn number(value: f64, digits: usize) -> String {
+    let text = significant(value, digits, 1e7);
+    match text.split_once('e') {
+        Some((mantissa, exponent)) => format!("{}e{exponent}", without_zeros(mantissa)),
+        None => without_zeros(&text).to_owned(),
+    }
+}
+
+/// A number with three significant digits, also those that are zeros.
+pub fn three_digits(value: f64) -> String {
+    significant(value, 3, 1e6)
+}
+
+/// Significant digits; a number that is small, or not below `most`, has an exponent.
+fn significant(value: f64, digits: usize, most: f64) -> String {
     if value == 0.0 {
         return "0".into();
     }
     let size = value.abs();
-    if !(1e-4..1e6).contains(&size) {
-        return format!("{value:.2e}");
+    if !(1e-4..most).contains(&size) {
+        return format!("{value:.*e}", digits - 1);
     }
-    let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
+    let decimals = (digits as i32 - 1 - size.log10().floor() as i32).max(0) as usize;
     format!("{value:.decimals$}")
+}
+
+/// A number rounded to `digits` significant digits, which removes what the calculation of it left in the last ones.
+pub fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
+}
+
+fn without_zeros(text: &str) -> &str {
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.'),
+        false => text,
+    }
+}
+
+/// The first `most` names, and how many follow.
+pub fn first_of(names: &[String], most: usize) -> String {
+    let first = names[..names.len().min(most)].join(", ");
+    match names.len().saturating_sub(most) {
+        0 => first,
+        more => format!("{first} and {more} more"),
+    }
 }
 
 /// Bytes in base 64.
@@ -87,8 +122,26 @@ mod tests {
     fn numbers_have_three_significant_digits() {
         let cases = [(0.0, "0"), (0.012_345, "0.0123"), (-12.345, "-12.3"), (1e-7, "1.00e-7")];
         for (value, text) in cases {
-            assert_eq!(number(value), text);
+            assert_eq!(three_digits(value), text);
         }
-        assert_eq!(number(1234.5), "1234");
+        assert_eq!(three_digits(1234.5), "1234");
+    }
+
+    #[test]
+    fn short_numbers_keep_their_digits_and_no_zeros() {
+        let cases = [
+            (0.0, "0"),
+            (1.0, "1"),
+            (-1234.5678, "-1234.6"),
+            (206.84, "206.84"),
+            (0.001_234_56, "0.0012346"),
+            (2.0e-14, "2e-14"),
+            (1.23456e9, "1.2346e9"),
+            (99999.96, "100000"),
+            (f64::NAN, "NaN"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(number(value, 5), text);
+        }
     }
 }

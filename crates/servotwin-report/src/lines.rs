@@ -4,7 +4,7 @@
 //! allows. A row is one measure and one classifier; the scenarios are its columns.
 
 use crate::vocabulary::Vocabulary;
-use crate::words::{number, spoken};
+use crate::words::{spoken, three_digits};
 use servotwin::job::Results;
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::Evaluation;
@@ -58,8 +58,8 @@ pub fn in_flight(metrics: &FlightMetrics, words: &Vocabulary) -> Vec<(String, Ra
 pub(crate) fn alarms_per_hour(healthy: &HealthyMetrics) -> [String; 3] {
     let HealthyMetrics { alarms, hours, alarms_per_h, alarms_per_h_upper, .. } = healthy;
     [
-        format!("{} per hour", number(*alarms_per_h)),
-        format!("95 %: at most {}", number(*alarms_per_h_upper)),
+        format!("{} per hour", three_digits(*alarms_per_h)),
+        format!("95 %: at most {}", three_digits(*alarms_per_h_upper)),
         format!("{alarms} in {hours:.1} h without a fault"),
     ]
 }
@@ -81,7 +81,7 @@ pub fn flown_ranges(study: &Study) -> Option<String> {
         let short = short.unwrap_or(name);
         let stem = short.strip_suffix(unit.suffix()).unwrap_or(short);
         let low = Shown::of(unit, *high).value(*low);
-        format!("{} {} … {}", spoken(stem), number(low), shown(*high, unit))
+        format!("{} {} … {}", spoken(stem), three_digits(low), shown(*high, unit))
     });
     let own: Vec<String> = own.collect();
     (!own.is_empty()).then(|| own.join(", "))

@@ -5,7 +5,9 @@
 
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
-use crate::words::{begun, by_environment, distinct, healthy_flights, number, percent, spoken};
+use crate::words::{
+    NONE, begun, by_environment, count_of, distinct, healthy_flights, percent, spoken, three_digits,
+};
 use servotwin::flight::unseen_faults::UnseenFaultMetrics;
 use servotwin::job::Results;
 use servotwin::job::flights::{FlightResults, SealedResults};
@@ -46,6 +48,14 @@ struct MeasuredRate {
     protocol: String,
     /// The share with its count and 95 % interval.
     rate: Rate,
+}
+
+impl MeasuredRate {
+    /// A measure; `None` if nothing was counted.
+    fn of(measure: String, by: &'static str, protocol: &str, rate: Option<Rate>) -> Option<Self> {
+        let rate = rate.filter(|rate| rate.of > 0)?;
+        Some(MeasuredRate { measure, by, protocol: protocol.into(), rate })
+    }
 }
 
 impl Measured<'_> {
@@ -160,10 +170,7 @@ The trees always answer, and the committee may stay silent.";
 fn of_variants(evaluation: &Evaluation, words: &Vocabulary) -> Vec<MeasuredRate> {
     let mut rates = vec![];
     let mut push = |measure: &str, by, protocol: &str, rate: Option<Rate>| {
-        if let Some(rate) = rate.filter(|rate| rate.of > 0) {
-            let (measure, protocol) = (measure.to_owned(), protocol.to_owned());
-            rates.push(MeasuredRate { measure, by, protocol, rate });
-        }
+        rates.extend(MeasuredRate::of(measure.to_owned(), by, protocol, rate));
     };
     for measure in [&measure::VISIBLE, &measure::VISIBLE_BY_CHANCE] {
         push(&words.measure(measure), "bands", ALL, evaluation.in_band.counted(measure));
@@ -218,7 +225,7 @@ fn scenario(
         ));
         section.text(format!(
             "The rate of false alarms is at most {} in 1,000 hours, with a confidence of 95 %.",
-            number(1000.0 * alarms_per_h_upper)
+            three_digits(1000.0 * alarms_per_h_upper)
         ));
     }
     let by_environment = by_environment(environments);
@@ -242,14 +249,7 @@ fn of_flights(
 ) -> Vec<MeasuredRate> {
     let mut rates = vec![];
     let mut push = |measure: String, faults: &str, rate: Option<Rate>| {
-        if let Some(rate) = rate.filter(|rate| rate.of > 0) {
-            rates.push(MeasuredRate {
-                measure,
-                by: "diagnosis",
-                protocol: faults.to_owned(),
-                rate,
-            });
-        }
+        rates.extend(MeasuredRate::of(measure, "diagnosis", faults, rate));
     };
     for measure in measure::OF_FLIGHTS {
         let [sentence, faults] = words.describe_measure(measure, &[metrics.limit_s]);
@@ -289,8 +289,8 @@ fn rate_tables(rates: &[MeasuredRate], section: &mut Document) {
 /// A rate with its interval and count: `97.38 % (96.50 … 98.12), 4049 of 4158`.
 fn full_rate(rate: &Rate) -> Value {
     let [low, high] = [rate.low, rate.high].map(|part| 100.0 * part);
-    let (share, Rate { count, of, .. }) = (percent(rate.share), rate);
-    Value::of(format!("{share} ({low:.2} … {high:.2}), {count} of {of}"), rate)
+    let (share, count) = (percent(rate.share), count_of(*rate));
+    Value::of(format!("{share} ({low:.2} … {high:.2}), {count}"), rate)
 }
 
 fn action_table(classes: &[ClassMetrics]) -> Table {
@@ -303,7 +303,7 @@ fn action_table(classes: &[ClassMetrics]) -> Table {
     let mut table = Table::of(
         "action | visible | :never visible | isolated | another_action | wrong_actuator | silent | median_latency | p95_latency:95 % | longest_latency:longest",
     );
-    let counts = |rate: Rate| Value::of(format!("{} of {}", rate.count, rate.of), &rate);
+    let counts = |rate: Rate| Value::of(count_of(rate), &rate);
     for class in classes {
         let visible = class.rates.of(&measure::VISIBLE);
         let never = format!("{} of {}", visible.of - visible.count, visible.of);
@@ -316,7 +316,7 @@ fn action_table(classes: &[ClassMetrics]) -> Table {
             let time = times.map(|times| times[place]);
             Value {
                 suffix: "_s",
-                ..Value::of(time.map_or("–".into(), |t| format!("{t:.2} s")), &time)
+                ..Value::of(time.map_or(NONE.into(), |t| format!("{t:.2} s")), &time)
             }
         }));
         table.push(row);

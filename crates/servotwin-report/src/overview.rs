@@ -4,7 +4,7 @@
 use crate::Material;
 use crate::lines::{self, Who};
 use crate::vocabulary::Vocabulary;
-use crate::words::{begun, chosen, distinct, percent, spoken};
+use crate::words::{begun, chosen, count_of, distinct, percent, spoken};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::detection::Curve;
@@ -39,10 +39,9 @@ fn card(name: String, rate: Rate, target: Target) -> Fact {
         Target::AtLeast(_) => (Call::Neutral, "target: 95 % · not certain"),
     };
     let text = format!(
-        "{}\n{} of {}, {:.2} … {:.2} %\n{verdict}",
+        "{}\n{}, {:.2} … {:.2} %\n{verdict}",
         percent(rate.share),
-        rate.count,
-        rate.of,
+        count_of(rate),
         100.0 * rate.low,
         100.0 * rate.high
     );
@@ -125,9 +124,9 @@ fn in_flight(material: &Material, result: &SubjectResult, words: &Vocabulary) ->
     };
     let run = words.run();
     let rates = lines::in_flight(metrics, words).into_iter().map(|(title, rate)| {
-        let (Rate { count, of, .. }, share) = (rate, percent(rate.share));
+        let (share, count) = (percent(rate.share), count_of(rate));
         let text = format!(
-            "{share}\n{count} of {of} {run}s, {:.2} … {:.2} %",
+            "{share}\n{count} {run}s, {:.2} … {:.2} %",
             100.0 * rate.low,
             100.0 * rate.high
         );
@@ -235,11 +234,12 @@ fn weakest(material: &Material, result: &SubjectResult, section: &mut Document) 
     let all = seen(result);
     let weak = all.iter().filter(|seen| seen.rate.count < seen.rate.of).take(WEAKEST);
     let lines = weak.map(|seen| {
-        let (kind, Rate { count, of, .. }) = (begun(&spoken(seen.kind)), seen.rate);
-        let advice = advice(material, result, seen);
         format!(
-            "{kind} is detected in {} of its tests ({count} of {of}). {advice}",
-            percent(seen.rate.share)
+            "{} is detected in {} of its tests ({}). {}",
+            begun(&spoken(seen.kind)),
+            percent(seen.rate.share),
+            count_of(seen.rate),
+            advice(material, result, seen)
         )
     });
     let lines: Vec<String> = lines.collect();

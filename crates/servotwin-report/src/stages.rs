@@ -2,7 +2,7 @@
 
 use super::looks::Looks;
 use super::vocabulary::Vocabulary;
-use super::words::{distinct, number, of_unit, spoken};
+use super::words::{distinct, of_unit, spoken, three_digits};
 use servotwin_diagnosis::classifiers::Model;
 use servotwin_diagnosis::features::Feature;
 use servotwin_diagnosis::hierarchy::{Hierarchy, Question, Stage};
@@ -69,7 +69,7 @@ impl Drawer<'_> {
     fn node(&self, node: usize) -> Node {
         let tree = self.tree;
         let rows: u32 = tree.counts(node).iter().sum();
-        let purity = number(100.0 * tree.purity(node));
+        let purity = three_digits(100.0 * tree.purity(node));
         let size = [format!("n = {rows}"), format!("purity {purity} %")];
         let with_size = |first: String| std::iter::once(first).chain(size).collect();
         let shares = tree.weights(node).to_vec();

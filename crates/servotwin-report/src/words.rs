@@ -5,13 +5,14 @@ use servotwin::learn::metrics::{Rate, Tail};
 use servotwin::measure::flights::{EnvironmentMetrics, HealthyMetrics};
 use servotwin::run::fitted_twins::CalibrationRecords;
 
-pub use servotwin_io::text::{number, spoken};
+pub(crate) use servotwin_io::text::{spoken, three_digits};
+pub(crate) use servotwin_view::document::NONE;
 use servotwin_view::document::Value;
 
 /// The environments with a false alarm: their count and the upper limit of their share.
 pub(crate) fn by_environment(all: EnvironmentMetrics) -> String {
     let EnvironmentMetrics { flown, with_alarm, share_upper } = all;
-    let most = number(100.0 * share_upper);
+    let most = three_digits(100.0 * share_upper);
     format!("in {with_alarm} of {flown} environments, at most {most} % of them (95 %)")
 }
 
@@ -58,20 +59,17 @@ pub fn fitted_twins(calibration: &CalibrationRecords) -> String {
 
 /// The rate at which the largest evidence of a flight reaches its limit, by the tail of all flights.
 fn extrapolated(tail: &Option<Tail>, largest: f64) -> String {
-    let largest = format!("the largest evidence is {} of its limit", number(largest));
+    let largest = format!("the largest evidence is {} of its limit", three_digits(largest));
     let Some(Tail { blocks, excesses, threshold, shape, probability, low, high, .. }) = tail else {
         return format!("{largest}; too few flights come near it to extrapolate a rate");
     };
-    let [probability, low, high] = [probability, low, high].map(|part| number(100.0 * part));
+    let [probability, low, high] = [probability, low, high].map(|part| three_digits(100.0 * part));
     format!(
         "{largest}; by the tail of {excesses} of {blocks} flights above {} (shape {shape:.2}), it is reached in \
          {probability} % of flights [{low} … {high}]",
-        number(*threshold)
+        three_digits(*threshold)
     )
 }
-
-/// The placeholder for a missing value.
-pub(crate) const NONE: &str = "–";
 
 /// A share in percent: `99.84 %`.
 pub fn percent(share: Option<f64>) -> String {
@@ -89,10 +87,14 @@ pub(crate) fn rate(rate: Option<Rate>) -> String {
     }
 }
 
+/// The count of a rate: `218 of 220`.
+pub fn count_of(rate: Rate) -> String {
+    format!("{} of {}", rate.count, rate.of)
+}
+
 /// A share with its count: `99.10 % (218 of 220)`. Programs read its interval too.
 pub fn share_of(rate: Rate) -> Value {
-    let text = format!("{} ({} of {})", percent(rate.share), rate.count, rate.of);
-    Value::of(text, &rate)
+    Value::of(format!("{} ({})", percent(rate.share), count_of(rate)), &rate)
 }
 
 /// A rate with its interval below it; the line feed switches to small type.
@@ -130,7 +132,7 @@ pub(crate) fn share(rate: Option<Rate>) -> String {
 /// gives percent with the decimals that a single case changes.
 pub fn of_count(rate: Option<Rate>) -> String {
     match rate {
-        Some(Rate { share: Some(_), count, of, .. }) if of < FEW => format!("{count} of {of}"),
+        Some(rate @ Rate { share: Some(_), of, .. }) if of < FEW => count_of(rate),
         Some(Rate { share: Some(share), of, .. }) => {
             let decimals = if of < MANY { 1 } else { 2 };
             format!("{:.decimals$} %", 100.0 * share)
@@ -159,10 +161,10 @@ pub(crate) fn chosen(value: f64) -> String {
 /// A feature's value or threshold in its display unit.
 pub fn of_unit(value: f64, unit: &str) -> String {
     match unit {
-        "of scale" => format!("{} %", number(100.0 * value)),
-        "" | "1" | "0 or 1" => number(value),
-        unit if unit.starts_with("log10") => number(value),
-        unit => format!("{} {unit}", number(value)),
+        "of scale" => format!("{} %", three_digits(100.0 * value)),
+        "" | "1" | "0 or 1" => three_digits(value),
+        unit if unit.starts_with("log10") => three_digits(value),
+        unit => format!("{} {unit}", three_digits(value)),
     }
 }
 

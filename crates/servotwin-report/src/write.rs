@@ -10,7 +10,7 @@ use servotwin_diagnosis::diagnoser::Tuning;
 use servotwin_diagnosis::diagnoser::decision::Allowances;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_diagnosis::hierarchy::Hierarchy;
-use servotwin_io::files::{create_folder, write_atomically};
+use servotwin_io::files::{create_folder, write_text};
 use servotwin_view::render::page;
 
 /// Writes the report, its figures and the manifest from the results of the other stages. Without an evaluation of
@@ -52,12 +52,11 @@ pub fn write(folder: &Folder, study: &Study) -> Result<(), JobError> {
     let mut drawn = vec![];
     for (name, figure) in report.figures() {
         let path = folder.figures().join(format!("{name}.svg"));
-        write_atomically(&path, |out| out.write_all(figure.svg.as_bytes()))?;
+        figure.save(&path)?;
         drawn.push(path);
     }
     drawn.sort();
-    let html = page(&report);
-    write_atomically(folder.report(), |out| out.write_all(html.as_bytes()))?;
+    write_text(folder.report(), &page(&report))?;
     manifest::write_with(folder, study, &drawn).map(drop)
 }
 

@@ -9,9 +9,7 @@ use crate::results::StudyResultsFolder;
 use servotwin::job::{Folder, JobError, outcomes};
 use servotwin::measure::flights::{FlightMetrics, STRONG};
 use servotwin::measure::outcome::{FirstAction, RunOutcome};
-use servotwin::measure::{
-    Measure, OTHER_ACTION, RIGHT_ACTION_OF_ALL, SILENT, VISIBLE, WRONG_SHUTDOWN,
-};
+use servotwin::measure::{Measure, OTHER_ACTION, RIGHT_ACTION_OF_ALL, VISIBLE, WRONG_SHUTDOWN};
 use servotwin::study::Scenario;
 use servotwin::study::suites::JUDGE;
 use std::collections::BTreeMap;
@@ -118,7 +116,7 @@ impl JudgedFlights {
         let [visible, flown] = counts(&VISIBLE);
         match answer {
             Answer::Missed => [flown - counts(&RIGHT_ACTION_OF_ALL)[0], flown],
-            Answer::Hidden => [flown - visible + counts(&SILENT)[0], flown],
+            Answer::Hidden => [own.clone().filter(|row| is_hidden(row)).count() as u64, flown],
             Answer::Invisible => [flown - visible, flown],
             Answer::OtherAction => [counts(&OTHER_ACTION)[0], flown],
             Answer::WrongShutdown => [counts(&WRONG_SHUTDOWN)[0], flown],

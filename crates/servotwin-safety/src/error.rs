@@ -5,6 +5,7 @@ use servotwin::job::JobError;
 use servotwin::learn::EvaluationError;
 use servotwin::nearest::nearest;
 use servotwin::table::TableError;
+use servotwin::text::first_of;
 use std::path::PathBuf;
 
 /// The reason why an artefact cannot be made.
@@ -46,7 +47,7 @@ pub enum SafetyError {
     )]
     Seal { path: PathBuf, line: usize },
     /// Faults of the tree without a rate.
-    #[error("{path}: {} of the tree have no rate: {}; write a rate and its source for each ('servotwin fault-tree --template FILE' lists them)", faults(.missing.len()), first(.missing))]
+    #[error("{path}: {} of the tree have no rate: {}; write a rate and its source for each ('servotwin fault-tree --template FILE' lists them)", faults(.missing.len()), first_of(.missing, MAX_LISTED))]
     NoRates { path: PathBuf, missing: Vec<String> },
     /// A sensor that is to be kept does not exist.
     #[error("there is no sensor '{given}' to keep; there are: {}", .known.join(", "))]
@@ -57,7 +58,7 @@ pub enum SafetyError {
     )]
     TooManySensors { free: usize, most: usize },
     /// Sensors without a cost.
-    #[error("{path}: sensors without a cost: {}; each needs a row 'sensor,cost,source'", first(.missing))]
+    #[error("{path}: sensors without a cost: {}; each needs a row 'sensor,cost,source'", first_of(.missing, MAX_LISTED))]
     NoCosts { path: PathBuf, missing: Vec<String> },
     /// A classifier cannot be trained.
     #[error(transparent)]
@@ -81,18 +82,11 @@ pub enum SafetyError {
     Cancelled,
 }
 
+/// The most names in a message.
+const MAX_LISTED: usize = 4;
+
 fn faults(count: usize) -> String {
     servotwin::toml_text::counted(count, "fault")
-}
-
-/// The first names of a list, and how many follow.
-fn first(names: &[String]) -> String {
-    const SHOWN: usize = 4;
-    let shown = names.iter().take(SHOWN).cloned().collect::<Vec<_>>().join(", ");
-    match names.len().saturating_sub(SHOWN) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
-    }
 }
 
 /// Describes an unknown name, with the nearest known one.

@@ -7,7 +7,7 @@ use crate::rated_flights::RatedFlights;
 use crate::rates::rated_faults;
 use crate::results::StudyResultsFolder;
 use crate::tree::lanes::{LaneTrees, TreeParameter, lane_trees};
-use crate::tree::numbers::{BandEnd, CutSet, EventImportance, ExposureHours, TopNumbers, evaluate};
+use crate::tree::numbers::{BandEnd, ExposureHours, TopNumbers, evaluate};
 use crate::tree::{drawing, exchange};
 use serde::Serialize;
 use servotwin::table::{Column, Table};
@@ -57,7 +57,7 @@ impl FaultTreeArtefact {
         let (study, hours) = (&results.study, *hours);
         let trees = lane_trees(study, flights, rates)?;
         let mut notes = trees.notes.clone();
-        let listed = rated_faults(study).len();
+        let listed = rated_faults(study).count();
         let all = study.system.all_faults().len();
         if listed < all {
             notes.push(format!(
@@ -116,45 +116,29 @@ impl FaultTreeArtefact {
 
     /// The most probable minimal cut sets of all trees.
     fn cut_sets(&self) -> Result<Table, SafetyError> {
-        let all =
+        let sets =
             || self.tops.iter().flat_map(|top| top.cut_sets.iter().map(move |set| (top, set)));
-        let text = |name: &str, of: &dyn Fn(&TopNumbers, &CutSet) -> String| {
-            Column::new(name, "", all().map(|(top, set)| of(top, set)).collect::<Vec<String>>())
-        };
-        let numbers = |name: &str, of: fn(&CutSet) -> f64| {
-            Column::new(name, "1", all().map(|(_, set)| of(set)).collect::<Vec<f64>>())
-        };
         Ok(Table::from_columns(vec![
-            text("top_event", &|top, _| top.id.clone()),
-            numbers("probability", |set| set.probability),
-            numbers("probability_upper", |set| set.upper),
-            Column::new(
-                "order",
-                "1",
-                all().map(|(_, s)| s.events.len() as u32).collect::<Vec<u32>>(),
-            ),
-            text("events", &|_, set| set.events.join(" and ")),
+            Column::of("top_event", "", sets(), |(top, _)| top.id.clone()),
+            Column::of("probability", "1", sets(), |(_, set)| set.probability),
+            Column::of("probability_upper", "1", sets(), |(_, set)| set.upper),
+            Column::of("order", "1", sets(), |(_, set)| set.events.len() as u32),
+            Column::of("events", "", sets(), |(_, set)| set.events.join(" and ")),
         ])?)
     }
 
     /// The importance of all events for all trees.
     fn importance(&self) -> Result<Table, SafetyError> {
-        let all =
+        let events =
             || self.tops.iter().flat_map(|top| top.importances.iter().map(move |own| (top, own)));
-        let numbers = |name: &str, of: fn(&EventImportance) -> f64| {
-            Column::new(name, "1", all().map(|(_, own)| of(own)).collect::<Vec<f64>>())
-        };
-        let text = |name: &str, of: &dyn Fn(&TopNumbers, &EventImportance) -> String| {
-            Column::new(name, "", all().map(|(top, own)| of(top, own)).collect::<Vec<String>>())
-        };
         Ok(Table::from_columns(vec![
-            text("top_event", &|top, _| top.id.clone()),
-            text("event", &|_, own| own.event.clone()),
-            numbers("probability", |own| own.probability),
-            numbers("probability_upper", |own| own.upper),
-            numbers("birnbaum", |own| own.birnbaum),
-            numbers("fussell_vesely", |own| own.fussell_vesely),
-            text("title", &|_, own| own.title.clone()),
+            Column::of("top_event", "", events(), |(top, _)| top.id.clone()),
+            Column::of("event", "", events(), |(_, own)| own.event.clone()),
+            Column::of("probability", "1", events(), |(_, own)| own.probability),
+            Column::of("probability_upper", "1", events(), |(_, own)| own.upper),
+            Column::of("birnbaum", "1", events(), |(_, own)| own.birnbaum),
+            Column::of("fussell_vesely", "1", events(), |(_, own)| own.fussell_vesely),
+            Column::of("title", "", events(), |(_, own)| own.title.clone()),
         ])?)
     }
 }

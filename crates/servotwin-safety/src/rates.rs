@@ -8,10 +8,10 @@
 //! | `source` | where the rate comes from |
 
 use crate::error::{SafetyError, unknown};
-use servotwin::moment::rounded;
 use servotwin::study::{FaultCase, Study};
 use servotwin::table::csv::texts::{self, TextRow, Texts};
 use servotwin::table::{Column, Table};
+use servotwin::text::rounded;
 use std::path::{Path, PathBuf};
 
 /// The columns of the table.
@@ -45,36 +45,10 @@ pub struct FailureRates {
     pub list: Vec<FailureRate>,
 }
 
-/// A name that a rate may have.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct RatedFault {
-    /// The full name, e.g. `actuator_1.leakage_a.leakage`.
-    pub id: String,
-    /// The name without the actuator.
-    pub(crate) kind: String,
-}
-
-/// The faults of a study, which fault trees and the rate of the function need rates for.
-pub fn rated_faults(study: &Study) -> Vec<RatedFault> {
-    let mut list: Vec<RatedFault> = vec![];
-    for fault in &study.faults {
-        if list.last().is_none_or(|last| last.id != fault.id) {
-            list.push(RatedFault { id: fault.id.clone(), kind: fault.kind.clone() });
-        }
-    }
-    list
-}
-
-/// The actuator of a fault; `None` if its component belongs to no single one. The only actuator of a system has all.
-pub(crate) fn actuator_of<'s>(study: &'s Study, fault: &str) -> Option<&'s str> {
-    study.actuator_of(fault).map(|actuator| study.actuators[actuator].as_str())
-}
-
-/// A fault's name without its actuator.
-pub(crate) fn kind_of(study: &Study, fault: &str) -> String {
-    let own = actuator_of(study, fault)
-        .and_then(|actuator| fault.strip_prefix(actuator)?.strip_prefix('.'));
-    own.unwrap_or(fault).to_owned()
+/// The faults of a study, which fault trees and the rate of the function need rates for. A fault stands in the study's
+/// list once for each intensity, and here once.
+pub fn rated_faults(study: &Study) -> impl Iterator<Item = &FaultCase> {
+    study.faults.chunk_by(|fault, next| fault.id == next.id).map(|same| &same[0])
 }
 
 impl FailureRates {
@@ -84,10 +58,8 @@ impl FailureRates {
     /// The file cannot be read; a column is missing; a cell is not allowed.
     pub(crate) fn read(path: &Path, study: &Study) -> Result<Self, SafetyError> {
         let faults = study.system.all_faults().into_iter();
-        Self::read_named(path, faults.flat_map(|id| [kind_of(study, &id), id]).collect())
-    }
-
-    fn read_named(path: &Path, mut known: Vec<String>) -> Result<Self, SafetyError> {
+        let mut known: Vec<String> =
+            faults.flat_map(|id| [study.kind_of(&id).to_owned(), id]).collect();
         let table = texts::read(path)?;
         let places = find_columns(path, &table, COLUMNS)?;
         known.sort();
@@ -145,20 +117,23 @@ impl FailureRates {
         find(id).or_else(|| find(kind))
     }
 
-    /// The rated faults of a study. One stands in the study's list once for each intensity, and here once.
+    /// The rated faults of a study.
     pub(crate) fn of_study<'r>(
         &'r self,
         study: &'r Study,
     ) -> impl Iterator<Item = (&'r FaultCase, &'r FailureRate)> {
-        let faults = study.faults.chunk_by(|fault, next| fault.id == next.id);
-        faults.filter_map(|same| Some((&same[0], self.of(&same[0].id, &same[0].kind)?)))
+        rated_faults(study).filter_map(|fault| Some((fault, self.of(&fault.id, &fault.kind)?)))
+    }
+
+    /// Where a rate stands.
+    pub(crate) fn place(&self, rate: &FailureRate) -> String {
+        format!("{} line {}", self.path.display(), rate.line)
     }
 
     /// Refuses rates that lack a fault of a study.
     pub(crate) fn check(&self, study: &Study) -> Result<(), SafetyError> {
-        let faults = rated_faults(study).into_iter();
-        let missing = faults.filter(|fault| self.of(&fault.id, &fault.kind).is_none());
-        let missing: Vec<String> = missing.map(|fault| fault.id).collect();
+        let missing = rated_faults(study).filter(|fault| self.of(&fault.id, &fault.kind).is_none());
+        let missing: Vec<String> = missing.map(|fault| fault.id.clone()).collect();
         match missing.is_empty() {
             true => Ok(()),
             false => Err(SafetyError::NoRates { path: self.path.clone(), missing }),
@@ -172,7 +147,7 @@ fn remedy(text: &str) -> String {
     let number = with_point.trim_end_matches('%').trim();
     match number.parse::<f64>() {
         Ok(value) if with_point.ends_with('%') => {
-            format!("a rate is no share: write {:?} for {number} %; ", rounded(0.01 * value))
+            format!("a rate is no share: write {:?} for {number} %; ", rounded(0.01 * value, 3))
         }
         Ok(_) => format!("write {number}, with a decimal point; "),
         Err(_) => String::new(),
@@ -200,9 +175,9 @@ pub(crate) fn find_columns<const N: usize>(
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_template(path: &Path, faults: &[RatedFault]) -> Result<(), SafetyError> {
+pub fn write_template(path: &Path, study: &Study) -> Result<(), SafetyError> {
     let mut kinds: Vec<String> = vec![];
-    for fault in faults {
+    for fault in rated_faults(study) {
         if !kinds.contains(&fault.kind) {
             kinds.push(fault.kind.clone());
         }
@@ -218,22 +193,10 @@ pub fn write_template(path: &Path, faults: &[RatedFault]) -> Result<(), SafetyEr
 mod tests {
     use super::*;
 
-    fn faults() -> Vec<RatedFault> {
-        let fault = |unit: &str| RatedFault {
-            id: format!("{unit}.cylinder.internal_leakage"),
-            kind: "cylinder.internal_leakage".into(),
-        };
-        vec![fault("actuator_1"), fault("actuator_2")]
-    }
-
-    fn names() -> Vec<String> {
-        faults().into_iter().flat_map(|fault| [fault.id, fault.kind]).collect()
-    }
-
     fn read(rows: &str) -> Result<FailureRates, SafetyError> {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), format!("fault,rate,unit,source\n{rows}")).unwrap();
-        FailureRates::read_named(file.path(), names())
+        FailureRates::read(file.path(), &Study::default())
     }
 
     #[test]
@@ -242,10 +205,11 @@ mod tests {
             "cylinder.internal_leakage,200,FIT,handbook\nactuator_2.cylinder.internal_leakage,0.5,1/(1e6 h),fleet\n",
         )
         .unwrap();
-        let of = |fault: &RatedFault| rates.of(&fault.id, &fault.kind).unwrap();
-        let per_h = faults().iter().map(|fault| of(fault).per_h).collect::<Vec<_>>();
+        let kind = "cylinder.internal_leakage";
+        let of = |actuator: &str| rates.of(&format!("{actuator}.{kind}"), kind).unwrap();
+        let per_h = ["actuator_1", "actuator_2"].map(|actuator| of(actuator).per_h);
         assert!((per_h[0] - 2e-7).abs() < 1e-20 && (per_h[1] - 5e-7).abs() < 1e-20, "{per_h:?}");
-        assert_eq!(of(&faults()[1]).source, "fleet");
+        assert_eq!(of("actuator_2").source, "fleet");
     }
 
     #[test]
@@ -291,8 +255,8 @@ mod tests {
     fn a_template_is_a_table_of_rates_without_rates() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rates.csv");
-        write_template(&path, &faults()).unwrap();
-        let error = FailureRates::read_named(&path, names()).unwrap_err().to_string();
+        write_template(&path, &Study::default()).unwrap();
+        let error = FailureRates::read(&path, &Study::default()).unwrap_err().to_string();
         assert!(error.contains("line 2, column 'rate': '' is no number"), "{error}");
     }
 }

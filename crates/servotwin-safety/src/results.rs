@@ -1,7 +1,7 @@
 //! The results of a study as evidence: what they were made of, and which scenario is quoted.
 
 use crate::error::SafetyError;
-use servotwin::files::{create_folder, write_atomically};
+use servotwin::files::{create_folder, write_text};
 use servotwin::job::flights::{self, FlightResults};
 use servotwin::job::manifest::Manifest;
 use servotwin::job::results::SubjectResult;
@@ -9,7 +9,7 @@ use servotwin::job::{Folder, JobError, Results, Subject};
 use servotwin::manifest::{sha256, sha256_of_text};
 use servotwin::measure::flights::FlightMetrics;
 use servotwin::study::{Purpose, Scenario, Study};
-use servotwin::table::{self, Table};
+use servotwin::table::Table;
 use std::path::PathBuf;
 
 /// The folder for artefacts in an output folder.
@@ -115,7 +115,7 @@ impl StudyResultsFolder {
     pub(crate) fn write(&self, name: &str, text: &str) -> Result<PathBuf, SafetyError> {
         create_folder(self.folder.path().join(FOLDER))?;
         let path = self.artefact(name);
-        write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
+        write_text(&path, text)?;
         Ok(path)
     }
 
@@ -217,21 +217,4 @@ fn basis(folder: &Folder, manifest: &Manifest) -> Result<EvidenceBasis, SafetyEr
         false => sha256_of_text(&models)[..DIGITS].to_owned(),
     };
     Ok(EvidenceBasis { system: input("system.toml"), study: input("study.toml"), model })
-}
-
-/// Reads the columns of a data set that describe faults and their largest residuals; `None` without the data set.
-///
-/// # Errors
-/// The file is damaged, or contradicts the manifest.
-pub(crate) fn read_residual_columns(
-    folder: &Folder,
-    scenario: Scenario,
-) -> Result<Option<Table>, SafetyError> {
-    let path = folder.data_set(scenario, Purpose::Test);
-    if !path.exists() {
-        return Ok(None);
-    }
-    let own = ["variant", "case", "fault", "grade", "failure"];
-    let is_wanted = |name: &str| own.contains(&name) || name.starts_with("largest:");
-    Ok(Some(table::read_wanted(&path, &is_wanted)?))
 }

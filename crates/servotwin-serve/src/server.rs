@@ -38,7 +38,7 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use servotwin::files::{FileError, write_atomically};
+use servotwin::files::{FileError, write_text};
 use servotwin::leftovers::TemporaryFolder;
 use servotwin::table::{TableError, parquet};
 use servotwin_watch::player::{PlayerSignal, event};
@@ -454,8 +454,7 @@ impl SavedAs {
             SavedAs::Table => parquet::write(&path, &table_of(period_s, signals, messages)?)?,
             SavedAs::Page => {
                 let title = shared.about["title"].as_str().unwrap_or_default();
-                let page = page_of(title, period_s, signals, messages);
-                write_atomically(&path, |out| out.write_all(page.as_bytes()))?;
+                write_text(&path, &page_of(title, period_s, signals, messages))?;
             }
         }
         let file = File::open(&path).map_err(failed)?;

@@ -89,15 +89,11 @@ impl Signals {
             let id_of = |what| format!("{id}.{what}");
             let reading = SignalGroup::Reading;
             let reading = PlayerSignal::new(&id_of("reading"), label, unit.shown(), reading);
-            let divisor = format!("% of {}", sensor.residual_divisor());
-            let residual = SignalGroup::Residual;
-            let residual = PlayerSignal::new(&id_of("residual"), label, &divisor, residual);
-            let band = diagnoser.lengths[0].panel.bands.get(place);
-            let band = band.map(|band| 100.0 * band.half_width);
+            let residual = PlayerSignal::residual(&id_of("residual"), label, diagnoser, id);
             self.push(PlayerSignal { actuator, ..reading }, move |sample| {
                 unit.to_shown(sample.flight.measured()[place])
             });
-            self.push(PlayerSignal { actuator, band, ..residual }, move |sample| {
+            self.push(PlayerSignal { actuator, ..residual }, move |sample| {
                 let (measured, twin) =
                     (sample.flight.measured()[place], sample.flight.expected()[place]);
                 100.0 * sample.flight.session().residual(place, measured, twin)

@@ -1,7 +1,7 @@
 //! Axes: ranges, ticks at round numbers, and their labels.
 
 use crate::document::NONE;
-use crate::shown::number;
+use servotwin_io::text::number;
 
 /// A tick with its label.
 #[derive(Debug, Clone, PartialEq)]

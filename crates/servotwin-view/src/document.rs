@@ -6,8 +6,7 @@
 
 mod value;
 
-pub(crate) use value::NONE;
-pub use value::Value;
+pub use value::{NONE, Value};
 
 use crate::Figure;
 use serde::Serialize;

@@ -29,7 +29,7 @@ pub use meaning::SemanticColor;
 pub(crate) use meaning::dark_rules;
 pub use style::Look;
 
-use servotwin_io::files::{FileError, write_atomically};
+use servotwin_io::files::{FileError, write_text};
 
 /// A drawn figure.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +63,6 @@ impl Figure {
     /// # Errors
     /// The file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), FileError> {
-        write_atomically(path, |out| out.write_all(self.svg.as_bytes()))
+        write_text(path, &self.svg)
     }
 }

@@ -1,5 +1,6 @@
 //! Display units: an actuator's travel in millimeters, an aircraft's altitude in meters.
 
+use servotwin_io::text::number;
 use servotwin_model::network::Network;
 use servotwin_model::spec::Unit;
 
@@ -45,31 +46,6 @@ impl Shown {
     }
 }
 
-/// A number with `digits` significant digits and no needless zeros.
-pub fn number(value: f64, digits: usize) -> String {
-    if value == 0.0 {
-        return "0".into();
-    }
-    let size = value.abs();
-    if !value.is_finite() || !(1e-4..1e7).contains(&size) {
-        let text = format!("{value:.*e}", digits - 1);
-        let Some((mantissa, exponent)) = text.split_once('e') else {
-            return text;
-        };
-        return format!("{}e{exponent}", without_zeros(mantissa));
-    }
-    let before = size.log10().floor() as i64;
-    let decimals = (digits as i64 - 1 - before).max(0) as usize;
-    without_zeros(&format!("{value:.decimals$}")).to_string()
-}
-
-fn without_zeros(text: &str) -> &str {
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.'),
-        false => text,
-    }
-}
-
 /// An SI value as text in its display unit.
 pub fn shown(si: f64, unit: Unit) -> String {
     let (text, unit) = number_and_unit(si, unit);
@@ -93,23 +69,5 @@ mod tests {
             ("mm", "m")
         );
         assert_eq!(Shown::of(Unit::Pascal, 2e7).symbol(), "bar");
-    }
-
-    #[test]
-    fn numbers_are_short_and_keep_their_digits() {
-        let cases = [
-            (0.0, "0"),
-            (1.0, "1"),
-            (-1234.5678, "-1234.6"),
-            (206.84, "206.84"),
-            (0.001_234_56, "0.0012346"),
-            (2.0e-14, "2e-14"),
-            (1.23456e9, "1.2346e9"),
-            (99999.96, "100000"),
-            (f64::NAN, "NaN"),
-        ];
-        for (value, text) in cases {
-            assert_eq!(number(value, 5), text);
-        }
     }
 }

@@ -16,6 +16,7 @@ use servotwin::toml_text::TomlError;
 use servotwin::units;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::table::TableError;
+use servotwin_io::text::rounded;
 use servotwin_io::{moment, sanitize};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -86,7 +87,7 @@ pub(crate) fn mapped(log: &str, guess: &Guess, study: &Study) -> Result<LogPlan,
                 "'{}' counts rows or milliseconds and has no unit: below [time] of a map file, which --make-map writes, \
                  rate_hz = {} instead of column counts rows, and unit = \"ms\" reads milliseconds",
                 sanitize::text(name),
-                moment::rounded(1.0 / study.sample_period_s)
+                rounded(1.0 / study.sample_period_s, 3)
             ),
         ));
     }

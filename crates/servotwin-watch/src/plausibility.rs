@@ -14,7 +14,8 @@ use servotwin::fit;
 use servotwin::study::Study;
 use servotwin::system::System;
 use servotwin::units::{self, NamedUnit};
-use servotwin_io::moment::{self, rounded};
+use servotwin_io::moment;
+use servotwin_io::text::rounded;
 use servotwin_io::toml_text::{NumberWithUnit, Quantities};
 use servotwin_model::spec::Unit;
 
@@ -388,8 +389,8 @@ impl Plausibility {
             format!(
                 "{} lies outside of {} by up to {}",
                 input.id,
-                Quantities(rounded(low), rounded(high), unit),
-                NumberWithUnit(rounded(*excess), unit)
+                Quantities(rounded(low, 3), rounded(high, 3), unit),
+                NumberWithUnit(rounded(*excess, 3), unit)
             )
         });
         let all: Vec<String> = outside.chain(reasons.iter().cloned()).collect();
@@ -406,7 +407,7 @@ impl Plausibility {
         let step_s = self.step_s()?;
         let apart = format!(
             "its samples are usually {} s apart, those of the diagnosis {period_s} s",
-            rounded(step_s)
+            rounded(step_s, 3)
         );
         match self.likely_unit(step_s, period_s) {
             Some((unit, other_s)) => Some(format!(
@@ -414,8 +415,8 @@ impl Plausibility {
             )),
             _ if step_s > SLOW * period_s => Some(format!(
                 "{apart}: log at {} Hz, or learn a diagnoser at {} Hz (sample_hz of the study)",
-                rounded(1.0 / period_s),
-                rounded(1.0 / step_s)
+                rounded(1.0 / period_s, 3),
+                rounded(1.0 / step_s, 3)
             )),
             _ => None,
         }
@@ -456,8 +457,8 @@ impl Column {
         let seems = looks_like.or_else(within);
         let seems =
             seems.map_or(String::new(), |unit| format!(" and seems to be in {}", unit.spoken));
-        let range = Quantities(rounded(low), rounded(high), unit.symbol());
-        let largest = NumberWithUnit(rounded(largest), unit.symbol());
+        let range = Quantities(rounded(low, 3), rounded(high, 3), unit.symbol());
+        let largest = NumberWithUnit(rounded(largest, 3), unit.symbol());
         Some(format!(
             "{id} is outside of what is believed ({range}) in {outside} of {values} values, up to {largest}{seems}"
         ))
@@ -479,13 +480,13 @@ pub(crate) fn coarse_in_words(
 ) -> Option<String> {
     let rate_hz = last.abs_diff(first) as f64 / (last_s - first_s);
     // The ends of such times are inexact, too: 99.6 rows in a second are a hundred.
-    let digits = format!("{rate_hz:.1e}").parse::<f64>().unwrap_or(rate_hz);
+    let digits = rounded(rate_hz, 2);
     let rate_hz = if (digits / rate_hz - 1.0).abs() < 0.01 { digits } else { rate_hz };
     let tally = counts.of(Irregularity::CoarseTime);
     let accident = (MOST_COARSE * counts.frames as f64).max(map.rules.witnesses as f64);
     let (column, _) = map.time_column().filter(|_| tally.count as f64 > accident)?;
     let rate = match rate_hz <= LARGEST_RATE_HZ {
-        true => format!("rate_hz = {}", rounded(rate_hz)),
+        true => format!("rate_hz = {}", rounded(rate_hz, 3)),
         false => {
             "or another unit than that of the map; rate_hz with the rate of the log".to_owned()
         }

@@ -3,9 +3,9 @@
 //! These are mistakes of columns, not faults of the actuator. Each one is claimed only if it explains the difference
 //! almost completely; a fault of a sensor or of a component leaves more.
 
-use crate::moment::rounded;
 use crate::system::imperfection::Imperfection;
 use crate::system::{Sensor, System};
+use crate::text::rounded;
 use crate::units::{self, ATMOSPHERE_PA, Misread, NamedUnit};
 use servotwin_model::spec::Unit;
 use std::borrow::Cow;
@@ -732,7 +732,7 @@ fn exchanged_in_words(groups: &[Vec<usize>], columns: &[SensorColumn]) -> Option
 /// Says which sensors seem to be in another unit; `None` if there are none.
 pub fn other_units_in_words(columns: &[SensorColumn], found: &[OtherUnit]) -> Option<String> {
     let each = |other: &OtherUnit| {
-        let (column, ratio) = (&columns[other.sensor], rounded(other.ratio));
+        let (column, ratio) = (&columns[other.sensor], rounded(other.ratio, 3));
         let (seems, remedy) = other.misread.in_words(column.unit);
         (format!("{} seems {seems}: it is {ratio} times what the twin shows", column.name), remedy)
     };

@@ -2,6 +2,7 @@
 //!
 //! System files, signals, column names, maps of logs and the advice about values in another unit read it.
 
+use crate::text::rounded;
 use crate::toml_text::{Diagnostic, Entry, NumberWithUnit};
 use servotwin_model::spec::Unit;
 use std::collections::BTreeMap;
@@ -376,15 +377,10 @@ impl Misread {
             ),
             false => (
                 format!("to be {actual} read as {read_as}"),
-                format!("factor = {} in a map file undoes it", in_six_digits(self.factor())),
+                format!("factor = {} in a map file undoes it", rounded(self.factor(), 6)),
             ),
         }
     }
-}
-
-/// Six digits of a number for messages, without the rounding of a division.
-pub(crate) fn in_six_digits(value: f64) -> f64 {
-    format!("{value:.5e}").parse().unwrap_or(value)
 }
 
 /// How a column may have been misread whose values, in the `declared` unit, are `ratio` times what is expected; `None`

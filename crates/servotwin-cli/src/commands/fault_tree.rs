@@ -5,14 +5,14 @@ use crate::paths::{Format, Paths};
 use crate::{Global, Run};
 use servotwin::job::{Among, Folder};
 use servotwin::study::Scenario;
-use servotwin_report::words::number;
+use servotwin::text::three_digits;
 use servotwin_safety::SafetyError;
 use servotwin_safety::fault_tree::FaultTreeArtefact;
 use servotwin_safety::function_rate::flight::FunctionFailure;
 use servotwin_safety::function_rate::{ConditionRates, FunctionRate};
 use servotwin_safety::interval::CountedValue;
 use servotwin_safety::rated_flights::RatedFlights;
-use servotwin_safety::rates::{self, rated_faults};
+use servotwin_safety::rates;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::tree::numbers::{ExposureHours, TopNumbers};
 use servotwin_view::document::{Document, Table, Value, Verdict, fact, line};
@@ -69,7 +69,7 @@ impl Run for Options {
         let folder = Folder::new(&self.folder);
         if let Some(path) = &self.template {
             Failure::if_exists(path)?;
-            rates::write_template(path, &rated_faults(&folder.read_study()?))?;
+            rates::write_template(path, &folder.read_study()?)?;
             let verdict = line("{template}: fill in the rates", [("template", path.into())]);
             return Ok(Document::new("fault-tree", Verdict::good(verdict)));
         }
@@ -178,8 +178,13 @@ fn importances(tops: &[TopNumbers]) -> Table {
 /// A counted number with its interval; what was never seen has a bound alone.
 fn counted(value: CountedValue) -> Value {
     let text = match value.point > 0.0 {
-        true => format!("{} ({} … {})", number(value.point), number(value.low), number(value.high)),
-        false => format!("never seen, at most {}", number(value.high)),
+        true => format!(
+            "{} ({} … {})",
+            three_digits(value.point),
+            three_digits(value.low),
+            three_digits(value.high)
+        ),
+        false => format!("never seen, at most {}", three_digits(value.high)),
     };
     Value::of(text, &value)
 }
@@ -200,7 +205,8 @@ fn function_rates(function: &FunctionRate, document: &mut Document) {
         }
         // With one actuator, a shutdown ends the function too; then the twin changes this part alone.
         if own.comparison.is_none() {
-            let (twin, nobody) = (counted(own.twin_uncontained), number(own.nobody.uncontained));
+            let (twin, nobody) =
+                (counted(own.twin_uncontained), three_digits(own.nobody.uncontained));
             table.push(row!["  without a shutdown", "hybrid twin", "", twin]);
             table.push(row!["", "none", "", nobody]);
         }
@@ -226,11 +232,11 @@ fn function_rates(function: &FunctionRate, document: &mut Document) {
 /// A number beside that of the twin.
 fn beside_twin(value: f64, twin: f64) -> String {
     let beside = match (twin > 0.0, value > 0.0) {
-        (true, _) => format!("{} times the twin's", number(value / twin)),
+        (true, _) => format!("{} times the twin's", three_digits(value / twin)),
         (false, true) => "the twin's is 0".into(),
         (false, false) => "as with the twin".into(),
     };
-    format!("{} ({beside})", number(value))
+    format!("{} ({beside})", three_digits(value))
 }
 
 /// Whether fewer failures begin with one monitoring, and fewer flights have a failed function with the other.

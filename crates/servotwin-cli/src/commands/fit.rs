@@ -11,9 +11,9 @@ use servotwin::fit::intensity::Diagnosed;
 use servotwin::fit::{Fit, FitError, FitRecord, FitResults, FitVerdict, FoundOnset, Unknown};
 use servotwin::kind::FileType;
 use servotwin::nearest::UnknownName;
-use servotwin::shown::number;
 use servotwin::study::Study;
 use servotwin::system::System;
+use servotwin::text::number;
 use servotwin::toml_text::TomlError;
 use servotwin_view::document::{Document, Table, Value, Verdict, line};
 use servotwin_view::row;
@@ -196,8 +196,7 @@ impl Run for Options {
         stages.end();
         let path = self.out.as_ref().filter(|_| fitted.is_update());
         if let Some(path) = path {
-            let system = fitted.system_text(&problem)?;
-            files::write_atomically(path, |out| out.write_all(system.as_bytes()))?;
+            files::write_text(path, &fitted.system_text(&problem)?)?;
         }
         Ok(described(&fitted, &verdict, &problem, self))
     }

@@ -15,10 +15,10 @@ use servotwin::recording::with_suffix;
 use servotwin::signal::Signal;
 use servotwin::study::{FaultCase, Scenario, Study};
 use servotwin::table::{Column, Table, Values};
+use servotwin::text::{spoken, three_digits};
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
 use servotwin_model::spec::Unit;
-use servotwin_report::words::{number, spoken};
 use servotwin_view::document::{Document, Table as Rows, Value, Verdict};
 use servotwin_view::row;
 use servotwin_view::time_series::{Band, Mark, Panel, Series, TimeSeries};
@@ -364,7 +364,7 @@ impl Flown<'_> {
         );
         let unit = self.unit();
         let shown = |si: f64, unit: Unit| {
-            let text = format!("{} {}", number(unit.difference_to_shown(si)), unit.shown());
+            let text = format!("{} {}", three_digits(unit.difference_to_shown(si)), unit.shown());
             Value::number(si, text)
         };
         let mut add = |name: String, unit: Unit, values: [Value; 2]| {
@@ -383,7 +383,7 @@ impl Flown<'_> {
         for (with, without) in leaking(with, without) {
             let name = spoken(&with.reservoir);
             let lost = |fluid: &Fluid| {
-                Value::number(fluid.lost_m3, format!("{} L", number(1e3 * fluid.lost_m3)))
+                Value::number(fluid.lost_m3, format!("{} L", three_digits(1e3 * fluid.lost_m3)))
             };
             let empty = |fluid: &Fluid| Value::of(emptied(fluid), &fluid.empty_s);
             add(format!("fluid lost from {name}"), Unit::CubicMetre, [lost(without), lost(with)]);
@@ -393,7 +393,7 @@ impl Flown<'_> {
             let seconds = |cost: &Cost| shown(cost.in_fault_s, Unit::Second);
             add("time in fault".into(), Unit::Second, costs.map(seconds));
             let authority = |cost: &Cost| {
-                Value::number(cost.authority, format!("{} %", number(100.0 * cost.authority)))
+                Value::number(cost.authority, format!("{} %", three_digits(100.0 * cost.authority)))
             };
             add("authority at the end".into(), Unit::None, costs.map(authority));
         }
@@ -441,7 +441,7 @@ fn leaking<'c>(with: &'c Cost, without: &'c Cost) -> impl Iterator<Item = (&'c F
 /// Weighs the authority given up against the fluid kept.
 fn weighed(with: &Cost, without: &Cost) -> String {
     let price = match without.authority - with.authority {
-        share if share > 0.0 => format!("costs {} % of the authority", number(100.0 * share)),
+        share if share > 0.0 => format!("costs {} % of the authority", three_digits(100.0 * share)),
         _ => "costs no authority".into(),
     };
     let Some((with, without)) = leaking(with, without).next() else {

@@ -4,9 +4,9 @@
 use servotwin::live::closed_loop::{Action, FlightRecord};
 use servotwin::live::tracking::first_report_s;
 use servotwin::study::Study;
+use servotwin::text::spoken;
 use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_model::program::FaultAt;
-use servotwin_report::words::spoken;
 use servotwin_view::document::{Table, Value};
 use servotwin_view::row;
 

@@ -11,8 +11,8 @@ use servotwin::fit::history::{Drift, History, HistoryFlight, Log, Track};
 use servotwin::fit::repair::Repair;
 use servotwin::fit::trend::{Point, Reached, Trend};
 use servotwin::fit::{Fit, FitError, RecordError, Unknown};
-use servotwin::shown::number;
-use servotwin::table::{Column, Table, Values};
+use servotwin::table::{Column, Table};
+use servotwin::text::number;
 use servotwin_view::document::{Document, Line, Table as Rows, Value, Verdict, line};
 use servotwin_view::row;
 use std::cell::RefCell;
@@ -320,15 +320,14 @@ fn flights(history: &History) -> Rows {
 /// One row for each flight, with the intensities and the parameters.
 fn as_table(history: &History, problem: &Fit) -> Result<Table, Failure> {
     let flights = &history.flights;
-    let texts = |of: fn(&HistoryFlight) -> String| Values::Text(flights.iter().map(of).collect());
     let mut columns = vec![
-        Column::new("flight", "", Values::Unsigned((0..flights.len() as u32).collect())),
-        Column::new("log", "", texts(|flight| flight.name.clone())),
-        Column::new("verdict", "", texts(verdict)),
+        Column::of("flight", "", 0..flights.len() as u32, |flight| flight),
+        Column::of("log", "", flights, |flight| flight.name.clone()),
+        Column::of("verdict", "", flights, verdict),
     ];
     let mut push = |name: String, of: &dyn Fn(usize) -> Option<f64>| {
-        let values = (0..flights.len()).map(|flight| of(flight).unwrap_or(f64::NAN)).collect();
-        columns.push(Column::new(name, "", Values::Float(values)));
+        let value = |flight| of(flight).unwrap_or(f64::NAN);
+        columns.push(Column::of(name, "", 0..flights.len(), value));
     };
     for track in &history.tracks {
         let name = &track.name;

@@ -36,7 +36,7 @@ impl Run for Options {
         let study = self.out.join(template.study_name());
         [&system, &study].into_iter().try_for_each(|path| Failure::if_exists(path))?;
         for (path, text) in [(&system, template.system()), (&study, template.study())] {
-            files::write_atomically(path, |out| out.write_all(text.as_bytes()))?;
+            files::write_text(path, &text)?;
         }
         let verdict = format!("both are of {}{}", like.words(), others(like));
         let mut document = Document::new("init", Verdict::good(verdict));

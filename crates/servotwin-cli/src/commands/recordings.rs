@@ -11,7 +11,7 @@ use servotwin::measure::{FALSE_ALARM, RIGHT_ANSWER, SILENT};
 use servotwin::recordings::judged::{RecordingResults, TargetResult};
 use servotwin::recordings::novelty::NoveltyResult;
 use servotwin::recordings::{Answers, NominalFit, NominalSource};
-use servotwin::shown::number;
+use servotwin::text::number;
 use servotwin::toml_text::counted;
 use servotwin_diagnosis::diagnoser::{Diagnoser, Recorded};
 use servotwin_export::recording;
@@ -161,9 +161,7 @@ pub(crate) fn export(
     let sources = recording::files(diagnoser)?;
     files::create_folder(out)?;
     for source in &sources {
-        files::write_atomically(out.join(source.name), |file| {
-            file.write_all(source.text.as_bytes())
-        })?;
+        files::write_text(out.join(source.name), &source.text)?;
     }
     let values = [("folder", out.into()), ("model", model.into())];
     let verdict = Verdict::good(line("{folder}: the trees of {model}", values));

@@ -9,11 +9,12 @@ use servotwin::measure::outcome::{self, FirstAction, Needed, RunOutcome};
 use servotwin::nearest::UnknownName;
 use servotwin::run::RunName;
 use servotwin::study::{Purpose, Study};
+use servotwin::text::{spoken, three_digits};
 use servotwin_report::explain::{
     ExplainedAnswer, ExplainedVerdict, Explanation, explain, variants,
 };
 use servotwin_report::vocabulary::Vocabulary;
-use servotwin_report::words::{number, of_unit, percent, spoken};
+use servotwin_report::words::{of_unit, percent};
 use servotwin_view::document::{Document, Fact, Table, Value, Verdict, fact};
 use servotwin_view::row;
 use std::path::PathBuf;
@@ -66,7 +67,7 @@ fn flight(
     let mut document = Document::new("run", Verdict::neutral(format!("{name}: {answer}")));
     flown.first().iter().for_each(|row| _ = document.facts("", conditions(row)));
     for row in flown.iter().skip(1) {
-        let (target, answer) = (number(row.target_per_h), flight_in_words(row));
+        let (target, answer) = (three_digits(row.target_per_h), flight_in_words(row));
         document.text(format!("with a target of {target} false alarms per hour: {answer}"));
     }
     let columns = outcome::table(&[]);
@@ -125,7 +126,7 @@ fn flight_in_words(row: &RunOutcome) -> String {
             let of = [&row.first_action, &row.first_actuator].map(|name| spoken(name)).join(" ");
             format!(
                 "first action {} s after the onset: {} ({judgement})",
-                number(after_s),
+                three_digits(after_s),
                 of.trim()
             )
         }

@@ -5,13 +5,14 @@ use super::{SystemOption, quantity, remark};
 use crate::failure::Failure;
 use crate::paths::{Format, Paths};
 use crate::{Global, Run, stop};
-use servotwin::shown::{Shown, number};
+use servotwin::shown::Shown;
 use servotwin::signal::{Signal, help};
 use servotwin::simulate::{
     MAX_SWEEP_RUNS, PreparedSimulation, RunResult, Simulation, SimulationError, SimulationProgress,
     SimulationResults, Sweep,
 };
 use servotwin::system::System;
+use servotwin::text::number;
 use servotwin::validity::CrossedLimit;
 use servotwin_model::program::FaultAt;
 use servotwin_model::solver::{Method, Statistics};

@@ -274,7 +274,7 @@ impl Setup<'_> {
         let (Some(path), Some(page)) = (&options.html, page) else { return Ok(document) };
         let verdict = document.verdict.as_ref().map_or("", |verdict| &verdict.line.text);
         let page = page.screen.page(verdict, &render::terminal(&document, true, None));
-        match files::write_atomically(path, |out| out.write_all(page.as_bytes())) {
+        match files::write_text(path, &page) {
             // What hours of a stream gave is shown, though its page cannot be written.
             Err(error) if address.is_live() => {
                 document.verdict = Some(Verdict::act(format!("error: not complete: {error}")));
@@ -314,8 +314,7 @@ fn make_map(
         let text = format!("no column is a sensor of the study '{}': fill them in", study.name);
         warn(global, &[text]);
     }
-    files::write_atomically(path, |out| out.write_all(guess.text.as_bytes()))
-        .map_err(SinkError::File)?;
+    files::write_text(path, &guess.text).map_err(SinkError::File)?;
     let (warnings, notes) = guess.remarks();
     tell(&warnings, &notes, global);
     let inputs = system.network().inputs.len();

@@ -6,7 +6,7 @@ use crate::{Global, Run, stop};
 use servotwin::flight::margin::SearchObjective;
 use servotwin::job::{Among, Folder};
 use servotwin::study::Scenario;
-use servotwin_report::words::number;
+use servotwin::text::three_digits;
 use servotwin_safety::results::StudyResultsFolder;
 use servotwin_safety::worst_case::{
     self, MAX_RUNS, MethodSummary, ObjectiveSummary, WorstCaseFinding,
@@ -104,7 +104,7 @@ fn described(options: &Options, summaries: &[ObjectiveSummary]) -> Document {
         for finding in &summary.findings {
             let kind = if finding.is_error { "finding" } else { "closest" };
             let WorstCaseFinding { margin, flight, run, .. } = finding;
-            section.text(format!("  {kind}: margin {}: {flight}", number(*margin)));
+            section.text(format!("  {kind}: margin {}: {flight}", three_digits(*margin)));
             section.text(format!("    servotwin run {run} {}", options.folder.display()));
         }
         not_searched(&mut section, summary);
@@ -119,7 +119,7 @@ fn not_searched(section: &mut Document, summary: &ObjectiveSummary) {
     let ObjectiveSummary { share_upper, joint_cells: (joint, visited), held_fixed, .. } = summary;
     section.text(format!(
         "  by the random flights the error occurs in at most {} % of flights, with 95 % confidence",
-        number(100.0 * share_upper)
+        three_digits(100.0 * share_upper)
     ));
     section.text(format!(
         "  not searched: {visited} of {joint} joint cells of the environment have a flight"

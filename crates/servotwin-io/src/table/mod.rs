@@ -195,6 +195,19 @@ impl Column {
         Self { name: name.into(), unit: unit.into(), description, values: values.into() }
     }
 
+    /// A column with a value of each of some rows.
+    pub fn of<R, V>(
+        name: impl Into<String>,
+        unit: impl Into<String>,
+        rows: impl IntoIterator<Item = R>,
+        value: impl FnMut(R) -> V,
+    ) -> Self
+    where
+        Values: From<Vec<V>>,
+    {
+        Column::new(name, unit, rows.into_iter().map(value).collect::<Vec<V>>())
+    }
+
     /// The column with a description.
     #[must_use]
     pub fn described(self, description: impl Into<String>) -> Self {

@@ -1,7 +1,7 @@
 //! The commands on which the diagnosis is evaluated (figure 7 of the seed paper), and those from which it learns.
 
 use crate::Material;
-use crate::words::{chosen, distinct, number};
+use crate::words::{chosen, distinct, three_digits};
 use servotwin::shown::Shown;
 use servotwin::study::{Environment, Study, Training};
 use servotwin_view::SemanticColor;
@@ -107,9 +107,9 @@ fn loads(study: &Study, load: Option<usize>, cases: &[&Environment]) -> String {
     let value = |case: &&Environment| read.value(case.inputs[input].value(0.0));
     let least = cases.iter().map(value).fold(f64::INFINITY, f64::min);
     let most = cases.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
-    let size = match number(least) == number(most) {
-        true => number(least),
-        false => format!("{} … {}", number(least), number(most)),
+    let size = match three_digits(least) == three_digits(most) {
+        true => three_digits(least),
+        false => format!("{} … {}", three_digits(least), three_digits(most)),
     };
     match read.symbol() {
         "" | "1" => size,

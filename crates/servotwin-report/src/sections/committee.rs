@@ -3,7 +3,7 @@
 use crate::Material;
 use crate::lines;
 use crate::vocabulary::Vocabulary;
-use crate::words::{chosen, share, spoken};
+use crate::words::{chosen, count_of, share, spoken};
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::isolation::LEVEL;
 use servotwin::learn::metrics::Rate;
@@ -112,5 +112,5 @@ fn row(result: &SubjectResult, isolation: &ProtocolResult, words: &Vocabulary) -
 
 /// A share with its count below it.
 fn counted(rate: Option<Rate>) -> String {
-    rate.map_or_else(String::new, |own| format!("{}\n{} of {}", share(rate), own.count, own.of))
+    rate.map_or_else(String::new, |own| format!("{}\n{}", share(rate), count_of(own)))
 }

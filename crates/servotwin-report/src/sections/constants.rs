@@ -2,7 +2,7 @@
 
 use crate::Material;
 use crate::vocabulary::Vocabulary;
-use crate::words::number;
+use crate::words::three_digits;
 use servotwin::study::Scenario;
 use servotwin_diagnosis::diagnoser::tuning::Constant;
 use servotwin_view::document::{Document, Table};
@@ -37,7 +37,7 @@ fn grouped(all: &[(Scenario, Vec<Constant>)]) -> Vec<(Vec<Scenario>, &[Constant]
 fn grid(constants: &[Constant], words: &Vocabulary) -> Table {
     let mut grid = Table::headed(["constant", "value", "", "meaning", "source"]);
     for constant in constants {
-        let value = format!("{} {}", number(constant.value), constant.unit);
+        let value = format!("{} {}", three_digits(constant.value), constant.unit);
         grid.push(vec![
             constant.name.replace('_', " "),
             value.trim_end().into(),

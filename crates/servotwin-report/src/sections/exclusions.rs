@@ -1,7 +1,7 @@
 //! Variants that were left out, with counts.
 
 use crate::Material;
-use crate::words::number;
+use crate::words::three_digits;
 use servotwin_view::document::{Document, Table};
 
 /// The maximum number of failed variants listed one by one.
@@ -40,7 +40,7 @@ pub fn write(material: &Material, page: &mut Document) {
             grid.push(vec![
                 failed.variant.to_string(),
                 failed.fault.clone(),
-                number(failed.intensity),
+                three_digits(failed.intensity),
                 failed.case.clone(),
                 failed.reason.clone(),
             ]);

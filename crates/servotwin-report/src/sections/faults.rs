@@ -1,7 +1,7 @@
 //! Table 1 of the seed paper, and the physical meaning of each fault.
 
 use crate::Material;
-use crate::words::{number, spoken};
+use crate::words::{spoken, three_digits};
 use servotwin::study::{Class, FaultCase, Study};
 use servotwin_view::document::{Document, Table};
 
@@ -83,8 +83,8 @@ fn physical(study: &Study) -> Table {
             spoken(&fault.id[at..]),
             fault.summary.into(),
             spoken(fault.parameter.trim_end_matches(unit.suffix())),
-            number(unit.to_shown(fault.healthy)),
-            number(unit.to_shown(fault.full)),
+            three_digits(unit.to_shown(fault.healthy)),
+            three_digits(unit.to_shown(fault.full)),
             unit.shown().into(),
         ]);
     }

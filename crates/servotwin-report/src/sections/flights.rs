@@ -4,7 +4,8 @@
 use crate::Material;
 use crate::vocabulary::Vocabulary;
 use crate::words::{
-    NONE, begun, by_environment, chosen, fitted_twins, healthy_flights, number, spoken, stacked,
+    NONE, begun, by_environment, chosen, count_of, fitted_twins, healthy_flights, spoken, stacked,
+    three_digits,
 };
 use servotwin::job::flights::FlightResults;
 use servotwin::job::outcomes::FlownSuite;
@@ -272,7 +273,7 @@ impl SettingLimits<'_> {
                 "{} in {:.1} h\nat most {} per hour (95 %)\n{}",
                 healthy.alarms,
                 healthy.hours,
-                number(healthy.alarms_per_h_upper),
+                three_digits(healthy.alarms_per_h_upper),
                 by_environment(healthy.environments)
             ),
             match healthy {
@@ -306,7 +307,7 @@ impl SettingLimits<'_> {
         if healthy.hours <= 0.0 {
             return;
         }
-        let most = number(poisson_mean(healthy.shutdowns, 0.05) / healthy.hours);
+        let most = three_digits(poisson_mean(healthy.shutdowns, 0.05) / healthy.hours);
         let (actuator, off) = (self.words.actuator(), self.words.switched_off());
         self.push(
             format!("a healthy {actuator} {off}, nothing being wrong"),
@@ -474,11 +475,10 @@ fn by_action(metrics: &FlightMetrics, words: &Vocabulary) -> Table {
     let mut grid = Table::headed(heads);
     for class in metrics.classes.iter().chain(&metrics.strong_classes) {
         let [low, high] = class.intensities;
-        let count =
-            |rate: &Rate| format!("{} of {}\n{}", rate.count, rate.of, stacked(Some(*rate)));
+        let count = |rate: Rate| format!("{}\n{}", count_of(rate), stacked(Some(rate)));
         let action =
             format!("{}\nintensity {} … {}", spoken(&class.action), chosen(low), chosen(high));
-        let cell = |measure: &Measure| count(&class.rates.of(measure));
+        let cell = |measure: &Measure| count(class.rates.of(measure));
         let mut row = vec![action, cell(&measure::VISIBLE), cell(&measure::RIGHT_ACTION)];
         row.push(cell(&measure::OTHER_ACTION));
         row.extend(words.has_several().then(|| cell(&measure::WRONG_ACTUATOR)));
@@ -498,11 +498,10 @@ fn by_onset(results: &FlightResults, words: &Vocabulary) -> Table {
     for metrics in results.judged() {
         for (name, class) in &metrics.onsets {
             let isolation = class.isolation.as_ref();
-            let visible = class.rates.of(&measure::VISIBLE);
             let mut row = vec![
                 name.clone(),
                 metrics.title(),
-                format!("{} of {}", visible.count, visible.of),
+                count_of(class.rates.of(&measure::VISIBLE)),
                 stacked(Some(class.rates.of(&measure::RIGHT_ACTION))),
                 stacked(Some(class.rates.of(&measure::SILENT))),
                 isolation.map_or(NONE.into(), |l| format!("{:.2} s, {:.2} s", l.median_s, l.p95_s)),

@@ -2,7 +2,7 @@
 
 use crate::Material;
 use crate::lines::{self, Who};
-use crate::words::{begun, change, percent, rate, stacked};
+use crate::words::{change, percent, rate, stacked};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::metrics::Rate;
@@ -51,15 +51,15 @@ fn third_sensor(
     with: &SubjectResult,
     page: &mut Document,
 ) {
-    let under = |result: &SubjectResult, who: Who| who.headline(&result.evaluation).cloned();
     let title = material.study.extra_sensor.as_deref().unwrap_or("an additional sensor");
     page.heading(format!("The additional sensor: {title}"));
-    if let Some((before, after)) = under(without, Who::Trees).zip(under(with, Who::Trees)) {
-        page.text(verdict(&before, &after, &used(material, with)));
+    let [before, after] = [without, with].map(|result| Who::Trees.headline(&result.evaluation));
+    if let Some((before, after)) = before.zip(after) {
+        page.text(verdict(before, after, &used(material, with)));
     }
     let mut grid = Table::headed(["", "by", &without.title, &with.title, "change, points"]);
     let mut push = |title: &str, who: Who, of: &dyn Fn(&ProtocolResult) -> Option<Rate>| {
-        let both = [without, with].map(|result| under(result, who).as_ref().and_then(of));
+        let both = [without, with].map(|result| who.headline(&result.evaluation).and_then(of));
         if both.iter().any(Option::is_some) {
             let [before, after] = both;
             let (who, change) = (who.title().to_owned(), change(before, after));
@@ -72,9 +72,8 @@ fn third_sensor(
         push(&words.measure(measure), Who::Trees, &of);
         push("", Who::Committee, &of);
     }
-    let trees: Vec<ProtocolResult> =
-        [without, with].iter().filter_map(|result| under(result, Who::Trees)).collect();
-    for (letter, title) in lines::stages(words, &trees.iter().collect::<Vec<_>>()) {
+    let trees: Vec<&ProtocolResult> = before.into_iter().chain(after).collect();
+    for (letter, title) in lines::stages(words, &trees) {
         let of = |result: &ProtocolResult| result.stage(&letter).map(|score| score.accuracy);
         push(&format!("{letter}  {title}"), Who::Trees, &of);
     }
@@ -101,30 +100,23 @@ fn used(material: &Material, with: &SubjectResult) -> Vec<String> {
     used
 }
 
-/// Describes the gain from the sensor.
-fn gain(before: &ProtocolResult, after: &ProtocolResult) -> String {
-    let [first, second] = [before, after].map(|own| own.rates.counted(&measure::END_TO_END));
-    let overlap = match first.zip(second) {
-        Some((first, second)) => first.low <= second.high && second.low <= first.high,
-        None => true,
-    };
-    format!(
-        "the trees are right end to end in {} without it and in {} with it ({} points). {}",
-        rate(first),
-        rate(second),
-        change(first, second),
-        match overlap {
-            true => "The intervals overlap: no gain is shown.",
-            false => "The intervals do not overlap.",
-        }
-    )
-}
-
 /// Describes the gain from the sensor, and the trees' use of its features.
 fn verdict(before: &ProtocolResult, after: &ProtocolResult, used: &[String]) -> String {
+    let [first, second] = [before, after].map(|own| own.rates.counted(&measure::END_TO_END));
+    let overlaps =
+        |(first, second): (Rate, Rate)| first.low <= second.high && second.low <= first.high;
+    let gain = match first.zip(second).is_none_or(overlaps) {
+        true => "The intervals overlap: no gain is shown.",
+        false => "The intervals do not overlap.",
+    };
     let asked = match used {
         [] => "They ask for none of its features.".to_owned(),
         used => format!("Of its features they ask for {}.", used.join(", ")),
     };
-    format!("{} {asked}", begun(&gain(before, after)))
+    format!(
+        "The trees are right end to end in {} without it and in {} with it ({} points). {gain} {asked}",
+        rate(first),
+        rate(second),
+        change(first, second)
+    )
 }

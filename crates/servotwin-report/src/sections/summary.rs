@@ -5,7 +5,7 @@ use super::flights;
 use crate::Material;
 use crate::lines::{self, OF_PAPER};
 use crate::vocabulary::{PAPER, Vocabulary};
-use crate::words::{NONE, number, percent, rate, stacked};
+use crate::words::{NONE, percent, rate, stacked, three_digits};
 use servotwin::job::Subject;
 use servotwin::job::results::SubjectResult;
 use servotwin::learn::Evaluation;
@@ -108,8 +108,8 @@ fn bands_in_use(scenarios: &[&SubjectResult], words: &Vocabulary) -> String {
             format!(
                 "{}: learned from healthy specimens, sensor by sensor, ±{} … {} % of scale",
                 result.title,
-                number(least),
-                number(most)
+                three_digits(least),
+                three_digits(most)
             )
         }
         None => format!("{}: {} of scale for every sensor", result.title, words.fixed_band()),

@@ -1,6 +1,6 @@
 //! The system: its schematic and its sensors.
 
-use crate::words::number;
+use crate::words::three_digits;
 use crate::{Material, schematic};
 use servotwin_view::document::{Document, Table};
 
@@ -21,7 +21,7 @@ pub fn write(material: &Material, page: &mut Document) {
         grid.push(vec![
             format!("{}{extra}", sensor.label),
             sensor.signal.clone(),
-            number(sensor.unit.difference_to_shown(sensor.scale)),
+            three_digits(sensor.unit.difference_to_shown(sensor.scale)),
             sensor.unit.shown().into(),
         ]);
     }

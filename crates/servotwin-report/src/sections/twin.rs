@@ -1,7 +1,7 @@
 //! Twins fitted to their actuators.
 
 use crate::Material;
-use crate::words::{distinct, number, rate};
+use crate::words::{distinct, rate, three_digits};
 use servotwin::learn::metrics::Rate;
 use servotwin::records::Comparison;
 use servotwin_view::document::{Document, Table};
@@ -43,7 +43,7 @@ fn parameters(all: &[Comparison]) -> Table {
         let error = (own.iter().map(|one| one.error_sigma.powi(2)).sum::<f64>() / count).sqrt();
         let inside = own.iter().filter(|one| off(one).abs() <= NORMAL_95 * one.error_sigma).count();
         let share = rate(Some(Rate::new(inside as u64, own.len() as u64)));
-        vec![name.to_owned(), own.len().to_string(), number(rms), number(error), share]
+        vec![name.to_owned(), own.len().to_string(), three_digits(rms), three_digits(error), share]
     };
     for name in distinct(all.iter().map(kind)) {
         let own: Vec<&Comparison> = all.iter().filter(|one| kind(one) == name).collect();

@@ -3,7 +3,7 @@
 use super::flights::at_most;
 use crate::Material;
 use crate::vocabulary::Vocabulary;
-use crate::words::NONE;
+use crate::words::{NONE, count_of};
 use servotwin::flight::unseen_faults::{UnseenFaultMetrics, UnseenFaultRates};
 use servotwin::measure::outcome::Needed;
 use servotwin::measure::unseen;
@@ -46,10 +46,9 @@ pub fn write(material: &Material, page: &mut Document) {
                 },
                 match words.has_off() {
                     true => format!(
-                        " A healthy {actuator} was to be {} in {} of {} {run}s ({}).{}",
+                        " A healthy {actuator} was to be {} in {} {run}s ({}).{}",
                         words.switched_off(),
-                        healthy.count,
-                        healthy.of,
+                        count_of(healthy),
                         at_most(healthy),
                         behind_wrong_sensor(metrics, words)
                     ),
@@ -80,11 +79,10 @@ fn behind_wrong_sensor(metrics: &UnseenFaultMetrics, words: &Vocabulary) -> Stri
         return String::new();
     };
     format!(
-        " Healthy {} {} behind a wrong boundary sensor: {} of {} {}s.",
+        " Healthy {} {} behind a wrong boundary sensor: {} {}s.",
         words.actuator(),
         words.switched_off(),
-        rate.count,
-        rate.of,
+        count_of(rate),
         words.run()
     )
 }
@@ -113,7 +111,7 @@ fn challenges(sets: &[UnseenFaultRates], words: &Vocabulary) -> Table {
             set.count(&unseen::RIGHT_RESPONSE).to_string(),
             set.count(&unseen::OTHER_RESPONSE).to_string(),
             set.count(&unseen::NO_RESPONSE).to_string(),
-            missed.map_or(NONE.into(), |own| format!("{} of {}", own.count, own.of)),
+            missed.map_or(NONE.into(), count_of),
             wrong.to_string(),
             set.count(&unseen::EARLY_ALARM).to_string(),
             latency.map_or(NONE.into(), |l| format!("{:.2} s\n{:.2} s", l.median_s, l.p95_s)),

@@ -1,5 +1,6 @@
 //! A cell of the sheet: a text and its evidence.
 
+use servotwin::text::number;
 use servotwin_learning::metrics::Rate;
 
 /// A cell with evidence, or the one that says what is missing.
@@ -52,7 +53,6 @@ pub(crate) fn span_in_words(values: impl Iterator<Item = f64>, unit: &str) -> Op
         ends = Some((low.min(value), high.max(value)));
     }
     let (low, high) = ends?;
-    let number = |value: f64| servotwin::shown::number(value, 3);
-    let (low, high) = (number(low), number(high));
+    let [low, high] = [low, high].map(|end| number(end, 3));
     Some(if low == high { format!("{low} {unit}") } else { format!("{low} … {high} {unit}") })
 }

@@ -3,13 +3,14 @@
 use super::cell::{Filled, FmeaCell};
 use super::effects::{answers, flight_evidence, flown};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
-use crate::rates::actuator_of;
+use crate::rates::{FailureRate, FailureRates};
 use servotwin::shown::shown;
 use servotwin::study::{Reaction, Study};
-use servotwin::text::spoken;
+use servotwin::text::{rounded, spoken};
 
 pub(super) fn actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
-    let name = match actuator_of(sources.study, &subject.fault.id) {
+    let study = sources.study;
+    let name = match study.actuator_of(&subject.fault.id).map(|own| study.actuators[own].as_str()) {
         Some("") => "the only one".into(),
         Some(actuator) => spoken(actuator),
         None => "shared".into(),
@@ -93,32 +94,26 @@ fn reaction_in_words(study: &Study, reaction: &Reaction) -> String {
     }
 }
 
-/// The user's rate of a fault.
-fn rate<'s>(
-    sources: &'s FmeaSources,
+/// A cell about the user's rate of a fault. Without a rate it stays empty: a rate is never invented.
+fn of_rate(
+    sources: &FmeaSources,
     subject: &FmeaSubject,
-) -> Option<&'s crate::rates::FailureRate> {
-    sources.rates.as_ref()?.of(&subject.fault.id, &subject.kind)
-}
-
-fn rate_evidence(sources: &FmeaSources, line: usize) -> String {
-    let path = sources.rates.as_ref().map(|rates| rates.path.display().to_string());
-    format!("{} line {line}", path.unwrap_or_default())
+    text: fn(&FailureRate) -> String,
+) -> FmeaCell {
+    let of = |rates: &FailureRates| {
+        let rate = rates.of(&subject.fault.id, subject.kind)?;
+        Some(FmeaCell::new(text(rate), rates.place(rate)))
+    };
+    sources.rates.as_ref().and_then(of).unwrap_or_default()
 }
 
 pub(super) fn failure_rate(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
-    // Without a table the cell stays empty: a rate is never invented.
-    Ok(rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
-        // No rate is known to more than six digits; the unit's division has more.
-        let per_h: f64 = format!("{:.5e}", rate.per_h).parse().unwrap_or(rate.per_h);
-        FmeaCell::new(format!("{per_h:e}"), rate_evidence(sources, rate.line))
-    }))
+    // No rate is known to more than six digits; the unit's division has more.
+    Ok(of_rate(sources, subject, |rate| format!("{:e}", rounded(rate.per_h, 6))))
 }
 
 pub(super) fn failure_rate_source(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
-    Ok(rate(sources, subject).map_or_else(FmeaCell::default, |rate| {
-        FmeaCell::new(rate.source.clone(), rate_evidence(sources, rate.line))
-    }))
+    Ok(of_rate(sources, subject, |rate| rate.source.clone()))
 }
 
 pub(super) fn remarks(_: &FmeaSources, _: &FmeaSubject) -> Filled {

@@ -1,7 +1,7 @@
 //! Cells about detection and isolation, from records, the evaluation and flights.
 
 use super::cell::{Filled, FmeaCell, rate_in_words, span_in_words};
-use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown};
+use super::effects::{NO_RESULTS, OwnFlights, flight_evidence, flown, intensities};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::residuals::{MovedResidual, ResidualRuns};
 use servotwin::job::results::SubjectResult;
@@ -9,7 +9,8 @@ use servotwin::learn::protocol::{Confused, Protocol};
 use servotwin::measure::FALSE_ALARM;
 use servotwin::measure::flights::{KindLatency, STRONG};
 use servotwin::measure::outcome::{FirstAction, RunOutcome};
-use servotwin::shown::{number, shown};
+use servotwin::shown::shown;
+use servotwin::text::{first_of, number};
 use servotwin_diagnosis::hierarchy::{HEALTHY, Question};
 use servotwin_learning::metrics::{MedianTime, Rate};
 use servotwin_model::program::FaultAt;
@@ -70,12 +71,8 @@ pub(super) fn local_effect(sources: &FmeaSources, subject: &FmeaSubject) -> Fill
             moved.beyond
         )
     };
-    let named: Vec<String> = moved.iter().take(MAX_SENSORS).map(words).collect();
-    let more = match moved.len().saturating_sub(MAX_SENSORS) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
-    let text = format!("residuals leave their bands: {}{more}", named.join(", "));
+    let named: Vec<String> = moved.iter().map(words).collect();
+    let text = format!("residuals leave their bands: {}", first_of(&named, MAX_SENSORS));
     Ok(FmeaCell::new(text, evidence))
 }
 
@@ -122,12 +119,12 @@ fn reported_in_words((_, own): &OwnFlights) -> String {
 
 /// How many of some flights reported their fault, and at which intensities.
 fn counted_in_words(all: &[&RunOutcome], of: &str) -> String {
-    let reported = all.iter().filter(|flown| flown.reports_fault());
-    let reported: Vec<String> = reported.map(|flown| flown.intensity.to_string()).collect();
+    let reported: Vec<&RunOutcome> =
+        all.iter().copied().filter(|flown| flown.reports_fault()).collect();
     let (count, all) = (reported.len(), all.len());
     match count {
         0 => format!("reported in 0 of {all} {of}"),
-        _ => format!("reported in {count} of {all} {of} (intensity {})", reported.join(", ")),
+        _ => format!("reported in {count} of {all} {of} (intensity {})", intensities(&reported)),
     }
 }
 
@@ -307,11 +304,11 @@ impl RightActions {
             return Err(not_in_study("no right action to compare with"));
         }
         let right = own.iter().filter(|flown| flown.first == FirstAction::Right).count() as u64;
-        let alarmed = flights.healthy().is_some_and(|flown| flown.early_alarms > 0);
+        let [alarmed, healthy] = FALSE_ALARM.count(flights.healthy().into_iter());
         Ok(RightActions {
             of_all: Rate::new(right, own.len() as u64),
             of_visible: None,
-            false_alarms: Rate::new(u64::from(alarmed), u64::from(flights.healthy().is_some())),
+            false_alarms: Rate::new(alarmed, healthy),
             flights: "own flights",
             evidence: flight_evidence(flights, &own),
         })

@@ -5,11 +5,10 @@ use super::cell::{Filled, FmeaCell, span_in_words};
 use super::fields::{FmeaSources, FmeaSubject, not_in_study};
 use super::flights::FmeaFlights;
 use super::severity::{SeverityInputs, level};
-use crate::rates::actuator_of;
 use servotwin::live::tracking::{TrackedQuantities, command_unit};
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};
-use servotwin::text::spoken;
+use servotwin::text::{number, spoken};
 use servotwin_model::spec::Unit;
 
 /// All flights, and those of a fault.
@@ -105,7 +104,7 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Fille
     let evidence = flight_evidence(flights, &own);
     let flown = |of: fn(&RunOutcome) -> Option<f64>| own.iter().filter_map(move |flown| of(flown));
     if flown(|flown| flown.travel_difference_m).count() == 0 {
-        let reason = match actuator_of(sources.study, &subject.fault.id) {
+        let reason = match sources.study.actuator_of(&subject.fault.id) {
             None => "not measured: the component belongs to no single actuator",
             Some(_) => "not measured: the actuator has no piston",
         };
@@ -135,7 +134,8 @@ pub(super) fn on_actuator(sources: &FmeaSources, subject: &FmeaSubject) -> Fille
     Ok(FmeaCell::new(text, evidence))
 }
 
-fn intensities(own: &[&RunOutcome]) -> String {
+/// The intensities of some flights.
+pub(super) fn intensities(own: &[&RunOutcome]) -> String {
     own.iter().map(|flown| flown.intensity.to_string()).collect::<Vec<_>>().join(", ")
 }
 
@@ -208,7 +208,7 @@ pub(super) fn severity(sources: &FmeaSources, subject: &FmeaSubject) -> Filled {
         changes_mode: own.iter().any(|flown| flown.changes_mode),
     };
     let measured = match growth {
-        Some(growth) => format!("g = {}", servotwin::shown::number(growth, 3)),
+        Some(growth) => format!("g = {}", number(growth, 3)),
         None => "g is not measured".into(),
     };
     let (level, clause) = level(inputs);

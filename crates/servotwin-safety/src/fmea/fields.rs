@@ -5,7 +5,6 @@ use super::flights::FmeaFlights;
 use super::residuals::ResidualRuns;
 use super::{declared, diagnosis, effects};
 use crate::rates::FailureRates;
-use crate::rates::kind_of;
 use crate::results::StudyResultsFolder;
 use servotwin::measure::outcome::RunOutcome;
 use servotwin::study::{FaultCase, Study};
@@ -34,14 +33,14 @@ pub(crate) struct FmeaSubject<'s> {
     /// The fault in the study; `None` if no class lists it.
     pub(crate) case: Option<&'s FaultCase>,
     /// The fault without its actuator.
-    pub(crate) kind: String,
+    pub(crate) kind: &'s str,
 }
 
 impl<'s> FmeaSubject<'s> {
     /// The row of a fault.
     pub(crate) fn of(study: &'s Study, fault: &'s ListedFault) -> Self {
         let case = study.faults.iter().find(|case| case.id == fault.id);
-        FmeaSubject { fault, case, kind: kind_of(study, &fault.id) }
+        FmeaSubject { fault, case, kind: study.kind_of(&fault.id) }
     }
 }
 

@@ -101,7 +101,7 @@ pub fn weighted_coverage(sources: &FmeaSources) -> Option<WeightedCoverage> {
     let (mut covered, mut all, mut flown, mut rated) = (0.0, 0.0, 0, 0);
     for fault in &sources.study.system.fault_list() {
         let subject = FmeaSubject::of(sources.study, fault);
-        let Some(rate) = rates.of(&fault.id, &subject.kind) else { continue };
+        let Some(rate) = rates.of(&fault.id, subject.kind) else { continue };
         rated += 1;
         if let Some(share) = diagnosis::coverage_share(sources, &subject) {
             flown += 1;

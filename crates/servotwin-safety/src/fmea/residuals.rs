@@ -1,9 +1,10 @@
 //! The residuals of every fault in records.
 
 use crate::error::SafetyError;
-use crate::results::{StudyResultsFolder, read_residual_columns};
+use crate::results::StudyResultsFolder;
 use servotwin::measure::flights::STRONG;
-use servotwin::table::Table;
+use servotwin::study::Purpose;
+use servotwin::table::{self, Table};
 use servotwin_diagnosis::residual::BAND;
 use std::collections::BTreeMap;
 
@@ -49,9 +50,14 @@ impl ResidualRuns {
     /// # Errors
     /// The data set is damaged.
     pub(crate) fn read(results: &StudyResultsFolder) -> Result<Option<Self>, SafetyError> {
-        let Some(table) = read_residual_columns(&results.folder, results.scenario)? else {
+        let path = results.folder.data_set(results.scenario, Purpose::Test);
+        if !path.exists() {
             return Ok(None);
+        }
+        let is_wanted = |name: &str| {
+            ["fault", "grade", "failure"].contains(&name) || name.starts_with("largest:")
         };
+        let table = table::read_wanted(&path, &is_wanted)?;
         let sensors: Vec<String> = table
             .names()
             .filter_map(|name| name.strip_prefix("largest:"))

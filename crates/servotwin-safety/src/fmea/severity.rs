@@ -14,7 +14,7 @@
 //!
 //! A flown fault is rated by its flights alone. Without flights the rule reads what the study's action would do.
 
-use servotwin::shown::number;
+use servotwin::text::number;
 
 /// The growth of the tracking error from which on a level holds.
 const GROWTHS: [(f64, &str); 3] = [(0.5, "S4"), (0.1, "S3"), (0.01, "S2")];

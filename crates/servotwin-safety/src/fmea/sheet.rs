@@ -11,6 +11,7 @@
 
 use super::fields::{FIELDS, FmeaRow};
 use crate::error::SafetyError;
+use crate::rates::find_columns;
 use crate::results::EvidenceBasis;
 use servotwin::manifest::sha256_of_text;
 use servotwin::table::csv::texts::{TextRow, Texts};
@@ -191,10 +192,8 @@ impl FmeaSheet {
     /// Two columns have the same name; the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), SafetyError> {
         let rows: Vec<Vec<String>> = self.rows.iter().map(SheetRow::cells).collect();
-        let column = |(place, name): (usize, String)| {
-            let texts: Vec<String> = rows.iter().map(|row| row[place].clone()).collect();
-            Column::new(name, "", texts)
-        };
+        let column =
+            |(place, name): (usize, String)| Column::of(name, "", &rows, |row| row[place].clone());
         let columns = self.columns().into_iter().enumerate().map(column).collect();
         Ok(csv::write_sheet(path, &Table::from_columns(columns)?, self.separator)?)
     }
@@ -298,15 +297,7 @@ fn status(
 
 impl EarlierSheet {
     fn of(path: &Path, texts: &Texts) -> Result<Self, SafetyError> {
-        let place = |name: &str| {
-            texts.column(name).ok_or_else(|| SafetyError::NoColumn {
-                path: path.into(),
-                column: name.into(),
-                needed: [FAULT, STATUS, BASIS, SEAL].map(str::to_owned).to_vec(),
-            })
-        };
-        let (fault, status, basis, seal) =
-            (place(FAULT)?, place(STATUS)?, place(BASIS)?, place(SEAL)?);
+        let [fault, status, basis, seal] = find_columns(path, texts, [FAULT, STATUS, BASIS, SEAL])?;
         let fields: Vec<Option<usize>> =
             FIELDS.iter().map(|field| texts.column(field.name)).collect();
         let is_own = |name: &str| {

@@ -23,10 +23,11 @@ use crate::interval::{CountedValue, confidence_of_each};
 use crate::rated_flights::RatedFlights;
 use crate::rates::FailureRates;
 use crate::results::StudyResultsFolder;
-use crate::tree::lanes::TreeParameter;
+use crate::tree::lanes::{TreeParameter, add};
 use crate::tree::numbers::{BandEnd, ExposureHours};
 use flight::{FlightModel, FunctionFailure, LaneOnsets};
 use serde::Serialize;
+use servotwin::measure::flights::STRONG;
 use servotwin::study::Study;
 use servotwin::table::{Column, Table};
 use std::path::PathBuf;
@@ -120,13 +121,13 @@ impl FunctionRate {
         let whole = model(flights, FaultIntensities::All);
         let mut conditions = vec![whole.condition("all intensities".into(), &exposure, 1.0)];
         for (words, intensities) in [
-            ("strong faults, intensity 0.5 and more", FaultIntensities::Strong),
-            ("weak faults, intensity below 0.5", FaultIntensities::Weak),
+            (format!("strong faults, intensity {STRONG} and more"), FaultIntensities::Strong),
+            (format!("weak faults, intensity below {STRONG}"), FaultIntensities::Weak),
         ] {
             let flown = |action: &String| flights.count((action, intensities), Answer::Missed)[1];
             if study.shutdowns().iter().all(|action| flown(action) > 0) {
                 let own = model(flights, intensities);
-                conditions.push(own.condition(words.into(), &exposure, 1.0));
+                conditions.push(own.condition(words, &exposure, 1.0));
             }
         }
         for other in results.flights.iter().flat_map(|flights| flights.of_other_plants()) {
@@ -162,30 +163,24 @@ impl FunctionRate {
     }
 
     fn rates(&self) -> Result<Table, SafetyError> {
-        let names =
-            self.conditions.iter().map(|own| own.condition.clone()).collect::<Vec<String>>();
-        let mut columns = vec![Column::new("condition", "", names)];
-        let mut column = |name: &str, unit: &str, of: &dyn Fn(&ConditionRates) -> f64| {
-            let values = self.conditions.iter().map(of).collect::<Vec<f64>>();
-            columns.push(Column::new(name, unit, values));
-        };
+        let rows = &self.conditions;
+        let mut columns = vec![Column::of("condition", "", rows, |own| own.condition.clone())];
         let mut twin = |name: &str, unit: &str, of: fn(&ConditionRates) -> CountedValue| {
-            column(&format!("twin_{name}"), unit, &|own| of(own).point);
-            column(&format!("twin_low_{name}"), unit, &|own| of(own).low);
-            column(&format!("twin_high_{name}"), unit, &|own| of(own).high);
+            columns.push(Column::of(format!("twin_{name}"), unit, rows, |own| of(own).point));
+            columns.push(Column::of(format!("twin_low_{name}"), unit, rows, |own| of(own).low));
+            columns.push(Column::of(format!("twin_high_{name}"), unit, rows, |own| of(own).high));
         };
         twin("begins_per_h", "1/h", |own| own.twin_begins_per_h);
         twin("failed_in_flight", "1", |own| own.twin_failed);
         twin("uncontained_in_flight", "1", |own| own.twin_uncontained);
         let mut other = |name: &str, of: fn(&ConditionRates) -> Option<FunctionFailure>| {
-            let value = |own: &ConditionRates, of_failure: fn(&FunctionFailure) -> f64| {
-                of(own).as_ref().map_or(f64::NAN, of_failure)
+            let mut column = |what: &str, unit: &str, value: fn(FunctionFailure) -> f64| {
+                let value = |own| of(own).map_or(f64::NAN, value);
+                columns.push(Column::of(format!("{name}_{what}"), unit, rows, value));
             };
-            column(&format!("{name}_begins_per_h"), "1/h", &|own| value(own, |f| f.begins_per_h));
-            column(&format!("{name}_failed_in_flight"), "1", &|own| value(own, |f| f.failed));
-            column(&format!("{name}_uncontained_in_flight"), "1", &|own| {
-                value(own, |f| f.uncontained)
-            });
+            column("begins_per_h", "1/h", |own| own.begins_per_h);
+            column("failed_in_flight", "1", |own| own.failed);
+            column("uncontained_in_flight", "1", |own| own.uncontained);
         };
         other("comparison", |own| own.comparison);
         other("none", |own| Some(own.nobody));
@@ -193,22 +188,16 @@ impl FunctionRate {
     }
 
     fn inputs(&self) -> Result<Table, SafetyError> {
-        let column = |name: &str, of: fn(&InputSensitivity) -> f64| {
-            Column::new(name, "", self.sensitivities.iter().map(of).collect::<Vec<f64>>())
-        };
-        let text = |name: &str, of: fn(&InputSensitivity) -> &String| {
-            let texts = self.sensitivities.iter().map(|own| of(own).clone());
-            Column::new(name, "", texts.collect::<Vec<String>>())
-        };
+        let rows = &self.sensitivities;
         Ok(Table::from_columns(vec![
-            text("input", |own| &own.input),
-            column("value", |own| own.value.point),
-            column("low", |own| own.value.low),
-            column("high", |own| own.value.high),
-            column("elasticity", |own| own.elasticity),
-            column("failed_in_flight_at_low", |own| own.at_low),
-            column("failed_in_flight_at_high", |own| own.at_high),
-            text("evidence", |own| &own.evidence),
+            Column::of("input", "", rows, |own| own.input.clone()),
+            Column::of("value", "", rows, |own| own.value.point),
+            Column::of("low", "", rows, |own| own.value.low),
+            Column::of("high", "", rows, |own| own.value.high),
+            Column::of("elasticity", "", rows, |own| own.elasticity),
+            Column::of("failed_in_flight_at_low", "", rows, |own| own.at_low),
+            Column::of("failed_in_flight_at_high", "", rows, |own| own.at_high),
+            Column::of("evidence", "", rows, |own| own.evidence.clone()),
         ])?)
     }
 }
@@ -252,9 +241,8 @@ impl FunctionModel {
         let mut answers = vec![];
         for action in &actions {
             let faults = (action.as_str(), intensities);
-            let mut input = |what: &str, (value, evidence): (CountedValue, String)| {
-                inputs.push(TreeParameter { id: format!("{what}: {action}"), value, evidence });
-                inputs.len() - 1
+            let mut input = |what: &str, share: (CountedValue, String)| {
+                add(&mut inputs, format!("{what}: {action}"), share)
             };
             let passed = tested.passed.is_some().then(|| {
                 let share = tested.share(faults, Answer::Passed, confidence);
@@ -272,17 +260,14 @@ impl FunctionModel {
                 wrong_shutdown: share("wrong shutdown", Answer::WrongShutdown),
             });
         }
-        let (value, evidence) = flights.false_shutdowns_per_h(study.actuators.len(), confidence);
-        inputs.push(TreeParameter { id: "false shutdown".into(), value, evidence });
-        let false_shutdown = inputs.len() - 1;
+        let shutdowns = flights.false_shutdowns_per_h(study.actuators.len(), confidence);
+        let false_shutdown = add(&mut inputs, "false shutdown".into(), shutdowns);
         let mut faults = vec![vec![]; study.actuators.len()];
         for (fault, rate) in rates.of_study(study) {
             let id = format!("failure rate: {}", rate.fault);
             let known = inputs.iter().position(|input| input.id == id);
             let place = known.unwrap_or_else(|| {
-                let (value, evidence) = (CountedValue::given(rate.per_h), rate.source.clone());
-                inputs.push(TreeParameter { id, value, evidence });
-                inputs.len() - 1
+                add(&mut inputs, id, (CountedValue::given(rate.per_h), rate.source.clone()))
             });
             let action = &study.classes[fault.class].action;
             let action = actions.iter().position(|known| known == action);

@@ -7,7 +7,7 @@ use servotwin::measure::{
     END_TO_END_OF_ALL, Measure, RIGHT_ACTION_OF_ALL, SHUTDOWN_MISSED_OF_ALL, VISIBLE,
     VISIBLE_BY_CHANCE, WRONG_SHUTDOWN,
 };
-use servotwin::table::{Column, Table, Values};
+use servotwin::table::{Column, Table};
 use servotwin::view::Figure;
 use servotwin::view::lines::{Curve, Lines};
 use servotwin_learning::metrics::Rate;
@@ -37,28 +37,24 @@ impl SensorTrade {
 
     /// One row for each judged set.
     fn set_table(&self) -> Result<Table, SafetyError> {
-        let candidates = &self.candidates;
-        fn of<T>(trade: &SensorTrade, value: impl Fn(&SensorSet) -> T) -> Vec<T> {
-            trade.sets.iter().map(value).collect()
-        }
-        let column = |name: &str, unit: &str, values: Values| Column::new(name, unit, values);
+        let (candidates, sets) = (&self.candidates, &self.sets);
         let left_out = |set: &SensorSet| candidates.names(candidates.all() & !set.set);
         let mut columns = vec![
-            column("sensors", "", of(self, |set| candidates.names(set.set)).into()),
-            column("left_out", "", of(self, left_out).into()),
-            column("count", "1", of(self, |set| set.set.count_ones()).into()),
-            column("cost", "", of(self, |set| set.cost).into()),
-            column("keeps_control", "", of(self, |set| set.keeps_control).into()),
-            column("on_front", "", of(self, |set| set.is_on_front).into()),
+            Column::of("sensors", "", sets, |set| candidates.names(set.set)),
+            Column::of("left_out", "", sets, left_out),
+            Column::of("count", "1", sets, |set| set.set.count_ones()),
+            Column::of("cost", "", sets, |set| set.cost),
+            Column::of("keeps_control", "", sets, |set| set.keeps_control),
+            Column::of("on_front", "", sets, |set| set.is_on_front),
         ];
         for measure in MEASURES {
-            let (name, rate) = (measure.name, |set: &SensorSet| set.rates.of(measure));
-            let share = of(self, |set| rate(set).share.unwrap_or(f64::NAN));
-            columns.push(column(name, "1", share.into()));
-            let ends = [of(self, |set| rate(set).low), of(self, |set| rate(set).high)];
-            for (end, values) in ["low", "high"].into_iter().zip(ends) {
-                columns.push(column(&format!("{name}_{end}"), "1", values.into()));
-            }
+            let mut push = |end: &str, value: fn(Rate) -> f64| {
+                let name = format!("{}{end}", measure.name);
+                columns.push(Column::of(name, "1", sets, |set| value(set.rates.of(measure))));
+            };
+            push("", |rate| rate.share.unwrap_or(f64::NAN));
+            push("_low", |rate| rate.low);
+            push("_high", |rate| rate.high);
         }
         Ok(Table::from_columns(columns)?)
     }

@@ -4,7 +4,7 @@ use super::decision_diagram::DecisionDiagram;
 use super::lanes::LaneTrees;
 use super::numbers::{BandEnd, ExposureHours, event_probabilities};
 use super::structure::{GateKind, TreeGate, TreeInput};
-use servotwin::text::number;
+use servotwin::text::three_digits;
 use servotwin::view::Figure;
 use servotwin::view::tree::{Branch, Node, TreeFigure, TreeSymbol};
 
@@ -48,10 +48,10 @@ impl FaultTreeDrawer<'_> {
         };
         match (of(&self.points), of(&self.bounds)) {
             (point, bound) if point > 0.0 && bound > point => {
-                format!("P = {}, at most {}", number(point), number(bound))
+                format!("P = {}, at most {}", three_digits(point), three_digits(bound))
             }
-            (point, _) if point > 0.0 => format!("P = {}", number(point)),
-            (_, bound) => format!("never seen: P ≤ {}", number(bound)),
+            (point, _) if point > 0.0 => format!("P = {}", three_digits(point)),
+            (_, bound) => format!("never seen: P ≤ {}", three_digits(bound)),
         }
     }
 

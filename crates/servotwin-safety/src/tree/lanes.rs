@@ -171,8 +171,12 @@ impl TreeName {
     }
 }
 
-/// Adds a parameter, and returns its index.
-fn add(list: &mut Vec<TreeParameter>, id: String, value: CountedValue, evidence: String) -> usize {
+/// Adds a parameter with its value and evidence, and returns its index.
+pub(crate) fn add(
+    list: &mut Vec<TreeParameter>,
+    id: String,
+    (value, evidence): (CountedValue, String),
+) -> usize {
     list.push(TreeParameter { id, value, evidence });
     list.len() - 1
 }
@@ -208,7 +212,7 @@ impl TreeGrower<'_> {
             let (value, evidence) =
                 self.flights.share((&action, FaultIntensities::All), answer, self.confidence);
             let evidence = format!("{how} for faults that need '{words}': {evidence}");
-            add(&mut self.trees.constants, format!("{id_of}-{id}"), value, evidence)
+            add(&mut self.trees.constants, format!("{id_of}-{id}"), (value, evidence))
         };
         let missed = constant("missed", "right action not raised first", Answer::Missed);
         let other_action = (!needs_shutdown).then(|| {
@@ -313,9 +317,8 @@ impl TreeGrower<'_> {
             }
             let value = CountedValue::given(rate.per_h);
             let TreeName { id, words } = TreeName::of(&fault.id);
-            let evidence =
-                format!("{} line {}: {}", self.rates.path.display(), rate.line, rate.source);
-            let rate = add(&mut self.trees.rates, format!("rate-{id}"), value, evidence);
+            let evidence = format!("{}: {}", self.rates.place(rate), rate.source);
+            let rate = add(&mut self.trees.rates, format!("rate-{id}"), (value, evidence));
             let event = |&(what, how, exposure): &(&str, &str, Exposure)| {
                 let law = EventLaw::Exponential(rate, exposure);
                 self.trees.tree.event(format!("{id}-{what}"), format!("{words} {how}"), law)
@@ -327,9 +330,8 @@ impl TreeGrower<'_> {
 
     /// For every lane: a false alarm shuts it down in this flight, or has done so and waits for its repair.
     fn false_alarms(&mut self) -> Vec<[TreeInput; 2]> {
-        let (value, evidence) =
-            self.flights.false_shutdowns_per_h(self.names.len(), self.confidence);
-        let rate = add(&mut self.trees.rates, "rate-false_shutdown".into(), value, evidence);
+        let shutdowns = self.flights.false_shutdowns_per_h(self.names.len(), self.confidence);
+        let rate = add(&mut self.trees.rates, "rate-false_shutdown".into(), shutdowns);
         let tree = &mut self.trees.tree;
         let mut event = |id: &str, what: &str, words: String, exposure: Exposure| {
             tree.event(format!("{id}-{what}"), words, EventLaw::Exponential(rate, exposure))

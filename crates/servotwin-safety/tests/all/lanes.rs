@@ -209,8 +209,8 @@ fn a_test_on_the_ground_ends_what_it_finds_and_nothing_else() {
 #[test]
 fn the_only_lane_of_a_machine_has_no_tree_for_both() {
     let study = Study::parse(servotwin::built_in::STUDIES[2].1, "press_axis").unwrap();
-    let faults = rated_faults(&study);
-    let list: Vec<(&str, f64)> = faults.iter().map(|fault| (fault.id.as_str(), 1e-6)).collect();
+    let list: Vec<(&str, f64)> =
+        rated_faults(&study).map(|fault| (fault.id.as_str(), 1e-6)).collect();
     let flights = flights(&[("stop", 64, 60, 1, 0), ("maintenance", 40, 38, 1, 0)], 0, 2.0);
     let trees = lane_trees(&study, &flights, &rates(&list)).unwrap();
     let tops = evaluate(&trees, &HOURS);
@@ -228,8 +228,8 @@ fn the_only_lane_of_a_machine_has_no_tree_for_both() {
 #[test]
 fn the_trees_of_the_aileron_are_read_on_two_screens() {
     let study = Study::default();
-    let faults = rated_faults(&study);
-    let list: Vec<(&str, f64)> = faults.iter().map(|fault| (fault.id.as_str(), 1e-7)).collect();
+    let list: Vec<(&str, f64)> =
+        rated_faults(&study).map(|fault| (fault.id.as_str(), 1e-7)).collect();
     let classes: Vec<(String, usize, usize, usize, usize)> =
         study.actions().into_iter().map(|action| (action, 300, 240, 3, 0)).collect();
     let classes: Vec<_> =

@@ -1,10 +1,10 @@
 //! Values: what people read and what programs read, made from the same number.
 
 use super::Call;
-use crate::shown::{number, shown};
+use crate::shown::shown;
 use serde::Serialize;
 use serde_json::{Value as Json, json};
-use servotwin_io::text::spoken;
+use servotwin_io::text::{number, spoken};
 use servotwin_model::spec::Unit;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,7 @@ pub struct Value {
 }
 
 /// What stands for a missing value.
-pub(crate) const NONE: &str = "–";
+pub const NONE: &str = "–";
 
 impl Value {
     /// A text for people, and its data for programs.

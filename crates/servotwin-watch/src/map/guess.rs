@@ -19,6 +19,7 @@ use servotwin::units;
 use servotwin_diagnosis::features::Quantity;
 use servotwin_io::moment;
 use servotwin_io::sanitize;
+use servotwin_io::text::rounded;
 use servotwin_model::spec::Unit;
 use std::fmt::Write;
 
@@ -350,7 +351,7 @@ impl Guess {
         };
         let remark = format!(
             "samples would be {} s apart; in {other} they are {other_s} s apart",
-            moment::rounded(step_s)
+            rounded(step_s, 3)
         );
         let name = sanitize::text(&column.name);
         self.doubts.push(format!("column '{name}' claims {unit}: {remark}"));

@@ -11,6 +11,7 @@ use askama::Template;
 use serde::Serialize;
 use serde_json::{Value, json};
 use series::Series;
+use servotwin_diagnosis::diagnoser::Diagnoser;
 use servotwin_io::moment;
 use servotwin_io::text::base64;
 use sha2::{Digest, Sha256};
@@ -81,6 +82,16 @@ impl PlayerSignal {
     pub fn new(id: &str, label: &str, unit: &str, group: SignalGroup) -> Self {
         let (id, label, unit) = (id.into(), label.into(), unit.into());
         PlayerSignal { id, label, unit, group, actuator: None, band: None }
+    }
+
+    /// The residual of a sensor, in percent of what a diagnoser divides it by, with its band if the diagnoser reads it.
+    pub fn residual(id: &str, label: &str, diagnoser: &Diagnoser, sensor: &str) -> Self {
+        let mut judged = diagnoser.sensors.iter().zip(&diagnoser.lengths[0].panel.bands);
+        let own = judged.find(|(judged, _)| judged.name == sensor);
+        let divisor = own.map_or("scale", |(judged, _)| judged.residual_divisor());
+        let band = own.map(|(_, band)| 100.0 * band.half_width).filter(|band| band.is_finite());
+        let unit = format!("% of {divisor}");
+        PlayerSignal { band, ..PlayerSignal::new(id, label, &unit, SignalGroup::Residual) }
     }
 }
 

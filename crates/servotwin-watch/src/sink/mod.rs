@@ -168,17 +168,12 @@ impl Scene {
             };
             all.iter().zip(&sensors).map(signal)
         };
-        let bands = &diagnoser.lengths[0].panel.bands;
-        let residual = |(sensor, signal): (&Sensor, PlayerSignal)| {
-            let mut judged = diagnoser.sensors.iter().zip(bands);
-            let own = judged.find(|(judged, _)| judged.name == sensor.id);
-            let divisor = own.map_or("scale", |(judged, _)| judged.residual_divisor());
-            let band = own.map(|(_, band)| 100.0 * band.half_width).filter(|band| band.is_finite());
-            PlayerSignal { unit: format!("% of {divisor}"), band, ..signal }
+        let residual = |sensor: &Sensor| {
+            let id = format!("residual.{}", sensor.id);
+            PlayerSignal::residual(&id, &sensor.label, diagnoser, &sensor.id)
         };
-        let residuals = all.iter().zip(of_sensors("residual.", SignalGroup::Residual));
         let signals = (inputs.iter().enumerate().map(input))
-            .chain(residuals.map(residual))
+            .chain(all.iter().map(residual))
             .chain(of_sensors("reading.", SignalGroup::Reading))
             .chain(of_sensors("twin.", SignalGroup::Twin))
             .collect();

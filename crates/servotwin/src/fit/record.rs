@@ -18,8 +18,9 @@ use crate::recording::{self, with_suffix};
 use crate::sanitize;
 use crate::system::System;
 use crate::table::{Table, TableError};
+use crate::text::rounded;
 use crate::toml_text::{NumberWithUnit, Quantities};
-use crate::units::{self, Misread, NamedUnit, in_six_digits};
+use crate::units::{self, Misread, NamedUnit};
 use serde::Serialize;
 use servotwin_model::signal::Piecewise;
 use servotwin_model::spec::Unit;
@@ -335,7 +336,7 @@ fn outside(
     let sentence = format!(
         "{column} has {} ({first}{more}), which its sensor cannot show ({})",
         NumberWithUnit(value, symbol),
-        Quantities(in_six_digits(range.0), in_six_digits(range.1), symbol)
+        Quantities(rounded(range.0, 6), rounded(range.1, 6), symbol)
     );
     Some(LeftOut { column: column.into(), count, first, value, sentence })
 }
@@ -355,14 +356,14 @@ fn times(table: &Table) -> Result<(usize, f64, Option<f64>), RecordError> {
     }
     let period_s = (times_s[samples - 1] - times_s[0]) / (samples - 1) as f64;
     // A period written with few digits is meant exactly.
-    let rounded = (period_s * 1e6).round() / 1e6;
-    let is_rounded = (rounded - period_s).abs() * (samples as f64) < 0.01 * period_s;
-    let period_s = if is_rounded { rounded } else { period_s };
+    let whole_s = (period_s * 1e6).round() / 1e6;
+    let is_whole = (whole_s - period_s).abs() * (samples as f64) < 0.01 * period_s;
+    let period_s = if is_whole { whole_s } else { period_s };
     check_steps(table, &times_s, is_dated)?;
     for (row, &time_s) in times_s.iter().enumerate() {
         let expected_s = times_s[0] + row as f64 * period_s;
         if (time_s - expected_s).abs() > JITTER * period_s {
-            let (place, rate_hz) = (table.origin().place(row), moment::rounded(1.0 / period_s));
+            let (place, rate_hz) = (table.origin().place(row), rounded(1.0 / period_s, 3));
             return Err(RecordError(format!(
                 "the times jitter: {place} has {time_s} s where {expected_s:.6} s is expected (± {JITTER} periods); if \
                  the samples themselves are even, rate_hz = {rate_hz} instead of column below [time] of a map file \
@@ -389,7 +390,7 @@ fn check_steps(table: &Table, times_s: &[f64], is_dated: bool) -> Result<(), Rec
                  unit"
             )
         });
-        let ((least, most), usual_s) = (moment::PERIODS_S, moment::rounded(usual_s));
+        let ((least, most), usual_s) = (moment::PERIODS_S, rounded(usual_s, 3));
         return Err(RecordError(format!(
             "{usual_s} s between samples: allowed are {least} … {most} s{likely}"
         )));
@@ -409,7 +410,7 @@ fn check_steps(table: &Table, times_s: &[f64], is_dated: bool) -> Result<(), Rec
 
 /// A step between two samples that differs from the others, with its likely cause.
 fn leap(place: &str, step_s: f64, usual_s: f64, is_dated: bool) -> RecordError {
-    let decimals = (-moment::rounded(usual_s).log10()).ceil().clamp(0.0, 6.0) as usize;
+    let decimals = (-rounded(usual_s, 3).log10()).ceil().clamp(0.0, 6.0) as usize;
     let set_s = (step_s - usual_s).abs();
     let missing = (step_s / usual_s).round() - 1.0;
     let is_summer = is_dated && (set_s - DAYLIGHT_SAVING_S).abs() < LEAP * usual_s.max(1.0);
@@ -423,7 +424,7 @@ fn leap(place: &str, step_s: f64, usual_s: f64, is_dated: bool) -> RecordError {
         _ if (1.0..1e6).contains(&missing) => (format!("{missing} samples are missing: "), "them"),
         _ => (String::new(), "it"),
     };
-    let usual_s = moment::rounded(usual_s);
+    let usual_s = rounded(usual_s, 3);
     RecordError(format!(
         "samples are not even: the step to {place} is {step_s:.decimals$} s, the others are {usual_s} s; {cause}read the \
          part before or behind {them} with --to or --from"
@@ -468,7 +469,7 @@ fn check_input(
     };
     let symbol = unit.symbol();
     if let Some(misread) = misread {
-        let ((seems, remedy), largest) = (misread.in_words(declared), moment::rounded(largest));
+        let ((seems, remedy), largest) = (misread.in_words(declared), rounded(largest, 3));
         return Err(RecordError(format!(
             "{column} seems {seems}: it reaches {largest} {symbol}; {remedy}"
         )));

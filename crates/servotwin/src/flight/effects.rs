@@ -130,7 +130,7 @@ impl EffectFlyer<'_> {
         let name = actuator.map_or("", |actuator| &self.study.actuators[actuator]);
         let run = RunOutcome {
             event: id.clone(),
-            kind: id.strip_prefix(&full_name(name, "")).unwrap_or(id).into(),
+            kind: self.study.kind_of(id).into(),
             profile: Profile::Step.name().into(),
             onset_s: Some(run.onset_s),
             at_fault: name.into(),

@@ -27,7 +27,7 @@
 use super::hold::{self, Among, Hold};
 use super::manifest::Manifest;
 use super::{JobError, Subject};
-use crate::files::{self, FileError, create_folder, write_atomically};
+use crate::files::{self, FileError, create_folder};
 use crate::manifest;
 use crate::records::calibration_file;
 use crate::run::part::PARTS;
@@ -366,7 +366,7 @@ pub(super) fn write_text(path: &Path, text: &str) -> Result<(), JobError> {
         return Ok(());
     }
     manifest::forget(path)?;
-    Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+    Ok(files::write_text(path, text)?)
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub fn write_model(path: impl AsRef<Path>, model: &impl Serialize) -> Result<(),
 
 fn write_text(path: &Path, text: &str) -> Result<(), EvaluationError> {
     manifest::forget(path)?;
-    Ok(files::write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+    Ok(files::write_text(path, text)?)
 }
 
 fn to_json(path: &Path, value: &impl Serialize) -> Result<String, EvaluationError> {

@@ -20,7 +20,7 @@ use crate::run::part::{self, PartFiles};
 use crate::run::{Observer, Run, RunError, Runner, plan};
 use crate::study::suites::{HARD_NEGATIVES, LEARN};
 use crate::study::{Purpose, Scenario, Stream, Study, Suite};
-use crate::table::{Column, Table, TableError, Values};
+use crate::table::{Column, Table, TableError};
 use serde::{Deserialize, Serialize};
 use servotwin_diagnosis::Error;
 use servotwin_diagnosis::features::{self, Sensors};
@@ -133,15 +133,12 @@ impl TrainingWindows {
 
     /// The table of a part.
     fn to_table(&self) -> Result<Table, TableError> {
-        let whole = |name: &str, of: fn(&TrainingWindow) -> usize| {
-            Column::new(name, "", self.list.iter().map(|own| of(own) as u32).collect::<Vec<_>>())
-        };
-        let is_faulty: Vec<bool> = self.list.iter().map(|own| own.is_faulty).collect();
+        let list = &self.list;
         let mut columns = vec![
-            whole("flight", |own| own.flight),
-            whole("kind", |own| own.kind),
-            whole("at_samples", |own| own.at),
-            Column::new("is_faulty", "", Values::Flag(is_faulty)),
+            Column::of("flight", "", list, |own| own.flight as u32),
+            Column::of("kind", "", list, |own| own.kind as u32),
+            Column::of("at_samples", "", list, |own| own.at as u32),
+            Column::of("is_faulty", "", list, |own| own.is_faulty),
         ];
         let windows: Vec<&Window> = self.list.iter().map(|own| &own.window).collect();
         columns.extend(part::window_columns(&windows));

@@ -11,7 +11,7 @@
 use super::novelty::NoveltyResult;
 use super::windows::{NominalFit, Windows, joined};
 use super::{RecordingError, RecordingStudy, Target};
-use crate::files::write_atomically;
+use crate::files::write_text;
 use crate::job::{Among, Folder, JobError};
 use crate::learn::data_set::{coded, in_order};
 use crate::learn::metrics::Rate;
@@ -461,7 +461,7 @@ impl JudgedRecordings {
             let (there, count) = ("a simulated study".into(), there.len());
             return Err(JobError::OtherResults { folder: folder.path().into(), there, count });
         }
-        write_atomically(folder.study(), |out| out.write_all(self.study.as_bytes()))?;
+        write_text(folder.study(), &self.study)?;
         let [windows, outcomes, results] = FILES.map(|name| folder.path().join(name));
         for (path, table) in [(windows, &self.windows), (outcomes, &self.outcomes)] {
             table.write(path).map_err(EvaluationError::from)?;

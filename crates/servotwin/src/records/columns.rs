@@ -29,11 +29,10 @@ pub(crate) fn fault_columns<'s>(study: &'s Study, rows: &[Shown]) -> Vec<Column>
     let class = |row: &Shown| fault(row).map(|fault| &study.classes[fault.class]);
     let text = |name: &str, of: &dyn Fn(&Shown) -> Option<&'s String>, what: &str| {
         let of = |row| of(row).map_or(HEALTHY, String::as_str).to_owned();
-        Column::new(name, "", Values::Text(rows.iter().map(of).collect())).described(what)
+        Column::of(name, "", rows, of).described(what)
     };
     let number = |name: &str, of: &dyn Fn(&Shown) -> f64, what: &str| {
-        let values = Values::Float(rows.iter().map(of).collect());
-        Column::new(name, DIMENSIONLESS, values).described(what)
+        Column::of(name, DIMENSIONLESS, rows, of).described(what)
     };
     let grade = |row: &Shown| fault(row).map_or(0.0, |fault| fault.at.intensity);
     let actuator = |row: &Shown| fault(row).map(|fault| &study.actuators[fault.actuator]);
@@ -56,10 +55,10 @@ pub fn largest_column(sensor: &str) -> String {
 /// The largest absolute residual of every sensor.
 pub(crate) fn largest_columns(sensors: &[Sensor], windows: &[&Window]) -> Vec<Column> {
     let column = |(place, sensor): (usize, &Sensor)| {
-        let largest = windows.iter().map(|window| window.largest(place)).collect();
         let what = format!("Largest |r'| of the sensor {}, as a part of its scale.", sensor.name);
         let name = largest_column(&sensor.name);
-        Column::new(name, DIMENSIONLESS, Values::Float(largest)).described(what)
+        let largest = |window: &&Window| window.largest(place);
+        Column::of(name, DIMENSIONLESS, windows, largest).described(what)
     };
     sensors.iter().enumerate().map(column).collect()
 }

@@ -2,7 +2,7 @@
 
 use super::{Study, VariantEffort};
 use crate::run::part;
-use crate::table::{Column, Table, TableError, Values};
+use crate::table::{Column, Table, TableError};
 use servotwin_diagnosis::residual::Window;
 use std::collections::BTreeMap;
 
@@ -28,10 +28,9 @@ impl PartRow {
 
     /// The table of a part with the given rows.
     pub(super) fn to_table(rows: &BTreeMap<usize, PartRow>) -> Result<Table, TableError> {
-        let failures = rows.values().map(|row| row.failure.clone()).collect();
         let mut columns = vec![
-            Column::new("variant", "", Values::Unsigned(rows.keys().map(|&v| v as u32).collect())),
-            Column::new("failure", "", Values::Text(failures)),
+            Column::of("variant", "", rows.keys(), |&variant| variant as u32),
+            Column::of("failure", "", rows.values(), |row| row.failure.clone()),
         ];
         let efforts: Vec<VariantEffort> = rows.values().map(|row| row.effort).collect();
         columns.extend(VariantEffort::to_columns(&efforts));

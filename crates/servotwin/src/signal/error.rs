@@ -2,8 +2,8 @@
 
 use crate::shown::Shown;
 use crate::table::TableError;
+use crate::text::rounded;
 use crate::toml_text::{NumberWithUnit, Quantities};
-use crate::units::in_six_digits;
 use servotwin_model::signal::CurveError;
 use servotwin_model::spec::Unit;
 
@@ -38,7 +38,7 @@ impl SignalError {
     pub(crate) fn leaves(input: &str, value: f64, (min, max): (f64, f64), unit: Unit) -> Self {
         let bounds = [min.abs(), max.abs()].into_iter().filter(|bound| bound.is_finite());
         let read = Shown::of(unit, bounds.fold(0.0, f64::max));
-        let [value, min, max] = [value, min, max].map(|si| in_six_digits(read.value(si)));
+        let [value, min, max] = [value, min, max].map(|si| rounded(read.value(si), 6));
         let value = NumberWithUnit(value, read.symbol());
         let range = Quantities(min, max, read.symbol());
         Self::Invalid(format!("'{input}' becomes {value}, but allowed are {range}"))

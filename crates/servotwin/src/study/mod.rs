@@ -344,6 +344,14 @@ impl Study {
         self.actuators.iter().position(has_it)
     }
 
+    /// The name of a fault without its actuator.
+    pub fn kind_of<'f>(&self, fault: &'f str) -> &'f str {
+        let own = self
+            .actuator_of(fault)
+            .map(|actuator| faults::full_name(&self.actuators[actuator], ""));
+        own.and_then(|own| fault.strip_prefix(&own)).unwrap_or(fault)
+    }
+
     /// The purposes for which there is a data set.
     pub fn purposes(&self) -> Vec<Purpose> {
         let there = |purpose: &Purpose| !self.cases_of(*purpose).is_empty();

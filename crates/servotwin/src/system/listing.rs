@@ -95,22 +95,16 @@ impl System {
 
 /// A list of faults as a table.
 pub fn fault_table(list: &[ListedFault]) -> Table {
-    let text = |name: &str, of: &dyn Fn(&ListedFault) -> &str| {
-        Column::new(name, "", list.iter().map(|line| of(line).to_owned()).collect::<Vec<String>>())
-    };
-    let numbers = |name: &str, of: &dyn Fn(&ListedFault) -> f64| {
-        Column::new(name, "", list.iter().map(of).collect::<Vec<f64>>())
-    };
     let columns = vec![
-        text("id", &|line| &line.id),
-        text("component", &|line| &line.component),
-        text("kind", &|line| line.kind),
-        text("category", &|line| line.category),
-        text("parameter", &|line| line.parameter),
-        text("unit", &|line| line.unit.symbol()),
-        numbers("healthy", &|line| line.healthy),
-        numbers("at_intensity_1", &|line| line.full),
-        text("summary", &|line| line.summary),
+        Column::of("id", "", list, |fault| fault.id.clone()),
+        Column::of("component", "", list, |fault| fault.component.clone()),
+        Column::of("kind", "", list, |fault| fault.kind.to_owned()),
+        Column::of("category", "", list, |fault| fault.category.to_owned()),
+        Column::of("parameter", "", list, |fault| fault.parameter.to_owned()),
+        Column::of("unit", "", list, |fault| fault.unit.symbol().to_owned()),
+        Column::of("healthy", "", list, |fault| fault.healthy),
+        Column::of("at_intensity_1", "", list, |fault| fault.full),
+        Column::of("summary", "", list, |fault| fault.summary.to_owned()),
     ];
     Table::from_columns(columns).expect("names are different and columns of one length")
 }
