@@ -247,8 +247,7 @@ impl Job<'_> {
         let Job { study, folder, crew, .. } = *self;
         let flights = flights(study)?;
         let spreads = known(&folder.spreads(scenario), study, || {
-            let flights = (study, flights);
-            Ok(spreads::learn(flights, scenario, &pools(study), crew.workers)?.spreads)
+            Ok(spreads::learn(study, scenario, &pools(study), crew.workers)?)
         })?;
         Ok(WindowDesign { study, flights, scenario, spreads })
     }
