@@ -11,7 +11,7 @@
 //!
 //! **Views.** A system of identical actuators looks the same from each of them. View `k` of a feature row rotates the
 //! actuators until actuator `k` comes first and the next one second. Its window is
-//! [`crate::residual::Window::reordered`] by [`crate::features::Sensors::rotated`]. View 0 is the row itself; with two
+//! [`crate::residual::Window::reordered`] by [`crate::features::Sensors::rotations`]. View 0 is the row itself; with two
 //! actuators, view 1 is the row with both exchanged. So the views of a row together show its fault once in each
 //! actuator. There are two uses:
 //! - *mirror*: A also learns from every view, with the actuator in the label rotated alike;

@@ -55,11 +55,8 @@ pub(crate) struct Options {
     /// Simulate only one share of these suites, e.g. 3/100 for the third of 100 shares. Use this for machines that
     /// have the folder in common, or whose 'parts' folders you copy together. The same command without --share
     /// simulates what is missing, and joins all.
-    #[arg(long, requires = "suite", conflicts_with = "keep_traces")]
-    share: Option<Share>,
-    /// Also write the time series of every record (gigabytes).
     #[arg(long, requires = "suite")]
-    keep_traces: bool,
+    share: Option<Share>,
     /// Judge the diagnosers in the folder in sealed environments: drawn with a seed that no study file can declare.
     /// Learns nothing. Every opening adds a line to sealed/openings.csv of the repository, or to sealed-openings.csv
     /// in the output folder, before the first flight. Writes `flights-sealed.json`.
@@ -94,7 +91,6 @@ impl Options {
             environments: None,
             seed: None,
             share: None,
-            keep_traces: false,
             sealed: false,
         }
     }
@@ -128,9 +124,6 @@ impl Options {
     /// Refuses options that the suites do not have.
     fn check(&self, suites: &[String]) -> Result<(), Failure> {
         let has = |name: &str| suites.iter().any(|suite| suite == name);
-        if self.keep_traces && !has(RECORDS) {
-            return Err(Failure::usage("--keep-traces is for --suite records"));
-        }
         let is_changed = self.environments.is_some() || self.seed.is_some();
         if (is_changed && (has(RECORDS) || has(FLIGHTS))) || (self.share.is_some() && has(FLIGHTS))
         {
@@ -151,7 +144,7 @@ pub(super) fn suites(
 ) -> Result<Document, Failure> {
     options.check(names)?;
     let (folder, threads) = (options.study.folder(), options.study.threads);
-    let job = Job { keep_traces: options.keep_traces, ..Job::new(study, &folder) };
+    let job = Job::new(study, &folder);
     let mut changed = vec![];
     for name in names.iter().filter(|&name| name != RECORDS && name != FLIGHTS) {
         let suite = job.suite(name).map_err(|error| Failure::option("--suite", error))?;

@@ -133,7 +133,7 @@ impl Sensors {
 
     /// The order of sensors with the actuators rotated, for [`Window::reordered`]: actuator `by` takes the first place,
     /// the next one the second, and so on. `None` if their sensors do not correspond.
-    pub fn rotated(&self, actuators: usize, by: usize) -> Option<Vec<usize>> {
+    fn rotated(&self, actuators: usize, by: usize) -> Option<Vec<usize>> {
         self.in_place_of(|actuator| (actuator + by) % actuators)
     }
 

@@ -36,7 +36,8 @@ const SEALED: &str = "sealed_";
 /// The results of the flights, counted from the outcomes in a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlightResults {
-    /// Training flights that were not used, by scenario.
+    /// Training flights that were not used, by scenario; [`Folder::left_out`] is their file.
+    #[serde(skip)]
     pub left_out: BTreeMap<String, LeftOut>,
     /// The flown suites, by scenario, suite and missing sensor. Suites of healthy flights and those in closed loop
     /// are left out: their figures come from the outcomes themselves.
@@ -75,7 +76,6 @@ impl FlightResults {
         for scenario in learned {
             let basis = Basis::of(folder, study, scenario)?;
             let model = diagnoser(folder, scenario)?;
-            all.left_out.insert(scenario.name().into(), left_out(folder, scenario)?);
             let judged = study.suites().filter(|suite| suite.purpose == Purpose::Test);
             for (suite, scenario) in in_scenarios(judged, &[scenario]) {
                 let name = format!("{prefix}{}", suite.name);
@@ -86,6 +86,17 @@ impl FlightResults {
             }
         }
         Ok(all)
+    }
+
+    /// The same results, with the training flights that the folder names as left out.
+    fn with_left_out(mut self, folder: &Folder) -> Result<Self, JobError> {
+        for scenario in Scenario::ALL {
+            let path = folder.left_out(scenario);
+            if path.exists() {
+                self.left_out.insert(scenario.name().into(), model_file::read(path)?);
+            }
+        }
+        Ok(self)
     }
 
     fn take(
@@ -236,8 +247,7 @@ impl Job<'_> {
         let Job { study, folder, crew, .. } = *self;
         let flights = flights(study)?;
         let spreads = known(&folder.spreads(scenario), study, || {
-            let flights = (study, flights);
-            Ok(spreads::learn(flights, scenario, &pools(study), crew.workers)?.spreads)
+            Ok(spreads::learn(study, scenario, &pools(study), crew.workers)?)
         })?;
         Ok(WindowDesign { study, flights, scenario, spreads })
     }
@@ -286,7 +296,7 @@ impl Job<'_> {
     fn count(&self) -> Result<FlightResults, JobError> {
         let counted = FlightResults::count(self.folder, self.study, "")?;
         model_file::write(self.folder.flights(), &counted)?;
-        Ok(counted)
+        counted.with_left_out(self.folder)
     }
 
     /// Judges the stored diagnosers of some scenarios in sealed environments, and writes the results. Nothing is learned.
@@ -357,12 +367,6 @@ fn known<T: Serialize + DeserializeOwned>(
     Ok(found.value)
 }
 
-/// The training flights that taught nothing.
-fn left_out(folder: &Folder, scenario: Scenario) -> Result<LeftOut, JobError> {
-    let path = folder.left_out(scenario);
-    Ok(if path.exists() { model_file::read(path)? } else { LeftOut::default() })
-}
-
 /// Reads the results in sealed environments; `None` if none were opened in this folder.
 ///
 /// # Errors
@@ -415,7 +419,10 @@ fn limit_s(flights: &Flights, scenario: Scenario) -> f64 {
 /// The file cannot be read, or contradicts the manifest.
 pub fn results(folder: &Folder) -> Result<Option<FlightResults>, JobError> {
     let path = folder.flights();
-    Ok(if path.exists() { Some(model_file::read(path)?) } else { None })
+    match path.exists() {
+        true => model_file::read::<FlightResults>(path)?.with_left_out(folder).map(Some),
+        false => Ok(None),
+    }
 }
 
 /// Reads the diagnoser of a scenario.

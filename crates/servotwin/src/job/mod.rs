@@ -70,15 +70,13 @@ pub struct Job<'j> {
     pub folder: &'j Folder,
     /// The threads, and who looks at the progress.
     pub crew: Crew<'j>,
-    /// Whether to store the time series of records as well.
-    pub keep_traces: bool,
 }
 
 impl<'j> Job<'j> {
     /// The suites of a study as it declares them, with all processors.
     pub fn new(study: &'j Study, folder: &'j Folder) -> Self {
         let crew = Crew::quiet(Workers::all());
-        Job { study, changed: &[], folder, crew, keep_traces: false }
+        Job { study, changed: &[], folder, crew }
     }
 
     /// The same job, whose progress another receives.
@@ -100,9 +98,7 @@ impl<'j> Job<'j> {
     /// The records of a purpose in scenarios with the same plants.
     fn records(&self, purpose: Purpose, scenarios: Vec<Scenario>) -> Result<Records<'j>, RunError> {
         let (folder, workers) = (self.folder.path(), self.crew.workers);
-        let mut records = Records::new(folder, self.study, (purpose, scenarios), workers)?;
-        records.keep_traces = self.keep_traces;
-        Ok(records)
+        Records::new(folder, self.study, (purpose, scenarios), workers)
     }
 }
 

@@ -3,8 +3,9 @@
 //! A window is uncertain due to the noise and quantization of its sensors and the solver's error
 //! ([`augmentation::disturbed`]). The training windows are perturbed accordingly, and their features recomputed.
 
+use crate::records::columns::seen;
 use crate::signal::random::NormalDeviates;
-use servotwin_diagnosis::features::{self, Sensors};
+use servotwin_diagnosis::features::Sensors;
 use servotwin_diagnosis::random::Random as Choices;
 use servotwin_diagnosis::residual::Window;
 use servotwin_learning::augmentation;
@@ -47,13 +48,9 @@ pub(crate) struct PerturbedWindow {
 impl Perturbation<'_> {
     /// The features of a window in every view.
     pub(crate) fn views(&self, window: &Window, views: usize) -> Vec<Vec<f64>> {
-        let of = |view: usize| {
-            let order = self.sensors.rotated(views, view).filter(|_| view > 0);
-            let seen = order.map(|order| window.reordered(&order));
-            let all = features::values(&self.sensors, seen.as_ref().unwrap_or(window));
-            self.columns.iter().map(|&column| all[column]).collect()
-        };
-        (0..views).map(of).collect()
+        let orders = self.sensors.rotations(views).unwrap_or_default();
+        let all = seen(&self.sensors, &orders, window).into_iter();
+        all.map(|values| self.columns.iter().map(|&column| values[column]).collect()).collect()
     }
 
     /// The perturbed windows of a row, with its fault unchanged.

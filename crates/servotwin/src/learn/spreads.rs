@@ -11,12 +11,11 @@
 //! Tests on the ground have no such growth. Their command is one and the same, and their twins are fitted: what is left
 //! in fast motion is what shows the dynamics of a valve.
 
-use super::windows::WindowDesign;
 use crate::parallel::Workers;
 use crate::run::runner::Runner;
 use crate::run::{Observer, Run, RunError, plan};
 use crate::study::suites::LEARN;
-use crate::study::{Flights, Scenario, Study, Suite};
+use crate::study::{Scenario, Study, Suite};
 use servotwin_diagnosis::features::{Quantity, Sensor};
 use servotwin_diagnosis::spread::{Reach, Spread};
 use std::collections::BTreeMap;
@@ -71,16 +70,16 @@ fn spools(study: &Study) -> Vec<Option<usize>> {
     sensors.iter().map(|s| s.actuator.and_then(spool_of)).collect()
 }
 
-/// The windows of a diagnosis in a scenario, with the spreads of healthy flights.
+/// The spread of each sensor in the healthy flights of a scenario; `None` where it does not grow.
 ///
 /// # Errors
 /// A twin cannot be simulated, or the run was cancelled.
-pub(crate) fn learn<'s>(
-    (study, flights): (&'s Study, &'s Flights),
+pub(crate) fn learn(
+    study: &Study,
     scenario: Scenario,
     pools: &[usize],
     workers: Workers,
-) -> Result<WindowDesign<'s>, RunError> {
+) -> Result<Vec<Option<Spread>>, RunError> {
     let spools = spools(study);
     let mut spreads = vec![None; spools.len()];
     if let Some(suite) = study.suite(LEARN).filter(|_| !study.is_on_ground()) {
@@ -94,7 +93,7 @@ pub(crate) fn learn<'s>(
                 .map(|spool| Spread { spool: spool as u32, growth });
         }
     }
-    Ok(WindowDesign { study, flights, scenario, spreads })
+    Ok(spreads)
 }
 
 /// The sums of each sensor and the number of samples, of the first healthy runs of some environments.

@@ -27,12 +27,10 @@ pub(crate) use effort::VariantEffort;
 pub use row::PartRow;
 
 use crate::ensemble::Ensemble;
-use crate::files::create_folder;
 use crate::parallel::Workers;
 use crate::run::SpecimenDraw;
 use crate::run::part::PartFiles;
 use crate::study::{Plants, Purpose, Scenario, Study, Suite};
-use crate::table::{Column, Table, Values};
 use servotwin_model::solver::Statistics;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -43,8 +41,6 @@ pub struct Records<'s> {
     pub study: &'s Study,
     /// The runs, one for each record. Without noise, healthy specimens equal the twin and are left out.
     pub suite: Suite,
-    /// Whether to store the time series as well.
-    pub(crate) keep_traces: bool,
     /// One of the groups of [`Scenario::groups`].
     scenarios: Vec<Scenario>,
     workers: Workers<'s>,
@@ -119,7 +115,7 @@ impl<'s> Records<'s> {
         }
         let files = files::of(folder, study, &suite, &scenarios)?;
         let folder = folder.into();
-        Ok(Records { study, suite, keep_traces: false, scenarios, workers, folder, files })
+        Ok(Records { study, suite, scenarios, workers, folder, files })
     }
 }
 
@@ -149,27 +145,5 @@ impl Records<'_> {
     fn ensemble(&self) -> Ensemble<'_> {
         let (threads, cancel) = (self.workers.threads(), self.workers.cancel());
         Ensemble { threads, cancel, ..ensemble(self.study) }
-    }
-
-    fn write_trace(
-        &self,
-        scenario: Scenario,
-        variant: usize,
-        trace: Vec<Vec<f64>>,
-    ) -> Result<(), RunError> {
-        let study = self.study;
-        let folder = self.folder.join("traces");
-        create_folder(&folder).map_err(RunError::File)?;
-        let count = trace.first().map_or(0, Vec::len);
-        let time = (0..count).map(|k| k as f64 * study.sample_period_s).collect();
-        let mut columns = vec![Column::new("time_s", "s", Values::Float(time))];
-        for (&sensor, values) in study.measured.iter().zip(trace) {
-            let sensor = &study.system.sensors[sensor];
-            let name = format!("{}{}", sensor.id, sensor.unit.suffix());
-            columns.push(Column::new(name, sensor.unit.symbol(), Values::Float(values)));
-        }
-        let name =
-            format!("{}{}-{variant:05}.parquet", scenario.name(), self.suite.purpose.suffix());
-        Ok(Table::from_columns(columns)?.write(folder.join(name))?)
     }
 }

@@ -11,7 +11,6 @@ use crate::table::{Table, TableError};
 use servotwin_diagnosis::residual::Window;
 use servotwin_model::solver::{SolverFailure, Statistics};
 use std::collections::BTreeMap;
-use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 
 impl Records<'_> {
@@ -67,7 +66,7 @@ impl Kept for Simulated<'_> {
         let runs = round.numbers().map(|number| plan::run(study, suite, number)).collect();
         let mut runner = Runner::of_records(study, suite, scenarios, (runs, fitted), *workers)?;
         runner.stop = Some(&round.stop);
-        let (scales, mut traced) = (study.scales(), Ok(()));
+        let scales = study.scales();
         runner.fly_views(
             |_, _| (),
             |run, scenario| self.observer((run, scenario), round, &scales),
@@ -75,22 +74,16 @@ impl Kept for Simulated<'_> {
                 if let Ok(done) = &ended {
                     *work.lock().unwrap_or_else(PoisonError::into_inner) += *done;
                 }
-                for View { run, scenario, observer: Seen { window, trace, .. } } in views {
-                    if let (Some(trace), Ok(())) = (trace, &traced) {
-                        traced = records.write_trace(scenario, run.number, trace);
-                    }
+                for View { run, scenario, observer: Seen { window, .. } } in views {
                     take(
                         self.place_of(scenario),
                         run.number,
                         self.row(&runner, run, window, &ended),
                     );
                 }
-                if traced.is_err() {
-                    round.stop.store(true, Ordering::Relaxed);
-                }
             },
         );
-        traced
+        Ok(())
     }
 
     fn table(&self, rows: BTreeMap<usize, PartRow>) -> Result<Table, TableError> {
@@ -113,11 +106,9 @@ impl Simulated<'_> {
         scales: &'w [f64],
     ) -> Option<Seen<'w>> {
         let study = self.records.study;
-        let sensors = study.measured.len();
         round.lacks(self.place_of(scenario), run.number).then(|| Seen {
             scales,
-            window: Window::watching(sensors, study.base_sensors()),
-            trace: self.records.keep_traces.then(|| vec![Vec::new(); sensors]),
+            window: Window::watching(study.measured.len(), study.base_sensors()),
         })
     }
 
@@ -144,15 +135,10 @@ impl Simulated<'_> {
 struct Seen<'w> {
     scales: &'w [f64],
     window: Window,
-    /// The measured values, if they are stored.
-    trace: Option<Vec<Vec<f64>>>,
 }
 
 impl Observer for Seen<'_> {
-    fn sample(&mut self, index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
-        if let Some(trace) = &mut self.trace {
-            crate::ensemble::Sink::sample(trace, index, measured);
-        }
+    fn sample(&mut self, _index: usize, measured: &[f64], twin: &[f64], _inputs: &[f64]) {
         self.window.add(measured, twin, self.scales);
     }
 }
