@@ -24,11 +24,6 @@
 /* Panes of the start test after its first full window. */
 #define KNOWN_PANES 3
 
-static bool is_missing(servotwin_real value)
-{
-    return value != value;
-}
-
 /*
  * ---- The alarm. An action is active while it has evidence and for some time after. A shutdown also stands until it is
  * withdrawn: neither a gap nor healthy residuals nor a switch take it back. ----
@@ -111,21 +106,17 @@ static bool is_same_action(const servotwin_raised *a, const servotwin_raised *b)
     return a->is_raised && b->is_raised && (a->actuator == b->actuator) && (a->action == b->action);
 }
 
-/*
- * The same action after a newer window, `raised`. So that the named detail does not change from window to window, another
- * one needs as much confidence in sum as those that named the present one.
- */
+/* Confirms a known action by a newer window. Another detail needs more confidence in sum than the known one. */
 static void confirm(servotwin_raised *raised, const servotwin_raised *known)
 {
     raised->sample = known->sample;
     if (known->detail != SERVOTWIN_NONE) {
-        const servotwin_real lead = raised->lead;
         if (raised->detail == known->detail) {
-            raised->lead = known->lead + lead;
-        } else if ((raised->detail != SERVOTWIN_NONE) && (lead > known->lead)) {
-            raised->lead = lead - known->lead;
+            raised->lead = known->lead + raised->lead;
+        } else if (raised->lead > known->lead) {
+            raised->lead = raised->lead - known->lead;
         } else {
-            raised->lead = known->lead - lead;
+            raised->lead = known->lead - raised->lead;
             raised->detail = known->detail;
             raised->confidence = known->confidence;
         }
@@ -416,7 +407,7 @@ static void count_missing(servotwin_session *session, const servotwin_real *inpu
 {
     bool is_any = false;
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
-        is_any = is_any || is_missing(inputs[input]);
+        is_any = is_any || isnan(inputs[input]);
     }
     if (!is_any) {
         session->missing = 0U;
@@ -430,7 +421,7 @@ static void count_missing(servotwin_session *session, const servotwin_real *inpu
 /* A value, or the one before if it is missing and was not for long. */
 static servotwin_real held(const servotwin_session *session, int32_t input, servotwin_real told)
 {
-    const bool is_held = is_missing(told) && (session->missing <= servotwin_tuning.held_samples);
+    const bool is_held = isnan(told) && (session->missing <= servotwin_tuning.held_samples);
     return is_held ? session->last_input[input] : told;
 }
 
@@ -441,10 +432,10 @@ static bool is_plausible(servotwin_session *session, const servotwin_real *input
     count_missing(session, inputs);
     for (int32_t input = 0; input < SERVOTWIN_INPUTS; input++) {
         const servotwin_real value = held(session, input, inputs[input]);
-        const bool frozen = !is_missing(inputs[input]) && is_frozen(session, input, inputs[input]);
+        const bool frozen = !isnan(inputs[input]) && is_frozen(session, input, inputs[input]);
         servotwin_why why = SERVOTWIN_FROZEN;
         bool is_wrong = frozen;
-        if (is_missing(value)) {
+        if (isnan(value)) {
             why = SERVOTWIN_MISSING;
             is_wrong = true;
         } else if (SERVOTWIN_ABS(value) > SERVOTWIN_REAL_MAX) {
@@ -498,7 +489,7 @@ static usability usability_of(servotwin_real value, servotwin_real expected, ser
 {
     usability result = USABLE;
     const servotwin_real difference = value - expected;
-    if (is_missing(value)) {
+    if (isnan(value)) {
         result = MISSING_VALUE;
     } else if (SERVOTWIN_ABS(difference / scale) > PLAUSIBLE) {
         result = WRONG_VALUE;
@@ -805,30 +796,24 @@ static bool find_candidate(const servotwin_session *session, servotwin_raised *c
     for (int32_t length = 0; length < SERVOTWIN_LENGTHS; length++) {
         const int32_t samples = session->rings[length].window.samples;
         for (int32_t claim = 1; claim < SERVOTWIN_HYPOTHESES; claim++) {
-            const servotwin_real own = margin(session, length, claim);
+            const servotwin_real own_margin = margin(session, length, claim);
             const bool is_better =
-                !is_found || (samples > best_samples) || ((samples == best_samples) && (own > best_margin));
-            const bool is_claimed = session->rings[length].has_ended && (own >= 1.0);
+                !is_found || (samples > best_samples) || ((samples == best_samples) && (own_margin > best_margin));
+            const bool is_claimed = session->rings[length].has_ended && (own_margin >= 1.0);
             if (is_claimed && is_better && may_raise(session, length, claim)) {
                 const servotwin_judgement *judgement = &session->judgements[length];
+                const int32_t detail = servotwin_agreed_detail(judgement);
+                const servotwin_real share = (detail != SERVOTWIN_NONE) ? judgement->detail_probability : 1.0;
+                const servotwin_real confidence = judgement->probabilities[claim] * share;
+                const servotwin_raised own = { true, servotwin_actuator_of(claim), servotwin_action_of(claim), detail,
+                    session->outcome.sample, length, confidence, (detail != SERVOTWIN_NONE) ? confidence : 0.0 };
                 is_found = true;
                 best_samples = samples;
-                best_margin = own;
-                candidate->actuator = servotwin_actuator_of(claim);
-                candidate->action = servotwin_action_of(claim);
-                candidate->detail = servotwin_agreed_detail(judgement);
-                candidate->length = length;
-                candidate->confidence = judgement->probabilities[claim];
-                candidate->lead = 0.0;
-                if (candidate->detail != SERVOTWIN_NONE) {
-                    candidate->confidence *= judgement->detail_probability;
-                    candidate->lead = candidate->confidence;
-                }
+                best_margin = own_margin;
+                *candidate = own;
             }
         }
     }
-    candidate->is_raised = is_found;
-    candidate->sample = session->outcome.sample;
     return is_found;
 }
 
@@ -937,9 +922,7 @@ static void tell(servotwin_session *session, const servotwin_outcome *said, int3
     case SERVOTWIN_DETAIL:
         outcome->confidence = session->active.confidence;
         break;
-    case SERVOTWIN_UNJUDGED:
-    case SERVOTWIN_ENVIRONMENT_INVALID:
-    default:
+    default: /* not judged */
         outcome->confidence = 0.0;
         break;
     }
@@ -1134,7 +1117,7 @@ const servotwin_outcome *servotwin_session_push_without_twin(servotwin_session *
 
 static void mix_number(uint64_t *mixture, servotwin_real number)
 {
-    const servotwin_bits bits = is_missing(number) ? SERVOTWIN_BITS_OF_MISSING : servotwin_bits_of(number);
+    const servotwin_bits bits = isnan(number) ? SERVOTWIN_BITS_OF_MISSING : servotwin_bits_of(number);
     *mixture = (*mixture ^ (uint64_t)bits) * 0x100000001b3U;
 }
 
