@@ -435,7 +435,7 @@ static bool is_plausible(servotwin_session *session, const servotwin_real *input
         const bool frozen = !isnan(inputs[input]) && is_frozen(session, input, inputs[input]);
         servotwin_why why = SERVOTWIN_FROZEN;
         bool is_wrong = frozen;
-        if (isnan(value)) {
+        if (isnan(value) != 0) {
             why = SERVOTWIN_MISSING;
             is_wrong = true;
         } else if (SERVOTWIN_ABS(value) > SERVOTWIN_REAL_MAX) {
@@ -489,7 +489,7 @@ static usability usability_of(servotwin_real value, servotwin_real expected, ser
 {
     usability result = USABLE;
     const servotwin_real difference = value - expected;
-    if (isnan(value)) {
+    if (isnan(value) != 0) {
         result = MISSING_VALUE;
     } else if (SERVOTWIN_ABS(difference / scale) > PLAUSIBLE) {
         result = WRONG_VALUE;
