@@ -385,7 +385,7 @@ mod tests {
         Raised { actuator, action, detail: Some(1), sample, length: 0, confidence: 0.9, lead: 0.9 }
     }
 
-    /// One window of another class changes no name, and most windows do.
+    /// A single window with another class does not change what is named.
     #[test]
     fn the_class_is_the_one_that_most_windows_named() {
         let mut memory = alarms_that_keep(None, 2);

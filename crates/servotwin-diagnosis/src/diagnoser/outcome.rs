@@ -88,16 +88,17 @@ pub struct Raised {
     pub actuator: u32,
     /// Index of the action.
     pub action: u32,
-    /// The detail that windows named since then, each with the weight of its confidence, if trees and committee agreed on
-    /// any.
+    /// The detail that most windows named since then, weighted by their confidence; `None` if trees and committee agreed
+    /// on none.
     pub detail: Option<u32>,
     /// Number of the sample that raised it.
     pub sample: u64,
     /// Index of the window length that confirmed it last.
     pub length: u32,
-    /// The probability by the committee that all of this is so, detail included, in the last window that named it.
+    /// The committee's probability of actuator, action and detail together, in the last window that named them.
     pub confidence: f64,
-    /// The confidence of all windows that named the detail, less that of windows that named another one.
+    /// The sum of confidence of the windows that named the detail, less that of the windows that named others; 0 without
+    /// a detail.
     pub lead: f64,
 }
 
@@ -143,22 +144,18 @@ pub(super) fn is_share(number: f64) -> bool {
 }
 
 impl Raised {
-    /// The same action after a newer window. So that the named detail does not change from window to window, another one
-    /// needs as much confidence in sum as those that named the present one.
+    /// The same action, confirmed by a newer window. Another detail needs more confidence in sum than the known one.
     pub(super) fn confirmed(self, new: Raised) -> Raised {
-        let Raised { sample, detail, confidence, .. } = self;
-        match (detail, new.detail) {
-            (None, _) => Raised { sample, ..new },
-            (Some(_), None) => Raised { sample, detail, confidence, lead: self.lead, ..new },
-            (Some(old), Some(now)) if old == now => {
-                Raised { sample, lead: self.lead + new.lead, ..new }
-            }
-            (Some(_), Some(_)) if new.lead > self.lead => {
-                Raised { sample, lead: new.lead - self.lead, ..new }
-            }
-            (Some(_), Some(_)) => {
-                Raised { sample, detail, confidence, lead: self.lead - new.lead, ..new }
-            }
+        let newer = Raised { sample: self.sample, ..new };
+        if self.detail.is_none() {
+            newer
+        } else if new.detail == self.detail {
+            Raised { lead: self.lead + new.lead, ..newer }
+        } else if new.lead > self.lead {
+            Raised { lead: new.lead - self.lead, ..newer }
+        } else {
+            let Raised { detail, confidence, .. } = self;
+            Raised { detail, confidence, lead: self.lead - new.lead, ..newer }
         }
     }
 
